@@ -612,7 +612,7 @@ def refine(
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
-@click.option("--plot", metavar="PICTURE", help="Draw how the blocks move beyond the limit: .png, .svg or .pdf.")
+@click.option("--plot", metavar="PICTURE", help="Draw how the body gives way beyond the limit: .png, .svg or .pdf.")
 def limit(
     file: str,
     loads: tuple[str, ...],
@@ -625,10 +625,11 @@ def limit(
     as_json: bool,
     plot: str | None,
 ) -> int:
-    """Bounds of the largest multiple of the named loads that the contacts can carry. The other loads are fixed.
+    """Bounds of the largest multiple of the named loads that contacts and body can carry. The other loads are fixed.
 
-    The first number is a multiple that stresses of this mesh carry within the contact laws. The second is a multiple
-    that no stress of the body exceeds, proved by a mechanism of rigid blocks. With --target the mesh is refined until
+    The first number is a multiple that stresses of this mesh carry within the contact laws, and within the strength of
+    materials that have one. The second is a multiple that no stress of the body exceeds, proved by a mechanism of rigid
+    blocks, or by a flow of bodies that yield. With --target the mesh is refined until
     the difference is within this share of the second number. Under Coulomb friction the body may slide below these
     loads; check a load by "qvi-contact solve". NAME is the name of a traction (its edge set if it has none), of a
     contact whose plate is driven by force, or "body" for the body force. Loads of one name are multiplied together.
@@ -782,7 +783,7 @@ def _draw_limit(
     from qvi_contact.command.limit_line import drawn
     from qvi_contact.plots import save_figure
 
-    if found.mechanism is None:
+    if found.mechanism is None and found.collapse is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {path}", err=True)
         return
     save_figure(path, drawn(loads, file.problem, found, refinement, file.units, element))

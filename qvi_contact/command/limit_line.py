@@ -40,7 +40,8 @@ def drawn(
     """The picture, on the mesh of the analysis."""
     from qvi_contact.plots import limit_figure
 
-    shown = with_element(problem, element) if refinement is None else refinement.problem
+    chosen = element or ("hct" if problem.yields else None)
+    shown = with_element(problem, chosen) if refinement is None else refinement.problem
     return limit_figure(shown, limit, units, "; ".join(lines(loads, limit, None)))
 
 
@@ -60,6 +61,12 @@ def sentence(limit: LimitLoad) -> str:
         return "no multiple can be carried"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
+    if limit.collapse is not None and not limit.collapse.guaranteed:
+        numbers = f"{_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
+        return (
+            f"estimates of what the body carries are {numbers}; they are no bounds, as sides are arcs or the body "
+            "force is no polynomial of the mesh"
+        )
     mesh = "this mesh carries " + _multiple(limit.lower)
     body = "no stress of the body carries more than " + _multiple(limit.upper)
     return f"{mesh} these loads; {body if limit.upper < math.inf else 'for the body there is no upper limit'}"
@@ -69,7 +76,14 @@ def document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, 
     """The same for programs: factors that are not finite are None, `outcome` says what they stand for."""
     outcome = "none" if limit.upper == -math.inf else "unbounded" if limit.upper == math.inf else "bounded"
     lower, upper = (value + 0.0 if math.isfinite(value) else None for value in (limit.lower, limit.upper))
-    known: dict[str, Any] = {"outcome": outcome, "factor": lower, "upper": upper, "message": sentence(limit)}
+    bounds = limit.collapse is None or limit.collapse.guaranteed
+    known: dict[str, Any] = {
+        "outcome": outcome,
+        "bounds": bounds,
+        "factor": lower,
+        "upper": upper,
+        "message": sentence(limit),
+    }
     if refinement is not None:
         known["refinement"] = {
             "status": refinement.status.value,

@@ -18,7 +18,7 @@ __getattr__ = front(
     __name__,
     {
         "carried_forces": ("Relations",),
-        "flow": ("ContactFlow",),
+        "flow": ("BodyMotion", "ContactFlow"),
         "load_factor": ("Collapse", "LimitLoad", "limit_load", "limit_load_factor"),
     },
 )

@@ -19,11 +19,11 @@ from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.carried_forces import Relations
-from qvi_contact.limit.flow import ContactFlow, FlowProgram
+from qvi_contact.limit.flow import BodyMotion, FlowProgram
 from qvi_contact.limit.gap import gap_in_cells
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
-from qvi_contact.limit.yielding import YieldCones
+from qvi_contact.limit.yielding import YieldCones, coefficients_of
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.works import BODY
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
+_FOLLOWED = 1e-9  # misfit of a body force, relative, that is rounding
 _CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
 
 
@@ -269,19 +270,19 @@ class LimitProblem:
         if of_blocks > flow.bound:
             mechanism = None
         collapse = None
-        if carried.stress is not None and flow.strain is not None:
-            parts = gap_in_cells(self.low, carried, flow, degree)
-            collapse = Collapse(
-                flow.velocities,
-                flow.places,
-                flow.dissipation,
-                carried.stress * self.low.scales.stress,
-                parts,
-                flow.contacts,
-            )
+        if carried.stress is not None and flow.motion is not None:
+            parts = gap_in_cells(self.low, carried, flow.motion, degree)
+            stress = carried.stress * self.low.scales.stress
+            straight = not self.problem.mesh.curved.any()
+            collapse = Collapse(flow.motion, stress, parts, straight and self._polynomial_force(degree))
         violation = max(carried.violation, flow.violation)
         limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
         return LimitAnalysis(self, limit, None)
+
+    def _polynomial_force(self, degree: int) -> bool:
+        """Whether the potential of the body force is a polynomial that stresses can follow."""
+        field, cells = self.problem.body_potential, np.arange(self.problem.mesh.cell_count)
+        return coefficients_of(self.problem, cells, degree, "ContactProblem.body_potential", field)[1] <= _FOLLOWED
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,29 +291,21 @@ class Collapse:
 
     Attributes
     ----------
-    velocities : (cells, m, 2) array
-        Bernstein coefficients of the velocities on each triangle, of power 1 of the multiplied loads. Each is the
-        velocity near the point that it belongs to.
-    places : (m, 3) array
-        Barycentric places of these coefficients in the triangle.
-    dissipation : (cells,) array
-        Power that each triangle dissipates, or a bound of it, as a share of that of the multiplied loads at `upper`
-        times the unit of the load factor.
+    motion : BodyMotion
+        The velocities that prove `LimitLoad.upper` where no rigid blocks do, and what they dissipate.
     stress : (cells, 3, count, 3) array
-        Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `lower` on the three parts of each triangle [stress].
+        Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `LimitLoad.lower` on the three parts of each triangle [stress].
     gap : (cells,) array
         Parts of upper − lower, none of them negative; those of contact edges are shared by the triangles beside them.
-    contacts : mapping of str to ContactFlow
-        Opening, slip and dissipation along each contact.
+    guaranteed : bool
+        Whether both numbers are bounds: sides are straight, and the body force is a polynomial that stresses follow.
 
     """
 
-    velocities: FloatArray
-    places: FloatArray
-    dissipation: FloatArray
+    motion: BodyMotion
     stress: FloatArray
     gap: FloatArray
-    contacts: Mapping[str, ContactFlow]
+    guaranteed: bool
 
 
 @dataclass(frozen=True, eq=False)

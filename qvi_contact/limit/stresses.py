@@ -147,7 +147,7 @@ class StressProgram:
     def _tractions(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         """[σ_N; σ_T] as rows on z, their constants at α = 0, and what α adds."""
         first, second = (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (self.low, self.high))
-        return self.low.qvi.contact_rows, 2.0 * first - second, second - first
+        return sparse.csr_array(self.low.qvi.contact_rows), 2.0 * first - second, second - first
 
     @cached_property
     def _of_freedoms(self) -> tuple[sparse.csr_array, sparse.csr_array]:

@@ -56,22 +56,22 @@ class YieldCones:
         """Those of a problem on triangles for stresses of a degree."""
         count, number = len(exponents(degree)), problem.cell_materials
         per_cell = np.arange(3 * count)
-        columns: list[list[FloatArray]] = []
+        at, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=bool)]
+        low, high, pressure, mean = ([np.zeros(0)] for _ in range(4))
         for index in np.unique(number):
             material = problem.materials[index]
             cells = np.flatnonzero(number == index)
-            for at, cone in enumerate(() if material.strength is None else material.strength.cones(material.plane)):
-                low, high = _on_parts(problem, cells, degree, cone.name, cone.field)
-                ones = np.ones(low.size)
-                columns.append(
-                    [
-                        (3 * count * cells[:, None] + per_cell).ravel().astype(float), at == 0 * ones,
-                        cone.factor * low.ravel(), cone.factor * high.ravel(), cone.pressure * ones, cone.mean * ones,
-                    ]
-                )  # fmt: skip
-        joined = [np.concatenate(parts) for parts in zip(*columns, strict=True)]
+            for place, cone in enumerate(() if material.strength is None else material.strength.cones(material.plane)):
+                below, above = _on_parts(problem, cells, degree, cone.name, cone.field)
+                at.append((3 * count * cells[:, None] + per_cell).ravel())
+                first.append(np.full(below.size, place == 0))
+                low.append(cone.factor * below.ravel())
+                high.append(cone.factor * above.ravel())
+                pressure.append(np.full(below.size, cone.pressure))
+                mean.append(np.full(below.size, cone.mean))
         strong = np.array([material.strength is None for material in problem.materials])[number]
-        return cls(degree, joined[0].astype(np.int64), joined[1].astype(bool), *joined[2:], strong)
+        a_low, a_high, beta, gamma = (np.concatenate(part) for part in (low, high, pressure, mean))
+        return cls(degree, np.concatenate(at), np.concatenate(first), a_low, a_high, beta, gamma, strong)
 
     @property
     def count(self) -> int:
