@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stored import load_result
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
-    from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
+    from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.lines import graded_lines
     from qvi_contact.mesh.outline import Corner
@@ -85,6 +85,7 @@ _HOME = {
     "discretize": "discretization.discretization",
     "graded_lines": "mesh.lines",
     "limit_load_factor": "limit.load_factor",
+    "limit_proof": "limit.load_factor",
     "load_problem": "files.problem_file",
     "load_result": "files.stored",
     "loop_area": "solution.history",
@@ -144,6 +145,7 @@ __all__ = [
     "discretize",
     "graded_lines",
     "limit_load_factor",
+    "limit_proof",
     "load_problem",
     "load_result",
     "loop_area",

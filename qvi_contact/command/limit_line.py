@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.families import ElementName, with_element
-from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
+from qvi_contact.errors import InputError
+from qvi_contact.limit.check_proof import check
+from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
+from qvi_contact.limit.proof import save_proof
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import LimitFactor, LimitRefinement, refine
 
@@ -27,6 +32,36 @@ def computed(
         return limit_load_factor(problem, loads=list(loads), **options), None
     found = refine(problem, target=target, quantity=LimitFactor(list(loads)), **options)
     return found.limit, found
+
+
+def write_proof(path: str, problem: ContactProblem, loads: Sequence[str], **space: Any) -> None:
+    """Write a proof of what the mesh carries."""
+    known = {name: value for name, value in space.items() if name in ("element", "degree")}
+    save_proof(path, limit_proof(problem, list(loads), **known))
+
+
+def checked_proof(path: str) -> tuple[bool, str]:
+    """Whether a proof file holds, and what people read of it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is no proof file.
+
+    """
+    try:
+        proof = json.loads(Path(path).read_text(encoding="utf-8"))
+        factor, counted = check(proof)
+    except OSError as error:
+        raise InputError("file", path, f"cannot be read ({error.strerror})") from error
+    except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
+        raise InputError("file", path, "is no proof file, as qvi-contact limit --proof writes them") from error
+    except json.JSONDecodeError as error:
+        raise InputError("file", path, f"is no JSON: {error}") from error
+    except ValueError as error:
+        return False, f"not proved: {error}"
+    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
+    return True, f"proved: the loads times {float(factor):.12g} are carried (checked: {checked})"
 
 
 def drawn(

@@ -138,20 +138,21 @@ class ConicProgram:
         size = max([1e-300, np.abs(self.h).max(initial=0.0), *(cone.sizes(x).max(initial=0.0) for cone in self.cones)])
         return np.concatenate([slack, *(cone.margins(x) for cone in self.cones)]) / size
 
-    def repaired(self, x: FloatArray) -> tuple[FloatArray, float]:
+    def repaired(self, x: FloatArray, least: float = 0.0) -> tuple[FloatArray, float]:
         """A point near x that holds everything, and what it still violates, relative: rows that leave no room.
 
-        It is the convex combination with a point inside that is nearest to x; E x = e but for rounding.
+        It is the convex combination with a point inside that is nearest to x, with the share `least` of that at least;
+        E x = e but for rounding.
         """
         x = self.projected(x)
         margins = self.margins(x)
-        if margins.min(initial=0.0) < -_ROUNDING:
+        if least or margins.min(initial=0.0) < -_ROUNDING:
             inside = self._inside()
             if inside is not None:
                 room = self.margins(inside)
                 outside = (margins < 0.0) & (room > 0.0)
                 share = float((-margins[outside] / (room[outside] - margins[outside])).max(initial=0.0))
-                x = x + min(1.0, share * (1.0 + 1e-9)) * (inside - x)
+                x = x + min(1.0, share * (1.0 + 1e-9) + least) * (inside - x)
                 margins = self.margins(x)
         return x, float(max(-margins.min(initial=0.0), 0.0))
 

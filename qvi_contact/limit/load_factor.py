@@ -21,6 +21,7 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.carried_forces import Relations
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
 from qvi_contact.limit.gap import gap_in_cells
+from qvi_contact.limit.proof import lower_proof
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.limit.yielding import YieldCones, coefficients_of
@@ -199,6 +200,50 @@ def limit_load_factor(
         sides = f"this mesh carries {limit.lower:.9g} times the loads, no stress more than {limit.upper:.9g} times"
         story.end("solved", sides, {}, solved=True)
     return limit
+
+
+def limit_proof(
+    problem: ContactProblem,
+    loads: Sequence[str],
+    *,
+    element: ElementName | None = None,
+    degree: int | None = None,
+    time_limit: float | None = None,
+) -> dict[str, Any]:
+    """A proof in rational numbers that the named loads are carried times a factor just below `LimitLoad.lower`.
+
+    It holds the Bernstein ordinates of an Airy function, loads, strengths and contact laws, and is checked in exact
+    arithmetic by `qvi_contact/limit/check_proof.py`, a script that needs nothing but Python's standard library.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem: straight triangles; friction, strengths and caps that are numbers; no plates, pins and fluids, and
+        no bilateral contacts with friction.
+    loads : sequence of str
+        Names of the loads to multiply, see `limit_load_factor`.
+    element, degree, time_limit
+        As for `limit_load_factor`.
+
+    Returns
+    -------
+    dict
+        To be saved as JSON.
+
+    Raises
+    ------
+    InputError
+        If the problem has something that proof files do not hold.
+    SolveError
+        If the mesh carries no largest multiple, or the proof fails in exact arithmetic.
+
+    """
+    if isinstance(problem, ContactProblem) and not isinstance(problem.mesh, TriangleMesh):
+        element = "hct"
+    with watched(time_limit):
+        posed = _posed(problem, loads, element=element, degree=degree)
+        cones = YieldCones.of(posed.problem, posed.low.space.normal_degree)
+        return lower_proof(posed.problem, posed.names, StressProgram(posed.low, posed.high, cones))
 
 
 def limit_load(
