@@ -5,13 +5,11 @@ from typing import Final
 import click
 
 from comparisons.benchmark.command import benchmark
-from comparisons.benchmark.systems_command import systems
 from comparisons.convergence.command import convergence
 from comparisons.estimates.command import estimates
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
 from comparisons.peers.command import peers
-from comparisons.scaling.command import scaling
 from comparisons.solvers.command import solvers
 from comparisons.verification.command import verify
 from comparisons.wild.command import wild
@@ -44,6 +42,6 @@ def _check_installed() -> None:
 
 
 for command in (
-    paper, benchmark, systems, verify, solvers, convergence, scaling, peers, wild, estimates, export, import_file,
+    paper, benchmark, verify, solvers, convergence, peers, wild, estimates, export, import_file,
 ):  # fmt: skip
     group.add_command(command)

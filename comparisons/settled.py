@@ -1,5 +1,6 @@
 """Values on which independent displacement codes settle: what several studies measure errors against."""
 
+from collections.abc import Mapping
 from typing import Final
 
 SETTLED: Final = {0.05: 210.60643, 0.1: 212.24243, 0.15: 213.55884, 0.2: 214.23323, 0.25: 214.36766, 1.0: 214.36766}
@@ -24,3 +25,6 @@ LIMITS_SOURCE: Final = (
     "from this package; what NGSolve of degree 6 settles on differs by less than the uncertainty"
 )
 """Where `LIMITS` is from."""
+
+TRANSITIONS: Final[Mapping[float, float]] = {0.05: 0.0117, 0.1: 0.1793, 0.2: 0.749}
+"""μ → x at which stick ends and slip begins on the plate, as a first solution shows it: meshes are graded to it."""

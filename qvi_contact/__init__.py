@@ -1,6 +1,6 @@
 """Frictional contact computed from the stress side.
 
-A plane elastic body is described by an Airy stress function on C1 triangles or rectangles, so every computed stress is
+A plane elastic body is described by an Airy stress function on C1 triangles, so every computed stress is
 in equilibrium; contact with Coulomb friction is then a quasi-variational inequality for the stress, solved as one
 complementarity problem on the contact or as a sequence of convex programs, and certified on the original data.
 
@@ -10,10 +10,10 @@ Names are loaded on first use, so that importing the package, or asking the comm
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from qvi_contact.bracket import Branches, other_solutions, refined_where_apart
+    from qvi_contact.bracket import Branches, other_solutions
     from qvi_contact.companion import solve_companion
     from qvi_contact.discretization.discretization import Discretization, discretize
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
     from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
     from qvi_contact.mechanism import Mechanism
-    from qvi_contact.mesh.lines import graded_lines
+    from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
-    from qvi_contact.mesh.rectilinear import RectilinearMesh
     from qvi_contact.mesh.triangles import TriangleMesh
     from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
     from qvi_contact.problem.fields import Expression, Polynomial
@@ -38,9 +37,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
-    from qvi_contact.solution.sweep import Sweep, solve_sweep
-    from qvi_contact.solution.sweep_rows import SweepRow
-    from qvi_contact.solution.sweep_stream import stream_sweep
+    from qvi_contact.solution.sweep import Sweep, SweepRow, solve_sweep
     from qvi_contact.verification.verification import verify_result
 
 _HOME = {
@@ -67,7 +64,6 @@ _HOME = {
     "Polynomial": "problem.fields",
     "ProblemFile": "files.problem_file",
     "QVIError": "errors",
-    "RectilinearMesh": "mesh.rectilinear",
     "Refinement": "refinement",
     "RefinementStatus": "refinement",
     "Region": "problem.material",
@@ -76,14 +72,14 @@ _HOME = {
     "SolverUnavailableError": "errors",
     "StoredSweep": "files.sweep_store",
     "Sweep": "solution.sweep",
-    "SweepRow": "solution.sweep_rows",
+    "SweepRow": "solution.sweep",
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
     "Tresca": "problem.strength",
     "TriangleMesh": "mesh.triangles",
     "UnknownNameError": "errors",
     "discretize": "discretization.discretization",
-    "graded_lines": "mesh.lines",
+    "graded_lines": "mesh.grid",
     "limit_load_factor": "limit.load_factor",
     "limit_proof": "limit.load_factor",
     "load_problem": "files.problem_file",
@@ -93,13 +89,11 @@ _HOME = {
     "principal_stresses": "solution.stress",
     "read_sweep": "files.sweep_store",
     "refine": "refinement",
-    "refined_where_apart": "bracket",
     "save_problem": "files.problem_writer",
     "solve": "solution.solver",
     "solve_companion": "companion",
     "solve_history": "solution.history",
     "solve_sweep": "solution.sweep",
-    "stream_sweep": "solution.sweep_stream",
     "verify_result": "verification.verification",
 }
 
@@ -127,7 +121,6 @@ __all__ = [
     "Polynomial",
     "ProblemFile",
     "QVIError",
-    "RectilinearMesh",
     "Refinement",
     "RefinementStatus",
     "Region",
@@ -153,19 +146,20 @@ __all__ = [
     "principal_stresses",
     "read_sweep",
     "refine",
-    "refined_where_apart",
     "save_problem",
     "solve",
     "solve_companion",
     "solve_history",
     "solve_sweep",
-    "stream_sweep",
     "verify_result",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
+        from qvi_contact.basics.retired import refuse_retired
+
+        refuse_retired(name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
 

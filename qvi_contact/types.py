@@ -6,8 +6,7 @@ def pressed(friction: Field, law: Law = "unilateral") -> Contact: ...
 """
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
-from qvi_contact.discretization.basis import RowKind
-from qvi_contact.discretization.families import ElementName
+from qvi_contact.discretization.space import RowKind
 from qvi_contact.problem.conditions import Condition, Law
 from qvi_contact.problem.material import Plane
 from qvi_contact.refinement.quantity import Quantity
@@ -15,7 +14,6 @@ from qvi_contact.refinement.quantity import Quantity
 __all__ = [
     "BoolArray",
     "Condition",
-    "ElementName",
     "Field",
     "FloatArray",
     "IntArray",

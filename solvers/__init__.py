@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from solvers.certificate.certificate import Certificate, certify
     from solvers.certificate.feasibility import Feasibility, check_feasibility
     from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
-    from solvers.inequality.edges import EdgeRows
     from solvers.inequality.problem import EnergyRoot, FrictionQVI
     from solvers.inequality.traces import Traces
     from solvers.inner.registry import available
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Certificate": "certificate.certificate",
-    "EdgeRows": "inequality.edges",
     "EnergyRoot": "inequality.problem",
     "Feasibility": "certificate.feasibility",
     "FrictionQVI": "inequality.problem",
@@ -45,7 +43,6 @@ _HOME = {
 
 __all__ = [
     "Certificate",
-    "EdgeRows",
     "EnergyRoot",
     "Feasibility",
     "FrictionQVI",

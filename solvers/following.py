@@ -33,7 +33,7 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
     Parameters
     ----------
     solution : QVISolution
-        Solved; strict problems are not followed.
+        Solved.
     time_limit : float, optional
         Seconds for all ways together. What was found until then is returned.
 
@@ -46,7 +46,7 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
     if not solution.solved:
         raise InputError("solution", str(solution.status), "give one that is solved")
     found, qvi = [solution], solution.problem
-    if qvi.strict or not (qvi.mu > 0.0).any():
+    if not (qvi.mu > 0.0).any():
         return (solution,)
     with watched(time_limit):
         for end in _ends(solution):

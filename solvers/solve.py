@@ -12,7 +12,6 @@ import numpy as np
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.status import Status
-from solvers.basics.types import Vector
 from solvers.basics.watch import Progress, expired, tell, watched
 from solvers.condensed.method import CondensedOptions, solve_condensed
 from solvers.errors import InputError, SolveError, SolverUnavailableError
@@ -21,14 +20,12 @@ from solvers.factorisation.choice import Request
 from solvers.fixed_point.forms import CONDENSED_LIMIT
 from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.names import STRICT_DEFAULT, is_strict
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting.method import PivotingOptions, affordable, solve_pivoting
 from solvers.pivoting.opinion import another_solution
 from solvers.solution.finish import Outcome, finish, no_outcome, out_of_time
 from solvers.solution.solution import QVISolution
 from solvers.solution.start import Start
-from solvers.strict.threshold import strict_pressure
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
 Method = Literal["condensed", "fixed-point", "pivoting", "uzawa"]
@@ -93,15 +90,13 @@ def solve_qvi(
         `initial` is no such option.
     inner : str, optional
         Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
-        "strict:<cvxpy name>" or "strict-direct:clarabel" solve `qvi.strictly()`, which is the solution's problem then.
     tolerance : float
         Of the certificate, relative (see `certificate`).
     throw : bool
         Raise `SolveError` instead of returning a result whose status is not "solved".
     factorisation : str
-        "pardiso", "cholmod", "superlu", "levels" or "shared-subdomains"; "auto" takes subdomains that are shared where
-        there are some and enough unknowns, "levels" for a few hundred unknowns, else the first of the others that is
-        installed.
+        "pardiso", "superlu" or "dense"; "auto" takes "dense" for up to 500 unknowns, else the first of the others that
+        is installed.
     threads : int, optional
         For factorisation and dense linear algebra; by default one for small problems, else all cores.
     time_limit : float, optional
@@ -132,7 +127,6 @@ def solve_qvi(
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     general = {"tolerance": tolerance, "factorisation": factorisation, "threads": threads}
     check_settings({"method": method, "inner": inner, "throw": throw, **general, **options})
-    inner, qvi = _strict(qvi, method, inner)
     chosen = default_method({"method": method, "inner": inner, **options})
     by_default = method is None and chosen == "condensed"
     first, options = _with_start(qvi, chosen, options)
@@ -253,18 +247,6 @@ def _remarked(solution: QVISolution, remark: str) -> QVISolution:
     return dataclasses.replace(solution, message=f"{solution.message} {remark}")
 
 
-def _strict(qvi: FrictionQVI, method: str | None, inner: str | None) -> tuple[str | None, FrictionQVI]:
-    """Inner solver and problem, the strict one if either says so; only the fixed point solves it."""
-    if not (qvi.strict or is_strict(inner)):
-        return inner, qvi
-    if method not in (None, "fixed-point"):
-        raise InputError("method", method, "strict admissibility needs 'fixed-point'")
-    name = check_name(STRICT_DEFAULT if inner is None else inner)
-    if not is_strict(name):
-        raise InputError("inner", inner, f"the problem is strict: give {STRICT_DEFAULT!r} or 'strict:<cvxpy name>'")
-    return name, qvi.strictly()
-
-
 def default_method(settings: Mapping[str, Any]) -> str:
     """The method that keyword arguments of `solve_qvi` ask for, by name or by an inner solver or option they hold."""
     if settings.get("method") is not None:
@@ -301,17 +283,9 @@ def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options:
     if method == "fixed-point":
         name = check_name(inner)
         fixed_point = _options(FixedPointOptions, method, options)
-        if qvi.strict and fixed_point.initial is None and qvi.m > 0 and qvi.n > 0:
-            fixed_point = dataclasses.replace(fixed_point, initial=_pressure_at_points(qvi, tolerance))
         return _linear(qvi, method, name, tolerance) or solve_fixed_point(qvi, name, tolerance, fixed_point)
     uzawa = _options(UzawaOptions, method, options)
     return _linear(qvi, method, "", tolerance) or solve_uzawa(qvi, tolerance, uzawa)
-
-
-def _pressure_at_points(qvi: FrictionQVI, tolerance: float) -> Vector | None:
-    """The pressure where the law holds at the contact points only: a start close to that of whole edges, or nothing."""
-    pointwise = solve_condensed(qvi.changed(strict=False), tolerance, CondensedOptions())
-    return strict_pressure(qvi, qvi.normal(pointwise.z)) if pointwise.solved else None
 
 
 def _give_up(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution:

@@ -99,14 +99,6 @@ def _forced_factorisation(request):
         yield
 
 
-@pytest.fixture(scope="module")
-def bogner_fox_schmit():
-    """Rectangles keep the Bogner-Fox-Schmit element where none is named: for files of tests about that element."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("qvi_contact.discretization.families.DEFAULT_ELEMENT", "bfs")
-        yield
-
-
 @pytest.fixture
 def clock(monkeypatch):
     """Seconds of `solvers.basics.watch`, which pass only when `passes` lets them."""

@@ -15,7 +15,8 @@ import pytest
 from pydantic import TypeAdapter
 
 from comparisons.cli import group as comparisons
-from comparisons.lab.worker import DONE, FAILURES
+from comparisons.lab.study import DONE, FAILURES
+from comparisons.verification import KNOWN
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
 from qvi_contact.files import problem_document
@@ -33,7 +34,7 @@ ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m s
 
 PACKAGES = (
     "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.paper",
-    "qvi_contact.plots", "qvi_contact.refinement", "solvers", "solvers.exchange", "solvers.factorisation",
+    "qvi_contact.plots", "qvi_contact.refinement", "solvers", "comparisons.exchange", "solvers.factorisation",
     "comparisons.lab.report", "comparisons.lab.study",
 )  # fmt: skip
 INTERNAL = {"has_matplotlib", "picture_suffix", "require_matplotlib", "CompanionState", "Exhibit"}
@@ -311,12 +312,14 @@ def test_the_gallery_has_every_problem_file_as_it_is(made_by, gallery):
     files = sorted(gallery.EXAMPLES.glob("*.toml"))
     assert list(found) == [path.stem for path in files]
     for path in files:
-        output, *script = re.findall(r"```text\n(.*?)\n```", found[path.stem], re.S)
+        (output,) = re.findall(r"```text\n(.*?)\n```", found[path.stem], re.S)
+        known = re.findall(r"^\|.*\|$", found[path.stem], re.M)
         status = re.search(r"ends with exit status (\d)", found[path.stem])
         pictures = tuple(gallery.PICTURES / f"{path.stem}{end}.png" for end in ("_problem", ""))
         assert all(picture.exists() for picture in pictures)
-        assert bool(script) == path.with_suffix(".py").exists()
-        shown = gallery.example_of(path, output, status and int(status[1]), pictures, "".join(script))
+        quantities = [line.split(" | ")[0] for line in known[2:]]
+        assert quantities == [f"| {line.quantity}".replace("|T|", "\\|T\\|") for line in KNOWN[path.stem].lines]
+        shown = gallery.example_of(path, output, status and int(status[1]), pictures, "\n".join(known))
         assert found[path.stem] == gallery.section(shown, gallery.PICTURES.name)
 
 

@@ -21,7 +21,6 @@ from qvi_contact import (
     solve_companion,
     solve_history,
     solve_sweep,
-    stream_sweep,
 )
 from qvi_contact.bracket import bracket
 from qvi_contact.cli import group
@@ -34,7 +33,7 @@ from solvers.solve import METHODS
 NAME = "qvi_contact"
 DRAGGED = Path(__file__).parent.parent / "examples" / "dragged_block_holds.toml"
 PLATE = compressed_plate(0.2, (2, 2))
-SOLVING = (solve, solve_history, solve_sweep, stream_sweep, refine, limit_load_factor, solve_companion, bracket)
+SOLVING = (solve, solve_history, solve_sweep, refine, limit_load_factor, solve_companion, bracket)
 
 
 def numbers(printed):
@@ -108,7 +107,7 @@ def test_commands_speak_on_standard_error(words, titles):
 @pytest.mark.parametrize("streamed", [False, True])
 def test_sweeps_have_a_line_for_each_value(capsys, tmp_path, streamed):
     asked = (PLATE, "friction", [0.1, 0.25])
-    _ = stream_sweep(*asked, tmp_path / "rows.sqlite", verbose=True) if streamed else solve_sweep(*asked, verbose=True)
+    solve_sweep(*asked, store=tmp_path / "rows.sqlite" if streamed else None, verbose=True)
     table = capsys.readouterr().out.split("-" * 79)[1].splitlines()
     assert table[1].split() == ["step", "value", "status", "iterations", "accuracy"]
     assert [line.split()[:3] for line in table[2:]] == [["1", "0.1", "solved"], ["2", "0.25", "solved"]]

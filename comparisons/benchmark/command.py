@@ -19,14 +19,12 @@ FOLDER = "results/benchmark"
               help="Blocks along a side of a wall; may take several numbers.")  # fmt: skip
 @click.option("--load", type=FiniteRange(0.0), multiple=True,
               help="Load of a wall from the side, over its weight.  [default: 0.02, 0.3, 0.45]")  # fmt: skip
-@click.option("--element", type=click.Choice(["bfs", "hct"]), multiple=True, default=("bfs",), show_default=True,
-              help="Elements of a wall, on rectangles or triangles; may take both.")  # fmt: skip
-@click.option("--cells", type=COUNT, multiple=True, default=(64, 128, 256, 512),
+@click.option("--cells", type=COUNT, multiple=True, default=(8, 16, 32, 64, 128),
               show_default=True, help="Cells along a side; may take several numbers.")  # fmt: skip
 @click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.1, 0.2, 0.5), show_default=True,
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
 @click.option("--repeat", type=COUNT, help="Repetitions of each run.  "
-              "[default: 5 to 128² cells, 3 to 512²; 20 on graded meshes]")  # fmt: skip
+              "[default: 5 to 32² cells, 3 to 64²; 10 on graded meshes]")  # fmt: skip
 @click.option("--no-naive", is_flag=True,
               help="Leave out the other methods: the plain loop, the loop of condensed QPs, and Uzawa's.")  # fmt: skip
 @click.option("--factorisation", metavar="NAME", default="auto", show_default=True,
@@ -40,7 +38,6 @@ def benchmark(
     problem: str,
     blocks: tuple[int, ...],
     load: tuple[float, ...],
-    element: tuple[str, ...],
     cells: tuple[int, ...],
     friction: tuple[float, ...],
     repeat: int | None,
@@ -52,7 +49,8 @@ def benchmark(
 ) -> None:
     """Compare a whole solve with Coulomb friction with one factorisation of the same matrix.
 
-    The problem is the paper's compressed plate, on n × n equal cells and on graded ones. Measured are time, iterations,
+    The problem is the paper's compressed plate on triangles, on n × n equal cells and on graded ones; and there are
+    histories and sweeps, whose problems share a factorisation. Measured are time, iterations,
     peak memory and accuracy, and how they grow with n. Each time is a median, measured in a process of its own with a
     fixed number of threads. A solve that fails is listed with its status.
 
@@ -73,12 +71,16 @@ def benchmark(
 
     limited = replace(options, timeout=limit)
     if problem == "wall":
-        walls = study.walls(blocks, load, element)
+        walls = study.walls(blocks, load)
         found = run_and_report(limited.inside("wall.sqlite"), walls, wall_report, out)
         found.tell(found.document(**wall_document(found.stored)) if as_json else None)
         return
     whole, loops = study.whole(cells, friction, repeat, factorisation), study.loops(cells, friction)
-    beside = [(replace(options, threads=1).inside("graded.sqlite"), study.graded(repeat, factorisation))]
+    single = replace(options, threads=1)
+    beside = [
+        (single.inside("graded.sqlite"), study.graded(repeat, factorisation)),
+        (single.inside("sequences.sqlite"), study.sequences(max(cells) < 32)),
+    ]
     beside += [(limited.inside("loops.sqlite"), loops)] if loops and not no_naive else []
     found = run_and_report(options.inside("whole.sqlite"), whole, report, out, beside)
     found.tell(found.document(**document_of(*found.studies)) if as_json else None)

@@ -1,27 +1,64 @@
-"""The studies as declarations: whole solves, graded meshes, other loops, and walls of blocks.
+"""The benchmark's studies and what is done for a case: whole solves, graded meshes, other loops, sequences, walls.
 
 Every case has a process of its own: its peak memory is that of one problem, and no time depends on what ran before.
+Times are wall times [s], of sequences and walls CPU times. Problems are on triangles, by the defaults of `solve`.
 """
 
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+import gc
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeVar
 
-from comparisons.benchmark.reference import CONVERGED_FRICTION
+import numpy as np
+
 from comparisons.lab.study import Study
+from comparisons.settled import TRANSITIONS
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    ContactResult,
+    Discretization,
+    Displacement,
+    Material,
+    Traction,
+    TriangleMesh,
+    discretize,
+    solve,
+    solve_history,
+    solve_sweep,
+)
+from qvi_contact.basics.checks import Field, FloatArray
 from qvi_contact.errors import InputError
-from solvers.factorisation import resolve
-from solvers.factorisation.choice import CHOICES, SHARED
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.runs import THREADS
+from qvi_contact.solution.sweep import Parameter, SweepTask
+from solvers import FrictionQVI, certify
+from solvers.basics.types import Sparse, Vector, load
+from solvers.factorisation import available_backends, factorise, resolve
+from solvers.factorisation.choice import CHOICES
 
-TASK: Final = "comparisons.benchmark.task:"
-WHOLE, GRADED, LOOPS, WALL = "benchmark", "benchmark-graded", "benchmark-loops", "benchmark-wall"
-GENERAL, SUBDOMAINS = "general", "shared"
-"""Paths of a whole solve: by a sparse back end, and by shared subdomains."""
+TASK: Final = "comparisons.benchmark.study:"
+WHOLE, GRADED, LOOPS, SEQUENCES, WALL = (
+    "benchmark", "benchmark-graded", "benchmark-loops", "benchmark-sequences", "benchmark-wall",
+)  # fmt: skip
 
-MESHES: Final = ((12, 0.6), (16, 0.7), (24, 0.7), (32, 0.8), (40, 0.8))
-"""(cells, grading) of the meshes on which accuracy is weighed against time."""
+TOLERANCE: Final = 1e-8
+"""That the certificate of every solve must confirm."""
+
+FRICTION: Final = 0.2
+"""Of loops and of the picture, if it is among the frictions asked for."""
+
+MESHES: Final = ((4, 4), (4, 5), (8, 5), (12, 6), (16, 6))
+"""(Halvings at the singular points, degree) of the meshes on which accuracy is weighed against time."""
 
 GRADED_FRICTION: Final = (0.2, 1.0)
-GRADED_RUNS: Final = 20
+GRADED_RUNS: Final = 10
 
 STATES: Final = {0.02: "sticks", 0.3: "opens and slips", 0.45: "close to its limit"}
 """What a wall does under a load from the side, by that load over the wall's weight."""
@@ -30,7 +67,7 @@ STATES: Final = {0.02: "sticks", 0.3: "opens and slips", 0.45: "close to its lim
 class Loop(NamedTuple):
     """Another method on the same problem: options of `solve`, and the most cells a side it is tried on.
 
-    Without options it is the loop of `naive`.
+    Without options it is `cvxpy_loop`.
     """
 
     options: dict[str, str]
@@ -38,55 +75,497 @@ class Loop(NamedTuple):
 
 
 METHODS: Final = {
-    "naive loop, qpsolvers": Loop({"method": "fixed-point", "inner": "qp:clarabel", "form": "full"}, 128),
-    "naive loop, cvxpy": Loop({}, 128),
-    "naive loop, cvxpy, cones": Loop({"method": "fixed-point", "inner": "socp:clarabel", "form": "full"}, 128),
-    "loop of condensed QPs": Loop({"method": "fixed-point", "inner": "qp:clarabel", "form": "condensed"}, 64),
-    "Uzawa": Loop({"method": "uzawa"}, 64),
+    "naive loop, qpsolvers": Loop({"method": "fixed-point", "inner": "qp:clarabel", "form": "full"}, 32),
+    "naive loop, cvxpy": Loop({}, 32),
+    "naive loop, cvxpy, cones": Loop({"method": "fixed-point", "inner": "socp:clarabel", "form": "full"}, 32),
+    "loop of condensed QPs": Loop({"method": "fixed-point", "inner": "qp:clarabel", "form": "condensed"}, 32),
+    "Uzawa": Loop({"method": "uzawa"}, 32),
 }
 """The fixed point on the friction bound as one would write it first, on the condensed operator, and the paper's own."""
 
 
 def whole(cells: Sequence[int], friction: Sequence[float], repeat: int | None, factorisation: str) -> Study:
-    """Whole solves on equal cells; without `repeat` as many as the size allows, see `task.repetitions`."""
+    """Whole solves on equal cells; without `repeat` as many as the size allows, see `repetitions`."""
     if factorisation not in CHOICES:
         raise InputError("factorisation", factorisation, f"choose one of {', '.join(CHOICES)}")
-    paths = {"auto": (GENERAL, SUBDOMAINS), SHARED: (SUBDOMAINS,)}.get(factorisation, (GENERAL,))
     factors = {
-        "cells": tuple(sorted(set(cells))), "path": paths, "friction": (sorted(set(friction)),), "runs": (repeat,),
-        "sparse": (sparse(factorisation),),
+        "cells": tuple(sorted(set(cells))), "friction": (sorted(set(friction)),), "runs": (repeat,),
+        "sparse": (resolve(factorisation),),
     }  # fmt: skip
-    return Study(WHOLE, 1, f"{TASK}whole", factors, fresh=True)
-
-
-def sparse(factorisation: str) -> str:
-    """The sparse back end, for meshes without structure and beside shared subdomains."""
-    return resolve("auto" if factorisation == SHARED else factorisation)
+    return Study(WHOLE, 2, f"{TASK}solve_whole", factors, fresh=True)
 
 
 def graded(repeat: int | None, factorisation: str) -> Study:
     """Whole solves on graded meshes."""
     factors = {
         "mesh": tuple(map(list, MESHES)), "friction": GRADED_FRICTION, "runs": (repeat or GRADED_RUNS,),
-        "sparse": (sparse(factorisation),),
+        "sparse": (resolve(factorisation),),
     }  # fmt: skip
-    return Study(GRADED, 1, f"{TASK}graded", factors, fresh=True)
+    return Study(GRADED, 2, f"{TASK}solve_graded", factors, fresh=True)
 
 
 def loops(cells: Sequence[int], friction: Sequence[float]) -> Study | None:
-    """Other methods, on meshes that are not too large for them; at the μ with known forces if it is among these."""
-    mu = CONVERGED_FRICTION if CONVERGED_FRICTION in friction else min(friction)
-    factors = {"cells": tuple(sorted(set(cells))), "loop": tuple(METHODS), "friction": (mu,)}
+    """Other methods, on meshes that are not too large for them; at `FRICTION` if it is among these."""
+    factors = {
+        "cells": tuple(sorted(set(cells))), "loop": tuple(METHODS),
+        "friction": (FRICTION if FRICTION in friction else min(friction),),
+    }  # fmt: skip
     if min(cells) > max(loop.largest for loop in METHODS.values()):
         return None
     keep = lambda case: case["cells"] <= METHODS[case["loop"]].largest  # noqa: E731
-    return Study(LOOPS, 1, f"{TASK}loop", factors, keep=keep, fresh=True)
+    return Study(LOOPS, 2, f"{TASK}solve_loop", factors, keep=keep, fresh=True)
 
 
-def walls(blocks: Sequence[int], loads: Sequence[float], elements: Sequence[str]) -> Study:
+def sequences(quick: bool = False) -> Study:
+    """Histories and sweeps, each solved in the three ways of `WAYS`."""
+    return Study(SEQUENCES, 1, f"{TASK}solve_sequence", {"sequence": tuple(CHAINS), "quick": (quick,)}, fresh=True)
+
+
+def walls(blocks: Sequence[int], loads: Sequence[float]) -> Study:
     """Walls of n × n blocks, pushed from the side by a share of their weight."""
-    factors = {
-        "load": tuple(sorted(set(loads or STATES))), "blocks": tuple(sorted(set(blocks))),
-        "element": tuple(sorted(set(elements))),
+    factors = {"load": tuple(sorted(set(loads or STATES))), "blocks": tuple(sorted(set(blocks)))}
+    return Study(WALL, 2, f"{TASK}solve_wall", factors, fresh=True)
+
+
+# whole solves and factorisations
+
+TOO_LONG: Final = 60.0
+"""Seconds beyond which a plain factorisation is not measured."""
+
+_T = TypeVar("_T")
+_THREADS: Final = int(os.environ.get(THREADS[0], "1"))
+_NOTHING: Final = np.zeros(0, dtype=np.int64)
+PARTS: Final = ("whole", "assembly", "solve", "factorisation", "interior_point", "certificate", "rest")
+"""Times of a solve [s]: whole = assembly + solve; the other four are parts of solve."""
+
+_PARTS: Final = ("factorisation", "interior_point", "certificate")
+_WARM_UP: Final = 4  # cells a side of a solve that loads all libraries
+_REPETITIONS: Final = ((32, 5), (64, 3))  # up to so many cells a side; beyond the last one, two
+_OFTEN: Final = 10.0  # seconds up to which other libraries' factorisations are repeated
+_FREE: Final = 32  # cells a side up to which nothing is predicted, and of the problem that a prediction starts from
+_LOOP_RUNS: Final = 3
+_LOOP_BUDGET: Final = 10.0  # seconds after which a loop is not repeated
+
+
+def repetitions(cells: int, runs: int | None) -> int:
+    """Of a whole solve on this many cells a side, unless their number is given."""
+    return runs or next((count for most, count in _REPETITIONS if cells <= most), 2)
+
+
+def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
+    """Whole solves on n × n equal cells for each μ, in turn with plain factorisations of the same K.
+
+    "solves" has an entry for each μ, see `_whole`, "plain" one for each back end, see `_factorised`; their "seconds"
+    are the times of all repetitions. "peak" is the largest resident memory [bytes] after the first solve, "imports"
+    before it.
+    """
+    cells, count, backend = case["cells"], repetitions(case["cells"], case["runs"]), case["sparse"]
+    settings = _settings(backend)
+    _attempt(partial(_timed, compressed_plate(0.2, cells=(_WARM_UP, _WARM_UP)), settings))
+    imports, peak, K = peak_memory(), None, None
+    solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}
+    plain: dict[str, list[dict[str, Any]]] = {}
+    often: dict[str, int] = {}
+    for turn in range(count):
+        for mu, found in solves.items():
+            found.append(_attempt(partial(_whole, cells, mu, settings)))
+            measured = found[-1].pop("peak", None)
+            peak = peak or measured
+        if K is None:  # after the first solve, whose peak memory counts
+            K = _matrix(cells)
+            often = _beside(backend, cells, count, plain)
+        for name, most in often.items():
+            if turn < most:
+                plain.setdefault(name, []).append(_attempt(partial(_factorised, K, name)))
+    return {
+        "solves": [{"friction": mu, **_together(found)} for mu, found in solves.items()],
+        "plain": [{"backend": name, **_together(found)} for name, found in plain.items()],
+        "peak": peak, "imports": imports,
     }  # fmt: skip
-    return Study(WALL, 1, f"{TASK}wall", factors, fresh=True)
+
+
+def _settings(factorisation: str) -> dict[str, Any]:
+    return {"method": "condensed", "factorisation": factorisation, "threads": _THREADS}
+
+
+def _matrix(cells: int) -> Sparse:
+    """K of the plate on n × n equal cells."""
+    return discretize(compressed_plate(0.2, cells=(cells, cells))).qvi.K
+
+
+def _beside(own: str, cells: int, count: int, plain: dict[str, list[dict[str, Any]]]) -> dict[str, int]:
+    """How often each back end factorises K; what would take too long is told in `plain`."""
+    small = _matrix(_FREE) if cells > _FREE else None
+    expected = {
+        backend: 0.0 if small is None else predicted(_probed(small, backend), _FREE**2, cells**2)
+        for backend in available_backends()
+    }
+    return affordable(expected, own, count, plain)
+
+
+def affordable(
+    expected: Mapping[str, float], own: str, count: int, plain: dict[str, list[dict[str, Any]]]
+) -> dict[str, int]:
+    """How often each back end is measured: `own` every time, others by the seconds that are expected of them.
+
+    What would take more than `TOO_LONG` is not measured; that is told in `plain`.
+    """
+    often = {}
+    for backend, seconds in expected.items():
+        if seconds > TOO_LONG and backend != own:
+            message = f"not run: about {seconds:.0f} s expected"
+            plain[backend] = [{"status": "skipped", "message": message, "seconds": {}}]
+        else:
+            often[backend] = count if backend == own or seconds <= _OFTEN else 1
+    return often
+
+
+def _probed(K: Sparse, backend: str) -> float:
+    """Seconds of one plain factorisation; 0 if it fails."""
+    return float(_attempt(partial(_factorised, K, backend))["seconds"].get("plain", 0.0))
+
+
+def predicted(seconds: float, known: int, wanted: int) -> float:
+    """Seconds of a sparse factorisation of a plane problem from those of another size: they grow like unknowns^1.5."""
+    return float(seconds * (wanted / known) ** 1.5)
+
+
+def _together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The first repetition that went wrong, or the last one, with the times of all."""
+    shown = next((each for each in found if each["status"] not in ("solved", "done")), found[-1])
+    parts = dict.fromkeys(part for each in found for part in each["seconds"])
+    times = {part: [each["seconds"][part] for each in found if part in each["seconds"]] for part in parts}
+    return {**shown, "seconds": times}
+
+
+def _attempt(measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """The measurement, or the error that ended it."""
+    try:
+        return measure()
+    except Exception as error:
+        return {"status": "error", "message": f"{type(error).__name__}: {error}", "seconds": {}}
+
+
+def _whole(cells: int, friction: float, settings: dict[str, Any]) -> dict[str, Any]:
+    """One solve from the problem to the certified result, then `discretize` alone on a problem of its own.
+
+    The parts of "seconds" are those of `PARTS`.
+    """
+    gc.collect()
+    record = _timed(compressed_plate(friction, cells=(cells, cells)), settings)
+    record["peak"] = peak_memory()
+    _, assembly = _clocked(time.perf_counter, lambda: _discretised(friction, cells))
+    seconds = record["seconds"]
+    seconds |= {"assembly": assembly, "solve": seconds["whole"] - assembly}
+    seconds["rest"] = seconds["solve"] - sum(seconds[part] for part in _PARTS)
+    return record
+
+
+def _discretised(friction: float, cells: int) -> Any:
+    return discretize(compressed_plate(friction, cells=(cells, cells)))
+
+
+def _clocked(clock: Callable[[], float], work: Callable[[], _T]) -> tuple[_T, float]:
+    """What it returns, and its seconds by this clock."""
+    began = clock()
+    found = work()
+    return found, clock() - began
+
+
+def _timed(problem: ContactProblem, settings: dict[str, Any]) -> dict[str, Any]:
+    solving = partial(solve, problem, tolerance=TOLERANCE, **settings)
+    result, seconds = _clocked(time.perf_counter, solving)
+    timings, factor = result.solution.timings, result.solution.problem.operator.factor
+    parts = {
+        "factorisation": float(sum(factor.seconds.values())) if factor is not None else 0.0,  # with Schur complement
+        "interior_point": timings.get("interior point", timings.get("solve", 0.0)),
+        "certificate": timings.get("certificate", 0.0),
+    }
+    return {**_answer(result), "seconds": {"whole": seconds, **parts}}
+
+
+def _answer(result: ContactResult) -> dict[str, Any]:
+    """What became of a solve, as plain data."""
+    solution = result.solution
+    return {
+        "status": result.status.value, "message": result.message, "unknowns": solution.problem.n,
+        "contact_points": solution.problem.m, "iterations": result.iterations,
+        "corrections": len(solution.corrections), "accuracy": result.certificate.accuracy,
+        "half_force": result.contacts["plate"].normal_force if result.has_state else None,
+        "library": solution.factorisation,
+    }  # fmt: skip
+
+
+def _factorised(K: Sparse, backend: str) -> dict[str, Any]:
+    """One plain factorisation, without Schur complement."""
+    gc.collect()
+    factor, seconds = _clocked(time.perf_counter, lambda: factorise(K, _NOTHING, backend, _THREADS))
+    found = {"status": "done", "message": "", "unknowns": int(K.shape[0]), "version": factor.version,
+             "seconds": {"plain": seconds, **factor.seconds}}  # fmt: skip
+    factor.release()
+    return found
+
+
+def solve_graded(case: Mapping[str, Any]) -> dict[str, Any]:
+    """Whole solves on a graded mesh, from `discretize` to the certified result: the last answer, all times."""
+    (depth, degree), mu, settings = case["mesh"], case["friction"], _settings(case["sparse"])
+    _timed(compressed_plate(0.2, cells=(_WARM_UP, _WARM_UP)), settings)
+    singular = [(1.0, 1.0), *([(TRANSITIONS[mu], 1.0)] if mu in TRANSITIONS else [])]
+    mesh = TriangleMesh.rectangle((_WARM_UP, _WARM_UP)).graded(singular, depth)
+    problem = replace(compressed_plate(mu), mesh=mesh)
+    found = [_timed(problem, settings | {"degree": degree}) for _ in range(case["runs"])]
+    return {**found[-1], "seconds": [each["seconds"]["whole"] for each in found]}
+
+
+def solve_loop(case: Mapping[str, Any]) -> dict[str, Any]:
+    """Another method, on a problem that is discretised before any time is taken; repeated where it is quick."""
+    options: dict[str, Any] = METHODS[case["loop"]].options
+    seconds: list[float] = []
+    found: dict[str, Any] = {}
+    while len(seconds) < _LOOP_RUNS and sum(seconds) < _LOOP_BUDGET:
+        problem = compressed_plate(case["friction"], cells=(case["cells"],) * 2)
+        discretization = discretize(problem, contact_rows="gauss")  # Uzawa needs values at points
+        solving = partial(solve, discretization, tolerance=TOLERANCE, threads=_THREADS, **options)
+        by_hand = partial(cvxpy_loop, discretization, TOLERANCE)
+        began = time.perf_counter()
+        found = _answer(solving()) if options else by_hand()
+        seconds.append(time.perf_counter() - began)
+    return {**found, "seconds": seconds}
+
+
+def solve_wall(case: Mapping[str, Any]) -> dict[str, Any]:
+    """A wall's solve, after a small one that loads all libraries, and then a plain factorisation of the same K."""
+    blocks, load = case["blocks"], case["load"]
+    solve(wall_of(2, load), method="condensed", system="sparse", threads=_THREADS)
+    cpu = partial(_clocked, time.process_time)
+    discretization, assembly = cpu(partial(discretize, wall_of(blocks, load)))
+    result, seconds = cpu(partial(solve, discretization, method="condensed", tolerance=TOLERANCE, threads=_THREADS))
+    peak, K, solution = peak_memory(), discretization.qvi.K, result.solution
+    found = {
+        "status": result.status.value, "message": "" if solution.solved else result.message, "unknowns": K.shape[0],
+        "contact_points": solution.problem.m, "form": solution.form, "iterations": result.iterations,
+        "accuracy": result.certificate.accuracy,
+    }  # fmt: skip
+    del result, solution, discretization
+    gc.collect()
+    _, plain = cpu(lambda: factorise(K, _NOTHING, resolve(), _THREADS))
+    return {**found, "assembly": assembly, "factorisation": plain, "solve": seconds, "peak": peak}
+
+
+def peak_memory() -> int | None:
+    """Largest resident memory of this process so far [bytes]; None where the system does not tell."""
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
+                return 1024 * int(line.split()[1])
+    with suppress(ImportError):
+        import resource
+
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return int(peak) if sys.platform == "darwin" else 1024 * int(peak)
+    return None
+
+
+# the loop that one would write first
+
+_ITERATIONS: Final = 100
+_INNER: Final = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-12)  # as of the package's own loops
+
+
+def cvxpy_loop(discretization: Discretization, tolerance: float) -> dict[str, Any]:
+    """Solve as one would first write it: a quadratic program in all unknowns for each pressure, until it stays.
+
+        s = 0;  repeat  z = argmin ½ zᵀKz − fᵀz  with  N z + n0 ≤ 0, |T z + t0| ≤ thr(s);  s ← max(−(N z + n0), 0)
+
+    without centring, acceleration or elimination, by Clarabel; for problems without plates driven by force. The
+    certificate is that of every other method.
+    """
+    qvi, scales = discretization.qvi, discretization.scales
+    z, m_N, m_T, iterations = _iterated(qvi, tolerance)
+    certificate = certify(qvi, z, m_N, m_T, np.zeros(qvi.p), tolerance)
+    return {
+        "status": "solved" if certificate.passed else "inaccurate",
+        "message": certificate.summary(),
+        "unknowns": qvi.n,
+        "contact_points": qvi.m,
+        "iterations": iterations,
+        "accuracy": certificate.accuracy,
+        "half_force": -scales.stress * scales.length * qvi.resultant(z),
+    }
+
+
+def _iterated(qvi: FrictionQVI, tolerance: float) -> tuple[Vector, Vector, Vector, int]:
+    """(z, m_N, m_T) when the pressure has changed by less than the tolerance, and the number of programs."""
+    cp = load("cvxpy")
+    x, bound = cp.Variable(qvi.n), cp.Parameter(qvi.m, nonneg=True)
+    normal, shear = qvi.N @ x + qvi.n0, qvi.T @ x + qvi.t0
+    laws = [normal <= 0, shear <= bound, -shear <= bound]
+    problem = cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(qvi.K)) - qvi.f @ x), laws)
+    pressure, number, change = np.zeros(qvi.m), 0, np.inf
+    while change > tolerance and number < _ITERATIONS:
+        bound.value = qvi.threshold(pressure)
+        problem.solve(solver="CLARABEL", **_INNER)
+        before, pressure, number = pressure, qvi.pressure(x.value), number + 1
+        change = float(np.linalg.norm(pressure - before) / np.linalg.norm(pressure))
+    m_N, above, below = (np.asarray(law.dual_value) for law in laws)
+    return np.asarray(x.value), m_N, above - below, number
+
+
+# sequences of problems
+
+_DEPTH: Final = 0.01
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A sequence.
+
+    Attributes
+    ----------
+    title : what it is called in tables
+    problem : the problem by numbers of cells
+    cells, coarse : numbers of cells, and those of a quick run
+    parameter : what changes
+    values : its values; a quick run takes every fifth
+    history : whether slip accumulates from one to the next
+
+    """
+
+    title: str
+    problem: Callable[[tuple[int, int]], ContactProblem]
+    cells: tuple[int, int]
+    coarse: tuple[int, int]
+    parameter: Parameter
+    values: tuple[float, ...]
+    history: bool = False
+
+    def problems(self, quick: bool) -> list[ContactProblem]:
+        """All problems, as they are stated: to put them on the mesh of an element is part of a solve."""
+        base = self.base(quick)
+        task = SweepTask(base, self.parameter, tuple(contact.name for contact in base.contacts))
+        return [task.changed(value) for value in self.chosen(quick)]
+
+    def base(self, quick: bool) -> ContactProblem:
+        """The problem that is changed."""
+        return self.problem(self.coarse if quick else self.cells)
+
+    def chosen(self, quick: bool) -> tuple[float, ...]:
+        """The values."""
+        return self.values[:: 5 if quick else 1]
+
+
+def layer(cells: tuple[int, int], gap: Field = -_DEPTH, offset: float = 0.0) -> ContactProblem:
+    """A layer on a rigid base, 2 wide and 1 high, under a rough obstacle."""
+    mesh = TriangleMesh.rectangle(cells, 2.0, 1.0)
+    sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    held = Displacement("bottom", x=0.0, y=0.0)
+    return ContactProblem(mesh, Material(1000.0, 0.3), [Contact("top", 0.3, gap, offset, "obstacle"), held, *sides])
+
+
+def _punch(x: FloatArray, y: FloatArray) -> FloatArray:
+    return 2.0 * _DEPTH * (x - 1.0) ** 2 + 0.0 * y
+
+
+def _evenly(first: float, last: float, count: int) -> tuple[float, ...]:
+    return tuple(np.linspace(first, last, count).tolist())
+
+
+CHAINS: Final = {
+    "cycle": Chain(
+        "history: 21 offsets of a full cycle, layer 32 × 64", layer, (64, 32), (16, 8), "offset",
+        tuple((_DEPTH * np.sin(np.linspace(0.0, 2.0 * np.pi, 21))).tolist()), history=True,
+    ),
+    "friction": Chain(
+        "sweep: 20 values of μ, plate 32 × 32", partial(compressed_plate, 0.2), (32, 32), (8, 8), "friction",
+        _evenly(0.05, 1.0, 20),
+    ),
+    "compression": Chain(
+        "sweep: 11 compressions, sheared layer 32 × 64", partial(layer, gap=0.0, offset=0.5 * _DEPTH),
+        (64, 32), (16, 8), "gap", _evenly(-0.5 * _DEPTH, -_DEPTH, 11),
+    ),
+    "depth": Chain(
+        "sweep: 11 depths of a round punch, layer 32 × 64", partial(layer, gap=_punch), (64, 32), (16, 8), "gap",
+        _evenly(-0.2 * _DEPTH, -2.0 * _DEPTH, 11),
+    ),
+}  # fmt: skip
+"""Name → sequence; in the last one the contact grows with each step."""
+
+
+WAYS: Final = ("single", "cold", "warm")
+"""Each problem by itself; one factorisation for all; the same, each started from the one before."""
+
+EVERY: Final = 4
+"""Every fourth problem is solved by itself."""
+
+
+def solve_sequence(case: Mapping[str, Any]) -> dict[str, Any]:
+    """Solve a sequence in all ways, one after the other in this process.
+
+    The problems of a history are solved by themselves without the slip before them, for their time alone.
+
+    Returns
+    -------
+    dict
+        for each way: seconds of processor time, iterations, status, accuracy, and normal and tangential force on the
+        contact, a list of one number for each problem, of single solves for every fourth
+
+    """
+    chain = CHAINS[case["sequence"]]
+    return {way: _solved(way, chain, case["quick"]) for way in WAYS}
+
+
+def _solved(way: str, chain: Chain, quick: bool) -> dict[str, Any]:
+    clock, problems = _Clock(), chain.problems(quick)
+    if way == "single":
+        for problem in problems[::EVERY]:
+            clock(0, solve(problem))
+    elif chain.history:
+        solve_history(problems, clock, warm_start=way == "warm")
+    else:
+        base, values = chain.base(quick), chain.chosen(quick)
+        solve_sweep(base, chain.parameter, values, callback=clock, warm_start=way == "warm")
+    return clock.found
+
+
+class _Clock:
+    """Hears of each result, and takes down its time and its numbers."""
+
+    def __init__(self) -> None:
+        self._last = time.process_time()
+        names = ("seconds", "iterations", "status", "accuracy", "normal", "tangential")
+        self.found: dict[str, list[Any]] = {name: [] for name in names}
+
+    def __call__(self, number: int, result: ContactResult) -> None:  # noqa: ARG002  # as callbacks are called
+        seconds = time.process_time() - self._last
+        line = next(iter(result.contacts.values()))
+        values = (
+            seconds, result.iterations, str(result.status), result.certificate.accuracy,
+            line.normal_force, line.tangential_force,
+        )  # fmt: skip
+        for name, value in zip(self.found, values, strict=True):
+            self.found[name].append(value)
+        self._last = time.process_time()
+
+
+# walls
+
+_CELLS: Final = 4  # a side of a block
+_WEIGHT: Final = 24.0  # kN/m³
+_FRICTION: Final = 0.6
+
+
+def wall_of(blocks: int, load: float) -> ContactProblem:
+    """A wall of blocks × blocks metres on the ground, under its weight and a load from the left, over that weight.
+
+    Units are m and kPa. Pushed by 0.02 of its weight nothing slides but under single edges, by 0.3 beds open and slip;
+    with the friction 0.6 every bed slides as a whole at 0.6.
+    """
+    cells, size = _CELLS * blocks, float(blocks)
+    lines = np.linspace(0.0, size, cells + 1)
+    beds = {f"bed {course}": ((0.0, float(course)), (size, float(course))) for course in range(1, blocks)}
+    mesh = TriangleMesh.grid(lines, lines, joints=beds)
+    free = [Traction(edges, x=0.0, y=0.0) for edges in ("right", "top")]
+    contacts = [Contact(name, friction=_FRICTION) for name in ("bottom", *beds)]
+    push = Traction("left", x=load * _WEIGHT * size, y=0.0)
+    weight = {"body_potential": lambda x, y: _WEIGHT * y + 0.0 * x}
+    return ContactProblem(mesh, Material(5e6, 0.2), [push, *free, *contacts], **weight)  # type: ignore[arg-type]

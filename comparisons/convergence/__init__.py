@@ -1,4 +1,4 @@
-"""Convergence: in the mesh, of the outer loop, of the paper's Uzawa iteration, and of sequences of problems.
+"""Convergence: in the mesh, of the outer loop, and of the paper's Uzawa iteration.
 
 Each study is a package: `study` declares it by a function ``study(quick) -> Study``, says what is compared and does a
 case, `measures` and `figures` make numbers, tables and pictures of rows, `report.md` is the template of the

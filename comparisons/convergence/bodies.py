@@ -1,8 +1,8 @@
 r"""The problems that loops are compared on, by name, mesh and friction.
 
-plate       the paper's quarter plate (`compressed_plate`); sticks everywhere from μ = 0.25 on
-ssnv128     Code_Aster's SSNV128; opens, slips and sticks, and is hard from μ = 2 on
-block       a block under the pressure p = 1 dragged by uniform shear T = 0.1: carried where μ > 0.1
+plate       the paper's quarter plate with the paper's elements (`paper.plate`); sticks everywhere from μ = 0.25 on
+ssnv128     Code_Aster's SSNV128 on triangles, with the law at Gauss points; opens, slips and sticks, hard from μ = 2 on
+block       a block on such triangles, under the pressure p = 1, dragged by uniform shear T = 0.1: carried where μ > 0.1
 contacts    no mesh: unknowns are the tractions of 8 points themselves, with an answer and a contraction known exactly
 half open   the same with every other point open, and cohesion, so that no bound is zero
 sliding     the same with nothing open, and cohesion; without friction the largest steps of Uzawa are known exactly
@@ -28,8 +28,8 @@ from scipy.fft import dct
 from scipy.sparse import csc_array
 
 from comparisons.convergence.linearised import Linearised, linearised
-from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction, discretize
-from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact import Contact, ContactProblem, Material, Traction, TriangleMesh, discretize, paper
+from qvi_contact.gallery import ssnv128
 from qvi_contact.problem.conditions import Condition
 from solvers import FrictionQVI, QVISolution, solve_qvi
 
@@ -83,7 +83,7 @@ def dragged_block(friction: float, cells: tuple[int, int], shear: float = 0.1) -
         Traction("top", x=shear, y=-1.0), Traction("right", x=0.0, y=shear), Traction("left", x=0.0, y=-shear),
         Contact("bottom", friction=friction, name="base"),
     ]  # fmt: skip
-    return ContactProblem(RectilinearMesh.rectangle(cells, 2.0, 1.0), Material(1000.0, 0.3), conditions)
+    return ContactProblem(TriangleMesh.rectangle(cells, 2.0, 1.0), Material(1000.0, 0.3), conditions)
 
 
 def contacts(friction: float, half_open: bool = False, cohesion: float = 0.0) -> FrictionQVI:
@@ -125,7 +125,6 @@ _ALGEBRA: Final[Mapping[str, Callable[[float], FrictionQVI]]] = {
 }
 
 _MECHANICS: Final[Mapping[str, Callable[[float, tuple[int, int]], ContactProblem]]] = {
-    "plate": lambda friction, cells: compressed_plate(friction, cells),
     "ssnv128": lambda friction, cells: ssnv128(cells, friction),
     "block": lambda friction, cells: dragged_block(friction, (2 * cells[0], cells[1])),
 }
@@ -135,7 +134,10 @@ def body(problem: str, cells: int, friction: float) -> Body:
     """Build a problem by its name; `cells` a side (height), 0 where there is no mesh."""
     if problem in _ALGEBRA:
         return Body(_ALGEBRA[problem](friction))
-    discretization = discretize(_MECHANICS[problem](friction, (cells, cells)), element="bfs")
+    if problem == "plate":
+        plate = paper.plate(friction, (cells, cells))
+        return Body(plate.qvi, plate.stress_unit * plate.length_unit, plate.displacement, plate.stress_unit)
+    discretization = discretize(_MECHANICS[problem](friction, (cells, cells)), contact_rows="gauss")
     scales = discretization.scales
     return Body(discretization.qvi, scales.stress * scales.length, scales.displacement, scales.stress)
 

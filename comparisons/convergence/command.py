@@ -15,7 +15,7 @@ from qvi_contact.basics.terminal import Command
 if TYPE_CHECKING:
     from comparisons.lab.study import Study
 
-NAMES: Final = ("mesh", "outer", "uzawa", "sequences")
+NAMES: Final = ("mesh", "outer", "uzawa")
 """The studies; each is a package beside this module."""
 
 SCHEMA: Final = "qvi-contact/convergence/1"
@@ -33,12 +33,11 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
     """Measure how answers converge, with the mesh and with the iterations.
 
     \b
-    mesh       errors of forces, energy, tractions and stick zones on uniform, graded and adaptive meshes
-    outer      iterations over the friction bound against μ: plain, damped, Anderson's, and the condensed method
-    uzawa      the paper's iteration: which steps are stable, and how many iterations it needs
-    sequences  histories and sweeps on one factorisation: what a problem costs from cold and from warm starts
+    mesh   errors of forces, energy, tractions and stick zones on uniform, graded and adaptive meshes
+    outer  iterations over the friction bound against μ: plain, damped, Anderson's, and the condensed method
+    uzawa  the paper's iteration: which steps are stable, and how many iterations it needs
 
-    Without STUDY all four are run. Finished cases are kept in --store. An interrupted run goes on where it stopped,
+    Without STUDY all three are run. Finished cases are kept in --store. An interrupted run goes on where it stopped,
     and a report can be written again without computing anything. Two workers take about half the time.
 
     \b

@@ -83,8 +83,8 @@ def fclib(problem: str, file: str, penalty: float | None) -> int:
     Example:
         python -m comparisons export fclib examples/punch.toml punch.hdf5
     """  # noqa: D301
+    from comparisons.exchange import local_problem, state_of, write_fclib
     from qvi_contact.errors import InputError
-    from solvers.exchange import local_problem, state_of, write_fclib
 
     _check_target(file, ".hdf5")
     if penalty is not None and not 1.0 < penalty < math.inf:
@@ -111,7 +111,7 @@ def npz(problem: str, file: str) -> int:
     Example:
         python -m comparisons export npz examples/punch.toml punch.npz
     """  # noqa: D301
-    from solvers.exchange import save_qvi
+    from comparisons.exchange import save_qvi
 
     _check_target(file, ".npz")
     _, result = _solved(problem)

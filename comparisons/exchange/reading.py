@@ -1,12 +1,10 @@
-"""A file of `solvers.exchange` solved and judged: our certificate beside Siconos' error measure."""
+"""A file of `comparisons.exchange` solved and judged: our certificate beside Siconos' error measure."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from solvers.certificate.certificate import Certificate
-from solvers.errors import InputError
-from solvers.exchange import (
+from comparisons.exchange import (
     ContactState,
     LocalProblem,
     load_qvi,
@@ -16,6 +14,8 @@ from solvers.exchange import (
     solve_local,
     state_of,
 )
+from solvers.certificate.certificate import Certificate
+from solvers.errors import InputError
 from solvers.solve import solve_qvi
 
 

@@ -12,11 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from comparisons.settled import TRANSITIONS as TRANSITIONS
 from qvi_contact import RectilinearMesh, TriangleMesh
 from qvi_contact.basics.checks import FloatArray
-
-TRANSITIONS: Final[Mapping[float, float]] = {0.05: 0.0117, 0.1: 0.1793, 0.2: 0.749}
-"""μ → x at which stick ends and slip begins, as a first solution shows it: meshes are graded to it."""
 
 _RATIOS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # up to so many cells a side
 _FINEST_RATIO: Final = 0.9

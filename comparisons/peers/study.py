@@ -14,7 +14,6 @@ from typing import Any, Final
 
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
-from comparisons.lab.study.children import environment
 from comparisons.lab.study.declaration import Values
 from comparisons.peers import LEVELS
 from comparisons.peers.meshes import FAMILIES, plain_mesh
@@ -22,6 +21,7 @@ from comparisons.peers.models import CODES, MODELS, NAMED
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Contact
+from qvi_contact.runs import THREADS
 
 GETFEM: Final = "PYTHON_WITH_GETFEM"
 """Environment variable: another Python, in which GetFEM is installed."""
@@ -126,9 +126,8 @@ def answer_of(order: Mapping[str, Any], code: str) -> dict[str, Any]:
     Another Python for GetFEM must not find the packages of this one.
     """
     other = os.environ.get(GETFEM) if code == "getfem" else None
-    interpreter, surroundings = other or sys.executable, environment(threads=1)
-    if interpreter != sys.executable:
-        del surroundings["PYTHONPATH"]
+    interpreter, surroundings = other or sys.executable, {**os.environ, **dict.fromkeys(THREADS, "1")}
+    surroundings["PYTHONPATH"] = "" if other else os.pathsep.join(sys.path)
     done = subprocess.run(
         [interpreter, str(_PROCESS)],
         input=json.dumps(order).encode(), capture_output=True, env=surroundings, check=False,

@@ -93,10 +93,6 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
         "Clarabel without `qpsolvers`: one solver, its vectors updated",
         _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS), "solver kept, vectors updated",
     ),
-    "direct:osqp": Backend(
-        "OSQP without `qpsolvers`: one solver, its bounds updated, solved plain and polished",
-        _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS), f"solver kept, bounds updated, {_AT_LAST}",
-    ),
     "socp:clarabel": Backend(_CONE, _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS), _UPDATED),
     "socp:cvxopt": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS, kktsolver="robust"), _UPDATED),
     "socp:ecos": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS), _UPDATED),

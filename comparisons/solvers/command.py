@@ -35,7 +35,7 @@ def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, 
     \b
     Examples:
         python -m comparisons solvers --quick --workers 2
-        python -m comparisons solvers --only qp:osqp direct:osqp --store results/osqp.sqlite --out results/osqp
+        python -m comparisons solvers --only qp:osqp --store results/osqp.sqlite --out results/osqp
     """  # noqa: D301
     from comparisons.lab.reported import run_and_report
     from comparisons.solvers.report import report_of

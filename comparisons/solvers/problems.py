@@ -211,7 +211,7 @@ def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:
     """The same problem with every contact point twice, each at half the weight: row multipliers are shared out."""
     twice = {name: np.tile(getattr(qvi, name), 2) for name in ("n0", "t0", "mu", "cohesion", "cap", "bilateral")}
     N, T = (csc_array(vstack([rows, rows])) for rows in (qvi.N, qvi.T))
-    return qvi.changed(N=N, T=T, W=np.tile(qvi.W, 2) / 2.0, traces=None, edges=None, structure=None, **twice)
+    return qvi.changed(N=N, T=T, W=np.tile(qvi.W, 2) / 2.0, traces=None, **twice)
 
 
 def doubled_equation(qvi: FrictionQVI) -> FrictionQVI:

@@ -8,6 +8,7 @@ __getattr__ = front(
         "balance": ("of_displacements", "of_stresses"),
         "elements": ("BOTH", "Chapter", "EVERY", "Element", "QUINTIC", "RECTANGLES", "TRIANGLES"),
         "exhibits": ("EXHIBITS", "conservation", "figure", "overview", "pictures", "results"),
+        "known": ("Answer", "KNOWN"),
         "measures": (
             "between_points",
             "edge_states",

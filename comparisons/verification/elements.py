@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 from functools import wraps
 from typing import Any, Final
 
+from qvi_contact.discretization.families import ElementName, with_element
+
 from comparisons.verification.row import Problem, Row
 from qvi_contact import ContactProblem, ContactResult, Discretization, History, discretize, solve, solve_history
 from qvi_contact.companion import CompanionResult, solve_companion
-from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.limit.load_factor import LimitLoad, limit_load
 
 

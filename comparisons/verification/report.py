@@ -8,7 +8,7 @@ from typing import Any, Final
 from comparisons.lab.marks import escaped
 from comparisons.lab.report import Document as Report
 from comparisons.lab.report import drawn, render
-from comparisons.verification.chapters import benchmarks, exact, friction, strict
+from comparisons.verification.chapters import benchmarks, exact, friction
 from comparisons.verification.exhibits import EXHIBITS, conservation, overview
 from comparisons.verification.tables import HEADINGS, cells, problems_of, table_name, tables_of
 
@@ -18,7 +18,6 @@ TOLERANCES: Final = {
     "exact": exact.TOLERANCE,
     "friction": friction.TOLERANCE,
     "touching": friction.TOUCHING,
-    "excess": strict.EXCESS,
     "balance": benchmarks.BALANCE,
 }
 """Tolerances that the template names."""

@@ -14,7 +14,7 @@ Document = dict[str, Any]
 
 _NAMES: Final = (
     "paper", "exact", "friction", "ssnv128", "benchmarks", "curves", "limits", "not-unique", "invariance", "plate",
-    "energies", "bounds", "strict", "examples",
+    "energies", "bounds", "examples",
 )  # fmt: skip
 
 CHAPTERS: Final[Chapters] = {

@@ -1,4 +1,4 @@
-"""The gallery: problem files of `examples`, checked, solved and drawn by the command line, and scripts beside them.
+"""The gallery: problem files of `examples`, checked, solved and drawn by the command line, beside what is known.
 
 ``python docs/_ext/gallery.py`` writes a section for each file, and the pictures into ``docs/gallery``; with names, such
 as ``punch bracket``, it renews these sections only. Everything shown comes from the file and from what the programs
@@ -28,7 +28,7 @@ _COLOURS = 64  # in a picture, which makes its file small
 class Shown:
     """What is shown of a problem file: title, words, commands in it, output and exit status, pictures drawn.
 
-    A script of the same name has its output in ``script``, "" if there is none.
+    `known` is a table in Markdown of what is known of it, beside what was computed.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Shown:
     output: str
     status: int | None
     pictures: tuple[Path, ...]
-    script: str
+    known: str
 
 
 def comments(text: str) -> tuple[str, list[str]]:
@@ -55,20 +55,36 @@ def shown(path: Path, folder: Path) -> Shown:
     problem, answer = folder / f"{path.stem}_problem.png", folder / f"{path.stem}.png"
     _run(path, "-m", "qvi_contact", "check", str(path), "--plot", str(problem))
     status, output = _run(path, "-m", "qvi_contact", "solve", str(path), "--plot", str(answer))
-    script = path.with_suffix(".py")
-    printed = _run(script, str(script))[1] if script.exists() else ""
     pictures = tuple(picture for picture in (problem, answer) if picture.exists())
     for picture in pictures:
         _made_small(picture)
-    return example_of(path, output, status, pictures, printed)
+    return example_of(path, output, status, pictures, known_table(path.stem))
 
 
-def example_of(path: Path, output: str, status: int | None, pictures: tuple[Path, ...], script: str) -> Shown:
+def example_of(path: Path, output: str, status: int | None, pictures: tuple[Path, ...], known: str) -> Shown:
     """What a problem file says of itself, with what the programs said and drew."""
     text = path.read_text(encoding="utf-8")
     words, commands = comments(text)
     title, command = tomllib.loads(text)["title"], f"qvi-contact solve examples/{path.name}"
-    return Shown(path.stem, title, (words, *commands), command, output, status, pictures, script)
+    return Shown(path.stem, title, (words, *commands), command, output, status, pictures, known)
+
+
+def known_table(name: str) -> str:
+    """What `comparisons.verification` knows of a problem file, beside what it computes, in Markdown."""
+    from comparisons.verification import KNOWN, Answer
+
+    answer = Answer(name, KNOWN[name].element)
+    lines = ["| quantity | computed | known | tolerance | source |", "|---|---|---|---|---|"]
+    for line in KNOWN[name].lines:
+        row = line.row(answer)
+        if not row.passed:
+            raise RuntimeError(f"{name}: {row.quantity} is {row.ours}, not {row.reference}")
+        ours, reference = (value if isinstance(value, str) else f"{value:.7g}" for value in (row.ours, row.reference))
+        ours = "0" if reference == "0" and row.measure == "absolute" else ours  # rounding is no number to read
+        sign = {"excess": "at most ", "shortfall": "at least "}.get(row.measure, "")
+        cells = (row.quantity, ours, sign + reference, f"{row.tolerance:g}", row.source)
+        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(lines)
 
 
 def _made_small(path: Path) -> None:
@@ -92,7 +108,7 @@ def _run(path: Path, *words: str) -> tuple[int | None, str]:
     except subprocess.TimeoutExpired:
         return None, f"given up after {_SECONDS:.0f} s"
     output = done.stdout.decode() + done.stderr.decode()
-    if done.returncode == 2 or (path.suffix == ".py" and done.returncode) or "Traceback" in output:
+    if done.returncode == 2 or "Traceback" in output:
         raise RuntimeError(f"{path.name}: {output}")
     return done.returncode, output.rstrip()
 
@@ -106,14 +122,12 @@ def section(example: Shown, folder: str) -> str:
         for picture, what in zip(example.pictures, alternatives, strict=False)
     ]
     ended = "was given up" if example.status is None else f"ends with exit status {example.status}"
-    script = f"examples/{example.name}.py"
-    beside = [f"`python {script}` prints", f"```text\n{example.script}\n```", f"The script: [{script}](../{script})"]
     return "\n\n".join([
         f"## {example.title}", words.replace("<", "\\<").replace("_", "\\_"), *pictures,
         "```console\n" + "\n".join(f"$ {command}" for command in commands or [example.command]) + "\n```",
         f"`{example.command}` {ended} and prints", f"```text\n{example.output}\n```",
+        "Beside what is known without this program:", example.known,
         f"The file: [examples/{example.name}.toml](../examples/{example.name}.toml)",
-        *(beside if example.script else ()),
     ])  # fmt: skip
 
 

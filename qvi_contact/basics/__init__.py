@@ -7,7 +7,6 @@ __getattr__ = front(
     {
         "shown": ("Rounding",),
         "signals": ("handlers_kept",),
-        "spread": ("Crew",),
         "terminal": ("run",),
         "units": ("Units",),
         "writing": ("check_writable", "replacing", "writable_folder", "write_text"),

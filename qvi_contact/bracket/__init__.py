@@ -5,7 +5,6 @@ from qvi_contact.bracket.bounds import bracket
 from qvi_contact.bracket.branches import Branches, other_solutions
 from qvi_contact.bracket.document import document as document
 from qvi_contact.bracket.friction_norm import friction_norm as friction_norm
-from qvi_contact.bracket.marking import refined_where_apart
 from qvi_contact.bracket.outcome import Bounds, Bracket, BracketKind, EdgeParts, ForceDifference
 from qvi_contact.bracket.slip import SlipBounds
 from qvi_contact.bracket.star_norm import star_norm as star_norm
@@ -22,7 +21,6 @@ __all__ = [
     "SlipBounds",
     "bracket",
     "other_solutions",
-    "refined_where_apart",
 ]
 
 __getattr__ = front(

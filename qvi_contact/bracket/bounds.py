@@ -24,8 +24,8 @@ from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, str
 from qvi_contact.bracket.senses import SlippingStress, stress_under_slip
 from qvi_contact.bracket.slip import SlipBounds, slip_bounds
 from qvi_contact.companion import CompanionResult, solve_companions
-from qvi_contact.companion.cells import cell_for, kind_of
 from qvi_contact.companion.scope import check_scope
+from qvi_contact.companion.triangle import degree_beside, triangle
 from qvi_contact.errors import InputError
 from qvi_contact.solution.followed import allowed_misfit
 from qvi_contact.solution.on_arcs import rest_on_arcs
@@ -67,7 +67,7 @@ def bracket(
     same bound; v are displacement elements on the same mesh (`solve_companion`). Which problem is bracketed says
     `Bracket.kind`: for laws without Coulomb friction the one stated; if all friction contacts stick, the tied one; else
     s = μ|σ_N| is held fixed, and the gap is an indicator, as it is without the part that comes from s itself.
-    `Bracket.outer` measures it, and `Bracket.force_differences` shows what it does to forces. On triangles, where each
+    `Bracket.outer` measures it, and `Bracket.force_differences` shows what it does to forces. Where each
     contact slips in one sense only, `Bracket.slip` bounds the errors under Coulomb's law itself.
 
     Parameters
@@ -75,8 +75,7 @@ def bracket(
     result : ContactResult
         A result with a stress state, from any method, collocated or strict.
     degree : int, optional
-        Of the displacement elements, see `solve_companion`; by default on triangles that of Φ, at most 5,
-        on rectangles 2.
+        Of the displacement elements, see `solve_companion`; by default that of Φ, at most 5.
     tolerance : float
         Of the two solves, at most 1e-6. A stress that violates the contact law by less, relative to the largest
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
@@ -112,8 +111,7 @@ def bracket(
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     check_scope(result.problem)
-    kind, beside = kind_of(result.problem.mesh), result.discretization.space.degree
-    degree = cell_for(result.problem.mesh, kind.beside(beside) if degree is None else degree).degree
+    degree = triangle(degree_beside(result.discretization.space.degree) if degree is None else degree).degree
     options: dict[str, Any] = {"callback": callback}
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
@@ -193,9 +191,9 @@ def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: Companio
         lower,
         upper,
         strain,
-        mesh.arranged(inside),
+        inside,
         edges.parts,
-        mesh.arranged(parts),
+        parts,
         edges.outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
         edges.slack,
         force_bounds(discretization, frictionless, lower, upper),

@@ -9,15 +9,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from qvi_contact.basics.checks import Field, evaluate
-from qvi_contact.companion.cells import kind_of
+from qvi_contact.companion.triangle import triangle
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import physical
-from qvi_contact.discretization.polynomials import is_polynomial, spanned
+from qvi_contact.discretization.loads import is_polynomial, physical, spanned
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
 
 _DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
-_CELL_DEGREE = 5  # of φ, on rectangles in x and in y: the work of its stresses is then integrated exactly
+_CELL_DEGREE = 5  # of φ: the work of its stresses is then integrated exactly
 _SPOKEN = {
     "Contact.cohesion": "The cohesion, or Tresca's bound,",
     "Contact.shear_limit": "The shear limit",
@@ -32,8 +31,7 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
     """Which data are no polynomials of the degree that both models hold exactly, one sentence each.
 
     Supports, gaps and offsets are held up to the degree of the displacements, tractions and friction bounds c and t_max
-    up to that of σ_T along an edge, 2 on rectangles and p − 2 on triangles, a body potential up to 5 on cells, in each
-    direction on rectangles, and up to the degree of σ_N along contacts.
+    up to that of tractions along an edge, p − 2, a body potential up to 5 on cells, and up to p − 2 along contacts.
     """
     problem = discretization.problem
     found = [
@@ -52,26 +50,26 @@ def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str
     for condition in problem.cartesian_conditions:
         edges = problem.mesh.edges(condition.edges)
         if isinstance(condition, (Traction, Displacement)):
-            most = degree if isinstance(condition, Displacement) else space.shear_degree
+            most = degree if isinstance(condition, Displacement) else space.traction_degree
             for component, value in components(condition).items():
                 yield f"{type(condition).__name__}.{component}", condition.edges, edges, value, most
         elif isinstance(condition, Contact):
             yield "Contact.gap", condition.name, edges, condition.gap, degree
             yield "Contact.offset", condition.name, edges, condition.offset, degree
             if condition.law != "tied":
-                yield "Contact.cohesion", condition.name, edges, condition.cohesion, space.shear_degree
-                yield "Contact.pore_pressure", condition.name, edges, condition.pore_pressure, space.normal_degree
+                yield "Contact.cohesion", condition.name, edges, condition.cohesion, space.traction_degree
+                yield "Contact.pore_pressure", condition.name, edges, condition.pore_pressure, space.traction_degree
                 body = "ContactProblem.body_potential", condition.name, edges, problem.body_potential
-                yield *body, space.normal_degree
+                yield *body, space.traction_degree
             if condition.shear_limit is not None:
-                yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, space.shear_degree
+                yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, space.traction_degree
 
 
 def _cells_hold(discretization: Discretization, field: Field) -> bool:
-    """Whether a field is a polynomial of degree 5 on each triangle, or of degree 5 in x and in y on each rectangle."""
+    """Whether a field is a polynomial of degree 5 on each triangle."""
     problem, space = discretization.problem, discretization.space
     corners, parts = space.lattice(_DIVISIONS)
     t = corners[parts].mean(axis=1)
     places = space.points(np.arange(problem.mesh.cell_count), t)
     values = evaluate("ContactProblem.body_potential", field, *physical(problem, discretization.scales, places))
-    return spanned(values, kind_of(problem.mesh)(_CELL_DEGREE).values(t[:, -2:]))
+    return spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:]))

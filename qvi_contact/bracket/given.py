@@ -9,7 +9,6 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.law import contact_tractions, law_bound
 from qvi_contact.bracket.outcome import BracketKind
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import element_on
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
@@ -50,9 +49,8 @@ class GivenProblem:
         qvi = self.discretization.qvi
         if not qvi.m:
             return qvi
-        bound = self.threshold.ravel() if qvi.edges is None else qvi.edges.at_points(self.threshold)
-        fixed = qvi.changed(mu=np.zeros(qvi.m), cohesion=np.maximum(bound, 0.0), cap=np.full(qvi.m, np.inf))
-        return fixed if qvi.edges is None else fixed.strictly()
+        bound = np.maximum(self.threshold.ravel(), 0.0)
+        return qvi.changed(mu=np.zeros(qvi.m), cohesion=bound, cap=np.full(qvi.m, np.inf))
 
     @property
     def bounds(self) -> Mapping[str, FloatArray]:
@@ -86,7 +84,7 @@ def given_problem(result: ContactResult) -> GivenProblem:
         kind = BracketKind.GIVEN_BOUND
         names = ", ".join(repr(contact.name) for contact in sliding if not _sticks(result, contact))
         reasons.append(f"The friction bound on {names} was taken from the computed pressure.")
-    if discretization.space.contact_rule.kind != discretization.space.strict_rows:
+    if discretization.space.contact_rule.kind != "bernstein":
         discretization = posed_strictly(discretization, discretization.problem)
     threshold, exact = _threshold(discretization, result.dofs)
     lowered = not exact and kind is not BracketKind.GIVEN_BOUND
@@ -98,11 +96,9 @@ def posed_strictly(known: Discretization, problem: ContactProblem) -> Discretiza
     space = known.space
     return discretize(
         problem,
-        element=element_on(problem.mesh),
         degree=space.degree,
-        contact_rows=space.strict_rows,
+        contact_rows="bernstein",
         scales=known.scales,
-        freed=known.freed,
     )
 
 
@@ -136,6 +132,6 @@ def _tied(problem: ContactProblem, sticking: list[Contact]) -> ContactProblem:
 def _threshold(discretization: Discretization, u: FloatArray) -> tuple[FloatArray, bool]:
     """Bernstein coefficients (e, q) of the bound from degrees of freedom u of Φ, and whether they are exact."""
     if not discretization.qvi.m:
-        return np.zeros((0, discretization.space.shear_degree + 1)), True
+        return np.zeros((0, discretization.space.traction_degree + 1)), True
     found, exact = law_bound(discretization, contact_tractions(discretization, u)[0])
     return found, bool(exact.all())

@@ -12,8 +12,6 @@ from qvi_contact.discretization.contact_rows import ContactRows, joined
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.solution.work import normal_and_shear
-from solvers.strict.quadratics import largest as largest_quadratic
-from solvers.strict.threshold import strict_bound
 
 _ROUNDING = 1e-10  # of a field's values: a coefficient below zero that is none
 
@@ -54,27 +52,24 @@ def traction_coefficients(
     normal, shear = tractions
     space = discretization.space
     return (
-        coefficients(discretization, normal, space.normal_degree),
-        coefficients(discretization, shear, space.shear_degree),
+        coefficients(discretization, normal, space.traction_degree),
+        coefficients(discretization, shear, space.traction_degree),
     )
 
 
 def largest(polynomials: FloatArray) -> FloatArray:
     """The largest value (e,) of polynomials (e, q), or what is no less than that: exact up to degree 2."""
-    return largest_quadratic(polynomials) if polynomials.shape[1] == 3 else polynomials.max(axis=1)
+    return bernstein.largest_quadratic(polynomials) if polynomials.shape[1] == 3 else polynomials.max(axis=1)
 
 
 def law_bound(discretization: Discretization, normal: FloatArray) -> tuple[FloatArray, BoolArray]:
     """The bound s ≥ 0 of |σ_T| for the pressure of σ_N (m,) at the contact points, and where it is the law's own.
 
-    On rectangles (e, 3), see `strict_bound`. On triangles of degree p by p − 1 coefficients an edge, each of them
-    min(c + μ|σ_N|, t_max) of the coefficients: no more than the law's where t_max comes into play inside an edge. A
-    bound below which no polynomial has coefficients ≥ 0 is replaced by its least value.
+    On triangles of degree p by p − 1 coefficients an edge, each of them min(c + μ|σ_N|, t_max) of the coefficients: no
+    more than the law's where t_max comes into play inside an edge. A bound below which no polynomial has coefficients
+    ≥ 0 is replaced by its least value.
     """
     qvi, rule = discretization.qvi, discretization.space.contact_rule
-    if qvi.edges is not None:
-        found = strict_bound(qvi, normal)
-        return found.coefficients, np.asarray(found.exact)
     pressure = qvi.pressed(rule.at_rows(normal))
     law, exact = _data(discretization, "cohesion")
     cap, cap_exact = _data(discretization, "shear_limit")

@@ -22,7 +22,7 @@ from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import contact_named
 from qvi_contact.element import bernstein
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.solution.stress import cell_stresses
 
 _EDGE_POINTS = 12

@@ -45,8 +45,6 @@ class SlippingStress:
 def outside_scope(discretization: Discretization) -> str:
     """Why slip in one sense says nothing of the errors of a problem, as far as its data show; empty if it does."""
     problem = discretization.problem
-    if discretization.space.strict_rows != "bernstein":
-        return "Bounds under slip need triangles."
     try:
         bodies_of(problem)
     except InputError as error:
@@ -88,7 +86,7 @@ def stress_under_slip(result: ContactResult, tolerance: float, **options: Any) -
     if reason:
         return reason
     known = result.discretization
-    if known.space.contact_rule.kind != known.space.strict_rows:
+    if known.space.contact_rule.kind != "bernstein":
         strict = posed_strictly(known, known.problem)
         solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
         result = ContactResult(strict, solution)

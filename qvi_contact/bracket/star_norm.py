@@ -12,9 +12,9 @@ from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, held_directions, one_ratio, spans, weight
-from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.supports import PARALLEL
+from qvi_contact.companion.triangle import triangle
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
@@ -109,7 +109,7 @@ def _inf_sup(problem: ContactProblem) -> float | None:
 
 def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
     """G of `star_constant`: by a field of mean divergence 1 where supports are, and β for what is left."""
-    space = Space.of(problem, cell_for(problem.mesh, _DEGREE), problem.mesh.length)
+    space = Space.of(problem, triangle(_DEGREE), problem.mesh.length)
     free = _free(problem, sides, space)
     laplace, squared, mean, area = _forms(space)
     matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
@@ -141,7 +141,7 @@ def _forms(space: Space) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray
     """Matrices of ‖∇ψ‖² and ‖div ψ‖², the vector of ∫ div ψ, and the area."""
     cell = space.cell
     t, weights = cell.quadrature(space.degree + 1)
-    along = np.stack([cell.derivative_values(axis, t) @ cell.differences[axis] for axis in (0, 1)])
+    along = cell.derivative_values(t) @ np.stack(cell.differences)
     slopes = np.einsum("cab,aqn->cqnb", space.slopes, along)
     w = space.areas[:, None] * weights
     divergence = slopes.reshape(*slopes.shape[:2], -1)

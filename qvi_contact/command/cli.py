@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
     from qvi_contact.command.second_model import SecondModel
     from qvi_contact.command.series import Series
-    from qvi_contact.discretization.families import ElementName
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.files.sweep_store import StoredSweep
     from qvi_contact.limit.load_factor import LimitLoad
@@ -60,16 +59,11 @@ _FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind
 _TIME_LIMIT = click.option(
     "--time-limit", type=float, metavar="SECONDS", help="Seconds for all solves together.  [default: none]"
 )
-_ELEMENT = click.option(
-    "--element",
-    type=click.Choice(["bfs", "hct"]),
-    help="hct: triangles, into which rectangles are cut; bfs: rectangles.  [default: hct; bfs for cells over 500 : 1]",
-)
-_DEGREE = click.option("--degree", type=int, help="Degree of the element on triangles, from 3.  [default: 4]")
+_DEGREE = click.option("--degree", type=int, help="Degree of the element, from 3.  [default: 4]")
 _ROWS = click.option(
     "--contact-rows",
     type=click.Choice(["bernstein", "gauss"]),
-    help="On triangles: the law on whole edges, or at Gauss points.  [default: bernstein; gauss if "
+    help="The contact law on whole edges, or at Gauss points.  [default: bernstein; gauss if "
     "friction varies or a contact with friction is bilateral]",
 )
 _VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
@@ -112,7 +106,6 @@ def group() -> None:
 
 @group.command(short_help="Solve a problem: forces, states, certificate.")
 @_FILE
-@_ELEMENT
 @_DEGREE
 @_ROWS
 @_METHOD
@@ -151,7 +144,6 @@ def group() -> None:
 )
 def solve(
     file: str,
-    element: str | None,
     degree: int | None,
     contact_rows: str | None,
     method: str | None,
@@ -200,7 +192,7 @@ def solve(
     Examples:
         qvi-contact solve examples/compressed_plate.toml
         qvi-contact solve examples/punch.toml --inner socp:clarabel --plot punch.png
-        qvi-contact solve examples/punch.toml --element hct --degree 5
+        qvi-contact solve examples/punch.toml --degree 5
         qvi-contact solve examples/punch.toml --certificate
         qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
         qvi-contact solve examples/punch.toml --report punch.html
@@ -212,8 +204,7 @@ def solve(
     import numpy as np
 
     from qvi_contact.command.second_model import SecondModel
-    from qvi_contact.command.series import plan_of, solved_series
-    from qvi_contact.command.stream import check_asked, streamed
+    from qvi_contact.command.series import check_asked, plan_of, solved_series, stored_sweep
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
@@ -221,7 +212,7 @@ def solve(
     problem_file = load_problem(file)
     given = {
         "method": method, "inner": inner, "tolerance": tolerance, "factorisation": factorisation, "threads": threads,
-        "time_limit": time_limit, "element": element, "degree": degree, "contact_rows": contact_rows,
+        "time_limit": time_limit, "degree": degree, "contact_rows": contact_rows,
     }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options, plan = _options(problem_file, _given(**given)), plan_of(problem_file, swept)
@@ -230,10 +221,9 @@ def solve(
         }  # fmt: skip
         check_asked(plan, store, {**asked, "workers": workers, "dask": dask})
         if plan is not None and store is not None:
-            spread = _given(workers=workers, dask=dask)
-            return _tell_stored(
-                problem_file, streamed(problem_file, plan, options, verbose, store, spread), save_json, as_json
-            )
+            shared = _given(workers=workers, dask=dask)
+            sweep = stored_sweep(problem_file, plan, options, verbose, store, shared)
+            return _tell_stored(problem_file, sweep, save_json, as_json)
         series, steps = solved_series(problem_file, plan, options, verbose, store)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, series, steps, checked) if as_json or save_json else {}
@@ -289,14 +279,12 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
 
 @group.command(short_help="Show what was understood, without solving.")
 @_FILE
-@_ELEMENT
 @_DEGREE
 @_ROWS
 @click.option("--plot", metavar="PICTURE", help="Draw mesh, boundary parts and loads: .png, .svg or .pdf.")
 @_JSON
 def check(
     file: str,
-    element: str | None,
     degree: int | None,
     contact_rows: str | None,
     plot: str | None,
@@ -317,7 +305,7 @@ def check(
 
     checked_targets(file, plot=plot)
     problem_file = load_problem(file)
-    given = _given(element=element, degree=degree, contact_rows=contact_rows)
+    given = _given(degree=degree, contact_rows=contact_rows)
     problem, found = outline(problem_file, given)
     if plot is not None:
         from qvi_contact.plots import problem_figure, save_figure
@@ -332,11 +320,10 @@ def check(
 
 @group.command(short_help="Bound the energy, and a force, from both sides.")
 @_FILE
-@_ELEMENT
 @click.option(
     "--degree",
     type=int,
-    help="Degree of the displacements, 1 to 5.  [default: that of the stress function, at most 5; on rectangles 2]",
+    help="Degree of the displacements, 1 to 5.  [default: that of the stress function, at most 5]",
 )
 @click.option(
     "--tolerance", type=float, default=1e-8, show_default=True, help="Tolerance of both solves, at most 1e-6."
@@ -348,7 +335,6 @@ def check(
 @click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
 def bracket(
     file: str,
-    element: str | None,
     degree: int | None,
     tolerance: float,
     time_limit: float | None,
@@ -373,7 +359,7 @@ def bracket(
     \b
     Examples:
         qvi-contact bracket examples/punch.toml --plot apart.png
-        qvi-contact bracket examples/compressed_plate.toml --element hct --degree 3 --json
+        qvi-contact bracket examples/compressed_plate.toml --degree 3 --json
     """  # noqa: D301
     import math
 
@@ -390,7 +376,7 @@ def bracket(
     problem_file = load_problem(file)
     _refuse_history(problem_file, "a bracket")
     with problem_file.named_errors(), np.errstate(all="ignore"):
-        options = _options(problem_file, _given(element=element, tolerance=tolerance, time_limit=time_limit))
+        options = _options(problem_file, _given(tolerance=tolerance, time_limit=time_limit))
         limit, title = options.pop("time_limit", None), problem_file.title or "bracket"
         with solving(title, 3, verbose=verbose) as advance, watched(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
@@ -406,7 +392,6 @@ def bracket(
 
 @group.command(short_help="Look for other solutions of the same problem.")
 @_FILE
-@_ELEMENT
 @_DEGREE
 @_ROWS
 @click.option("--tolerance", type=float, help="Accuracy that certificates must confirm.  [default: 1e-8]")
@@ -419,7 +404,6 @@ def bracket(
 @_SAVE_JSON
 def branches(
     file: str,
-    element: str | None,
     degree: int | None,
     contact_rows: str | None,
     tolerance: float | None,
@@ -446,7 +430,7 @@ def branches(
     \b
     Examples:
         qvi-contact branches examples/ssnv128.toml --time-limit 60
-        qvi-contact branches examples/ssnv128.toml --element bfs --npz nearest.npz
+        qvi-contact branches examples/ssnv128.toml --npz nearest.npz
     """  # noqa: D301
     import numpy as np
 
@@ -463,9 +447,7 @@ def branches(
     targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json)
     problem_file = load_problem(file)
     _refuse_history(problem_file, "a search for other solutions")
-    given = _given(
-        element=element, degree=degree, contact_rows=contact_rows, tolerance=tolerance, time_limit=time_limit
-    )
+    given = _given(degree=degree, contact_rows=contact_rows, tolerance=tolerance, time_limit=time_limit)
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options = _options(problem_file, given)
         limit, title = options.pop("time_limit", None), problem_file.title or "branches"
@@ -494,15 +476,14 @@ def branches(
     "force_y, moment, x, y or rotation.  [default: energy]",
 )
 @click.option("--max-unknowns", type=int, metavar="N", help="Largest number of unknowns.  [default: 20000]")
-@click.option("--max-rounds", type=int, metavar="N", help="Largest number of meshes.  [default: 60; on rectangles 20]")
+@click.option("--max-rounds", type=int, metavar="N", help="Largest number of meshes.  [default: 60]")
 @click.option(
     "--guaranteed/--estimated",
     default=None,
     help="Force of a contact that slips: refine until guaranteed bounds, or an estimate, meet the target.  "
     "[default: estimated]",
 )
-@_ELEMENT
-@click.option("--degree", type=int, help="Degree of the element on triangles, 3 to 11.  [default: 5]")
+@click.option("--degree", type=int, help="Degree of the element, 3 to 11.  [default: 5]")
 @_ROWS
 @_METHOD
 @_INNER
@@ -522,7 +503,6 @@ def refine(
     max_unknowns: int | None,
     max_rounds: int | None,
     guaranteed: bool | None,
-    element: str | None,
     degree: int | None,
     contact_rows: str | None,
     method: str | None,
@@ -543,7 +523,7 @@ def refine(
     quantity, and divides the cells that contribute most to it. The table has a row for each round: unknowns, value, and
     relative error. The error is a guaranteed bound or an estimate. It is a bound if no contact slips under Coulomb
     friction, for the energy, and for the force of a contact that one prescribed displacement drives. With --guaranteed
-    the force of a contact that slips in one sense is bounded too, on triangles, which takes more unknowns. The files
+    the force of a contact that slips in one sense is bounded too, which takes more unknowns. The files
     written are those of "qvi-contact solve", for the answer on the last mesh.
 
     Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
@@ -573,7 +553,7 @@ def refine(
     problem_file = load_problem(file)
     _refuse_history(problem_file, "a refinement")
     given = _given(
-        element=element, degree=degree, contact_rows=contact_rows, method=method, inner=inner, tolerance=tolerance,
+        degree=degree, contact_rows=contact_rows, method=method, inner=inner, tolerance=tolerance,
         time_limit=time_limit,
     )  # fmt: skip
     asked = _given(
@@ -606,7 +586,6 @@ def refine(
 @click.option(
     "--target", type=float, help="Refine the mesh until the two bounds agree to this relative difference, such as 1e-4."
 )
-@_ELEMENT
 @_DEGREE
 @_ROWS
 @_TIME_LIMIT
@@ -618,7 +597,6 @@ def limit(
     file: str,
     loads: tuple[str, ...],
     target: float | None,
-    element: str | None,
     degree: int | None,
     contact_rows: str | None,
     time_limit: float | None,
@@ -653,13 +631,13 @@ def limit(
     checked_targets(file, plot=plot, proof=proof)
     problem_file = load_problem(file)
     with problem_file.named_errors(), solving(problem_file.title or "limit", verbose=verbose):
-        space = problem_file.element | _given(element=element, degree=degree, contact_rows=contact_rows)
+        space = problem_file.element | _given(degree=degree, contact_rows=contact_rows)
         told = {"time_limit": time_limit, "verbose": verbose}
         found, refinement = computed(problem_file.problem, loads, target, **space, **told)
         if proof is not None:
             write_proof(proof, problem_file.problem if refinement is None else refinement.problem, loads, **space)
     if plot is not None:
-        _draw_limit(problem_file, loads, found, refinement, space.get("element"), plot)
+        _draw_limit(problem_file, loads, found, refinement, plot)
     if as_json:
         click.echo(_json({"loads": list(loads), **document(found, refinement)}))
     else:
@@ -695,32 +673,22 @@ def methods(as_json: bool) -> None:
 
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers that keep their set-up between outer iterations, "socp:…" second-order cone programs
-    through cvxpy. On rectangles "strict:…" and "strict-direct:…" impose the contact law on whole edges instead of at
-    Gauss points; triangles do so by default. In a copy of the repository "python -m pip install '.[solvers]'" installs
+    through cvxpy. In a copy of the repository "python -m pip install '.[solvers]'" installs
     more back ends. The list also names factorisations that are not installed, and how to install them.
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
-    from solvers.factorisation.choice import SHARED
-    from solvers.factorisation.levels import LEVELS
+    from solvers.factorisation.dense import DENSE
     from solvers.solve import METHODS
 
-    strict = available("strict") + available("strict-direct")
-    factorisations = {
-        SHARED: "uniform rectangles of one material", LEVELS: "a few hundred unknowns", **available_backends(),
-    }  # fmt: skip
+    factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
     if as_json:
-        document = {
-            "methods": list(METHODS), "inner": list(available()), "strict": list(strict),
-            "factorisation": factorisations,
-        }  # fmt: skip
+        document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
         click.echo(_json(document))
         return
     missing = {name: f"not installed: {install}" for name, install in missing_backends().items()}
     listed = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
-    groups = {
-        "methods": METHODS, "inner solvers": available(), "strict inner solvers": strict, "factorisations": listed,
-    }  # fmt: skip
+    groups = {"methods": METHODS, "inner solvers": available(), "factorisations": listed}
     for title, names in groups.items():
         click.echo("\n  ".join([title, *names]))
 
@@ -800,7 +768,6 @@ def _draw_limit(
     loads: "Sequence[str]",
     found: "LimitLoad",
     refinement: "LimitRefinement | None",
-    element: "ElementName | None",
     path: str,
 ) -> None:
     """The mechanism, if there is one."""
@@ -810,7 +777,7 @@ def _draw_limit(
     if found.mechanism is None and found.collapse is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {path}", err=True)
         return
-    save_figure(path, drawn(loads, file.problem, found, refinement, file.units, element))
+    save_figure(path, drawn(loads, file.problem, found, refinement, file.units))
 
 
 def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[str, str]) -> None:
@@ -945,14 +912,14 @@ def _tell_stored(file: "ProblemFile", sweep: "StoredSweep", save_json: str | Non
     """What became of a sweep whose rows are in a file; the exit status."""
     from qvi_contact.basics.writing import write_text
     from qvi_contact.command.report import heading_lines
-    from qvi_contact.command.stream import document, lines
+    from qvi_contact.command.series import stored_document, stored_lines
 
     if save_json is not None:
-        write_text(save_json, _json(document(file, sweep)) + "\n")
+        write_text(save_json, _json(stored_document(file, sweep)) + "\n")
     if as_json:
-        click.echo(_json(document(file, sweep)))
+        click.echo(_json(stored_document(file, sweep)))
     else:
-        for line in (*heading_lines(file), *lines(sweep)):
+        for line in (*heading_lines(file), *stored_lines(sweep)):
             click.echo(line)
     return 0 if sweep.status == "solved" else 1
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.errors import InputError
 from qvi_contact.limit.check_proof import check
 from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
@@ -70,13 +69,11 @@ def drawn(
     limit: LimitLoad,
     refinement: LimitRefinement | None,
     units: Units,
-    element: ElementName | None,
 ) -> Figure:
     """The picture, on the mesh of the analysis."""
     from qvi_contact.plots import limit_figure
 
-    chosen = element or ("hct" if problem.yields else None)
-    shown = with_element(problem, chosen) if refinement is None else refinement.problem
+    shown = problem if refinement is None else refinement.problem
     return limit_figure(shown, limit, units, "; ".join(lines(loads, limit, None)))
 
 

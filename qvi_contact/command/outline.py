@@ -12,8 +12,7 @@ from qvi_contact.files.export import element_of
 from qvi_contact.files.problem_builder import FIELDS, TABLES
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.mesh import Mesh
-from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction, components
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.integrals import along_edges
@@ -57,13 +56,11 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
     }
 
 
-def _mesh(mesh: Mesh) -> dict[str, Any]:
-    lines = {"columns": mesh.shape[1], "rows": mesh.shape[0]} if isinstance(mesh, RectilinearMesh) else {}
-    vertices = mesh.vertices[mesh.body_vertices]
+def _mesh(mesh: TriangleMesh) -> dict[str, Any]:
+    vertices = mesh.vertices
     low, high = vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()
     smallest, largest = mesh.cell_range
     return {
-        **lines,
         "cells": mesh.cell_count,
         "vertices": len(vertices),
         "x": [low[0], high[0]],
@@ -125,7 +122,7 @@ def _loads(problem: ContactProblem) -> list[dict[str, Any]]:
 
 
 def _along(
-    mesh: Mesh, edges: Edges, direction: FloatArray, value: Field
+    mesh: TriangleMesh, edges: Edges, direction: FloatArray, value: Field
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Points x, y and weights (n,) [length] along edges, and a component of the traction there as vectors (n, 2)."""
     found = along_edges(mesh, edges, "load", value)

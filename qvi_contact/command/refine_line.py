@@ -49,7 +49,7 @@ def document(found: Outcome, units: Units) -> dict[str, Any]:
         "advice": found.status.advice,
         "rounds": [
             {
-                "cells": list(each.cells),
+                "cells": [each.cells],
                 "unknowns": each.unknowns,
                 "value": _finite(each.value),
                 "estimate": _finite(each.estimate),
@@ -83,7 +83,7 @@ def rows(found: Refinement) -> list[list[str]]:
     return [
         [
             str(number),
-            " × ".join(str(count) for count in each.cells),
+            str(each.cells),
             str(each.unknowns),
             f"{each.value:.9g}",
             _error(each),

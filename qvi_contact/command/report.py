@@ -157,13 +157,9 @@ def verification_lines(checked: Sequence[Verification], values: Sequence[float],
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     """What `qvi_contact.command.outline.outline` found, as text."""
     mesh = outline["mesh"]
-    cells = f"{mesh['cells']} triangles, edges"
-    if "rows" in mesh:
-        cells = f"{mesh['columns']} × {mesh['rows']} cells, {mesh['cells']} of them in the body,"
     yield (
-        f"mesh: {cells} {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} "
-        f"{'wide' if 'rows' in mesh else 'long'}; x from {mesh['x'][0]:g} to {mesh['x'][1]:g}, y from "
-        f"{mesh['y'][0]:g} to {mesh['y'][1]:g}"
+        f"mesh: {mesh['cells']} triangles, edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
+        f"x from {mesh['x'][0]:g} to {mesh['x'][1]:g}, y from {mesh['y'][0]:g} to {mesh['y'][1]:g}"
     )
     element = outline["element"]
     yield f"element: {element['name']}, degree {element['degree']}, contact rows: {_ROWS[element['contact_rows']]}"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,6 +16,7 @@ from qvi_contact.files.problem_file import ProblemFile, SweepPlan
 if TYPE_CHECKING:
     from qvi_contact.basics.terminal import Advance
     from qvi_contact.basics.units import Units
+    from qvi_contact.files.sweep_store import StoredSweep
     from qvi_contact.solution.history import History
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.sweep import Sweep
@@ -81,7 +83,7 @@ def solved_series(
     if plan is not None:
         from qvi_contact.solution.sweep import solve_sweep
 
-        with named_errors(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
+        with _named_errors(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
             sweep = solve_sweep(
                 file.problem,
                 plan.parameter,
@@ -117,8 +119,65 @@ class _Told:
             self._done += 1
 
 
+def check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, Any]) -> None:
+    """Refuse options, by name, that have no sense without a sweep that goes to a file, or with one."""
+    streams = plan is not None and store is not None
+    for name in ("workers", "dask"):
+        if not streams and asked[name] is not None:
+            remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
+            raise InputError(f"--{name}", asked[name], remedy)
+    for name in ("plot", "deformed", "vtk", "npz", "report", "certificate"):
+        if streams and asked[name]:
+            remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
+            raise InputError(f"--{name}", asked[name], remedy)
+
+
+def stored_sweep(
+    file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, store: str, workers: dict[str, Any]
+) -> StoredSweep:
+    """The sweep of a file whose rows are in a store, done as far as the time allows."""
+    from qvi_contact.command.solve_line import solving
+    from qvi_contact.files.sweep_store import read_sweep
+    from qvi_contact.solution.sweep import solve_sweep
+
+    with _named_errors(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
+        with suppress(InputError):  # what is no store will be told
+            for _ in read_sweep(store).statuses:
+                advance()
+        return solve_sweep(
+            file.problem,
+            plan.parameter,
+            plan.values,
+            plan.of,
+            lambda *_: advance(),
+            store=store,
+            **workers,
+            **options,
+            verbose=verbose,
+        )
+
+
+def stored_lines(sweep: StoredSweep) -> Iterator[str]:
+    """What people read of a sweep in a store."""
+    few, many = min(sweep.values), max(sweep.values)
+    yield f"{sweep.parameter}: {len(sweep.values)} values from {few:g} to {many:g}"
+    yield ", ".join(f"{count} {status.words}" for status, count in Counter(sweep.statuses).items()) or "none done"
+    if sweep.status != "solved":
+        yield sweep.message
+    yield f"rows: {sweep.path}"
+
+
+def stored_document(file: ProblemFile, sweep: StoredSweep) -> dict[str, Any]:
+    """The same for programs."""
+    statuses = Counter(map(str, sweep.statuses))
+    return {
+        "title": file.title, "solved": sweep.status == "solved", "store": str(sweep.path), "parameter": sweep.parameter,
+        "values": len(sweep.values), "statuses": dict(statuses), "message": sweep.message,
+    }  # fmt: skip
+
+
 @contextmanager
-def named_errors(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
+def _named_errors(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
     """Input errors about the sweep name the option --set, or the key of the file."""
     try:
         yield

@@ -25,13 +25,10 @@ __getattr__ = front(
     __name__,
     {
         "at_rest": ("BodyAtRest",),
-        "cell": ("reference_matrices",),
-        "cells": ("cell_for",),
         "dual": ("DualProblem",),
         "elasticity": ("Elasticity",),
-        "rectangle": ("Rectangle",),
         "solver": ("moduli",),
         "space": ("Space",),
-        "triangle": ("Triangle",),
+        "triangle": ("Triangle", "reference_matrices"),
     },
 )

@@ -81,7 +81,7 @@ class CondensedBody:
         shift = float(K.diagonal().mean()) if len(free) else 0.0
         held = np.zeros(len(free))
         held[place] = shift  # back ends want a positive definite matrix; S has it on its diagonal and is freed of it
-        factor = make(sparse.csc_array(K + sparse.diags_array(held)), place, None, Request())
+        factor = make(sparse.csc_array(K + sparse.diags_array(held)), place, Request())
         S = factor.schur - shift * np.eye(len(place))
         fixed = np.zeros(size)
         fixed[supports.index] = supports.values

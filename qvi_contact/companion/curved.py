@@ -18,8 +18,8 @@ from numpy.polynomial.legendre import legder, leggauss, legvander
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.triangle import barycentric
 from qvi_contact.mesh.arcs import arc_offsets
-from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.topology import OPPOSITE
+from qvi_contact.mesh.triangles import TriangleMesh
 
 _TERMS: Final = 12  # of q beside the coefficients of bends: its digits on an arc that turns by 90°
 _STEPS: Final = 8  # of Newton's method for the inverse of the map; each doubles the digits
@@ -46,7 +46,7 @@ class CurvedCells:
     bends: FloatArray
 
     @classmethod
-    def of(cls, mesh: Mesh, length: float) -> "CurvedCells":
+    def of(cls, mesh: TriangleMesh, length: float) -> "CurvedCells":
         """Those of a mesh, whose lengths are divided by `length`."""
         bends = mesh.sides
         numbers = np.flatnonzero(bends.any(axis=(1, 2)))
@@ -108,7 +108,7 @@ class CurvedCells:
         """Places in `which` of the cells whose side of this number is an arc: mostly one of three is."""
         return np.flatnonzero(self.bends[which, side].any(axis=1))
 
-    def own(self, mesh: Mesh, which: IntArray, t: FloatArray) -> FloatArray:
+    def own(self, mesh: TriangleMesh, which: IntArray, t: FloatArray) -> FloatArray:
         """Reference points t (k, q, 2) of this map from those (k, q, 2) of the mesh."""
         placed = mesh.placed(self.numbers[which], _barycentric(t, len(which)))
         return self.reference(which, placed @ self.corners[which])

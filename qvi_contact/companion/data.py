@@ -9,7 +9,7 @@ from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.integrals import along_edges

@@ -1,6 +1,6 @@
 """Strains and stresses of a displacement, the stiffness matrix, and forces without the rounding inside it.
 
-Strains are (ε_xx, ε_yy, 2ε_xy). Derivatives act on differences of neighbouring coefficients, see `Cell`.
+Strains are (ε_xx, ε_yy, 2ε_xy). Derivatives act on differences of neighbouring coefficients, see `Triangle`.
 """
 
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.companion.cell import reference_matrices
 from qvi_contact.companion.space import Space
+from qvi_contact.companion.triangle import reference_matrices
 
 _ON_ARCS = 6  # Gauss points more where cells have arcs
 _ENTRIES = ([0, 2], [2, 1])  # of (ε_xx, ε_yy, 2ε_xy): where ∂_x and ∂_y of each component go to
@@ -52,7 +52,7 @@ class Elasticity:
         """The blocks (c, n, 2, n, 2) of cells with arcs, by quadrature."""
         space, curved = self.space, self.space.curved
         t, w = space.cell.quadrature(self._count)
-        tables = [space.cell.derivative_values(axis, t) @ space.cell.differences[axis] for axis in (0, 1)]
+        tables = [space.cell.derivative_values(t) @ space.cell.differences[axis] for axis in (0, 1)]
         found = np.empty((len(curved), tables[0].shape[1], 2, tables[0].shape[1], 2))
         for k in range(len(curved)):
             jacobians = curved.jacobians(np.array([k]), t)[0]
@@ -77,9 +77,8 @@ class Elasticity:
     def _gradients(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """∂_b u_c as [cell, b, point, c]."""
         cell, local = self.space.cell, v.reshape(-1, 2)[self.space.table[cells]]
-        along = np.stack(
-            [cell.derivative_values(axis, t) @ (cell.differences[axis] @ local) for axis in (0, 1)], axis=1
-        )
+        values = cell.derivative_values(t)
+        along = np.stack([values @ (cell.differences[axis] @ local) for axis in (0, 1)], axis=1)
         found = _combined(self.space.slopes[cells].swapaxes(1, 2), along)
         at, which = self.space.curved.among(cells, len(self.space.table))
         if len(at):
@@ -114,7 +113,8 @@ class Elasticity:
             every = np.arange(len(space.curved))
             slopes = np.linalg.inv(space.curved.jacobians(every, t))
             along[space.curved.numbers] = np.einsum("kqab,kbqc->kaqc", slopes, tensor[space.curved.numbers])
-        local = sum(cell.differences[axis].T @ (cell.derivative_values(axis, t).T @ along[:, axis]) for axis in (0, 1))
+        values = cell.derivative_values(t).T
+        local = sum(cell.differences[axis].T @ (values @ along[:, axis]) for axis in (0, 1))
         found = np.bincount(space.dofs.ravel(), np.ravel(local), minlength=space.size)
         return np.asarray(found, dtype=np.float64)
 

@@ -110,8 +110,8 @@ class CompanionResult(Stated):
     def cell_strain(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
         """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell, (cells, k, 3).
 
-        The point (t_x, t_y) of a rectangle lies that far along its sides, that of a triangle has these barycentric
-        coordinates of its second and third corner. Cells come in the order of the mesh.
+        The point (t_x, t_y) has these barycentric coordinates of the second and third corner. Cells come in the order
+        of the mesh.
         """
         strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), _points(tx, ty)))
         return np.asarray(strain * (self.scales.displacement / self.scales.length))

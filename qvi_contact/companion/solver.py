@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.companion.admissible import admissible
-from qvi_contact.companion.cell import Cell
-from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.condensation import CondensedBody
 from qvi_contact.companion.data import load_vector
 from qvi_contact.companion.dual import Contacts, DualProblem, dual_problem
@@ -25,6 +23,7 @@ from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionState
 from qvi_contact.companion.supports import Supports, supports
 from qvi_contact.companion.traces import Trace, traces
+from qvi_contact.companion.triangle import Triangle, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -52,7 +51,7 @@ def solve_companion(
     callback: Callable[[Iteration], object] | None = None,
     verbose: bool = False,
 ) -> CompanionResult:
-    """Displacements of a contact problem, by conforming elements on its mesh: Q_p on rectangles, P_p on triangles.
+    """Displacements of a contact problem, by conforming elements P_p on its mesh.
 
     Minimises, over the displacements v of degree p that meet supports and contacts on whole edges,
 
@@ -70,7 +69,7 @@ def solve_companion(
         any degree, edges in the order of ``problem.mesh.edges(contact.edges)``, coefficients along the tangent
         (Tresca's law). By default the contacts' own laws, with the pressure of this model's contact forces.
     degree : int, optional
-        p: 2 to 4 on rectangles, 2 by default, 1 to 5 on triangles, 3 by default.
+        p: 1 to 5, 3 by default.
     tolerance : float
         Accuracy that the certificate of the contact forces must confirm.
     time_limit : float, optional
@@ -158,7 +157,7 @@ def condensed_at_rest(problem: ContactProblem, degree: int | None = None) -> tup
         If the stiffness matrix cannot be factorised.
 
     """
-    model = _Model.of(problem, cell_for(problem.mesh, degree))
+    model = _Model.of(problem, triangle(degree))
     lines, _ = model.traces(None, {})
     contacts = Contacts.of(lines, model.body.space.size)
     held = replace(model.held, values=np.zeros_like(model.held.values))
@@ -166,11 +165,11 @@ def condensed_at_rest(problem: ContactProblem, degree: int | None = None) -> tup
         return contacts, CondensedBody.of(model.body, np.zeros_like(model.load), held, contacts.rows)
 
 
-def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Cell:
+def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Triangle:
     """The element, if arguments and problem are what the model takes."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    cell = cell_for(problem.mesh, degree)
+    cell = triangle(degree)
     if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float)) and 0.0 < tolerance < 1.0):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     check_scope(problem)
@@ -189,7 +188,7 @@ class _Model:
     remarks: tuple[str, ...]
 
     @classmethod
-    def of(cls, problem: ContactProblem, cell: Cell) -> _Model:
+    def of(cls, problem: ContactProblem, cell: Triangle) -> _Model:
         """Loads and supports."""
         scales = Scales.of(problem)
         space = Space.of(problem, cell, scales.length)

@@ -12,10 +12,10 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.companion.cell import Cell
 from qvi_contact.companion.curved import CurvedCells
+from qvi_contact.companion.triangle import Triangle
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
 
@@ -25,10 +25,10 @@ class Space:
 
     Attributes
     ----------
-    mesh : Mesh
+    mesh : TriangleMesh
         The mesh.
-    cell : Cell
-        The reference cell, with n coefficients.
+    cell : Triangle
+        The reference triangle, with n coefficients.
     origins : (cells, 2) array
         Where the first corner of each cell lies.
     frames : (cells, 2, 2) array
@@ -42,8 +42,8 @@ class Space:
 
     """
 
-    mesh: Mesh
-    cell: Cell
+    mesh: TriangleMesh
+    cell: Triangle
     origins: FloatArray
     frames: FloatArray
     table: IntArray
@@ -51,11 +51,11 @@ class Space:
     curved: CurvedCells
 
     @classmethod
-    def of(cls, problem: ContactProblem, cell: Cell, length: float) -> "Space":
+    def of(cls, problem: ContactProblem, cell: Triangle, length: float) -> "Space":
         """The space of a problem."""
         mesh = problem.mesh
         corners = mesh.vertices[mesh.cells]
-        first, along, across = (corners[:, number] for number in (0, *cell.axes))
+        first, along, across = corners.swapaxes(0, 1)
         frames = np.stack([along - first, across - first], axis=-1) / length
         vertices, block = _vertices(problem)
         origins = (first - mesh.origin) / length
@@ -151,13 +151,13 @@ class Space:
         return found.reshape(self.size, 3 * blocks)
 
 
-def _corner(mesh: Mesh, cells: IntArray, vertices: IntArray) -> IntArray:
+def _corner(mesh: TriangleMesh, cells: IntArray, vertices: IntArray) -> IntArray:
     """Which corner of each cell (e,) a vertex (e,) is."""
     return np.asarray(np.argmax(mesh.cells[cells] == vertices[:, None], axis=1))
 
 
 def _vertices(problem: ContactProblem) -> tuple[IntArray, IntArray]:
-    """Vertex of each corner of each cell (cells, c), and the cells' blocks.
+    """Vertex of each corner of each cell (cells, 3), and the cells' blocks.
 
     Vertices of the mesh come in its order, those that joints divide one after the other.
     """
@@ -167,15 +167,14 @@ def _vertices(problem: ContactProblem) -> tuple[IntArray, IntArray]:
         whole[mesh.joint_set(joint.edges)] = False
     edges = mesh.interior.take(whole)
     near, far = edges.cells.T
-    count, corners = mesh.cells.shape
+    count = len(mesh.cells)
     pairs = [
-        (corners * near + _corner(mesh, near, end), corners * far + _corner(mesh, far, end))
-        for end in (edges.first, edges.second)
+        (3 * near + _corner(mesh, near, end), 3 * far + _corner(mesh, far, end)) for end in (edges.first, edges.second)
     ]
     first, second = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    parts = _components(first, second, corners * count)
+    parts = _components(first, second, 3 * count)
     _, vertex = np.unique(np.stack([mesh.cells.ravel(), parts]), axis=1, return_inverse=True)
-    return vertex.reshape(count, corners), _components(near, far, count)
+    return vertex.reshape(count, 3), _components(near, far, count)
 
 
 def _components(first: IntArray, second: IntArray, count: int) -> IntArray:

@@ -33,7 +33,6 @@ from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.problem.conditions import DRIVES, Contact, Law, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.names import known_name
-from solvers.strict.quadratics import smallest
 
 _PLACES: FloatArray = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
 
@@ -194,8 +193,11 @@ def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) 
 
 def _least(values: FloatArray) -> float:
     """The smallest value of polynomials (edges, q): exact up to degree 2, of others at points."""
-    found = smallest(values) if values.shape[1] == 3 else values @ bernstein.basis(values.shape[1] - 1, _PLACES).T
-    return float(found.min(initial=0.0))
+    quadratic = values.shape[1] == 3
+    at_places = (
+        -bernstein.largest_quadratic(-values) if quadratic else values @ bernstein.basis(values.shape[1] - 1, _PLACES).T
+    )
+    return float(at_places.min(initial=0.0))
 
 
 def _trace(

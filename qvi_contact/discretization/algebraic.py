@@ -13,15 +13,16 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.basis import Basis, Energy
 from qvi_contact.discretization.contact_rows import ContactRows, joined
 from qvi_contact.discretization.elimination import Elimination
+from qvi_contact.discretization.energy import TriangleEnergy
 from qvi_contact.discretization.loads import cell_potential, displacement_load, potential_at
 from qvi_contact.discretization.plates import PlateRows
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.space import StressSpace
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
-from solvers import EdgeRows, EnergyRoot, FrictionQVI, Traces
+from solvers import EnergyRoot, FrictionQVI, Traces
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,22 +30,22 @@ class Posed:
     """A contact problem on the elements of its mesh, but for the algebraic problem itself; see `Discretization`."""
 
     problem: ContactProblem
-    space: Basis
-    energy: Energy
+    space: StressSpace
+    energy: TriangleEnergy
     scales: Scales
     elimination: Elimination
     contacts: tuple[ContactRows, ...]
     plates: PlateRows
 
 
-def energy_of(problem: ContactProblem, space: Basis, scales: Scales, before: Posed | None) -> Energy:
+def energy_of(problem: ContactProblem, space: StressSpace, scales: Scales, before: Posed | None) -> TriangleEnergy:
     """The energy of the body, the very one of an earlier problem if material and body force are the same."""
     potential = cell_potential(problem, space, scales)
     if before is not None and _same_stiffness(problem, scales, before):
         known = cell_potential(before.problem, before.space, before.scales)
         if (potential is None and known is None) or np.array_equal(potential, known):  # type: ignore[arg-type]  # None
             return before.energy
-    return space.energy(problem.cell_materials, _compliances(problem, scales), potential)
+    return TriangleEnergy.of(space, problem.cell_materials, _compliances(problem, scales), potential)
 
 
 def algebraic(posed: Posed, before: Posed | None = None, known: FrictionQVI | None = None) -> FrictionQVI:
@@ -89,8 +90,6 @@ def _assembled(posed: Posed, rows: _Rows) -> FrictionQVI:
         A=sparse.csc_array(posed.plates.A),
         b=posed.plates.b,
         traces=Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
-        edges=_edge_rows(posed.space),
-        structure=energy.structure(elimination),
         places=energy.places(elimination),
         **rows.data,
     )
@@ -178,9 +177,3 @@ def _halves(rows: sparse.csr_array) -> tuple[sparse.csr_array, sparse.csr_array]
     """N and T of [N; T]."""
     m = rows.shape[0] // 2
     return rows[:m], rows[m:]
-
-
-def _edge_rows(space: Basis) -> EdgeRows | None:
-    """Rows as samples of polynomials on edges; Bernstein coefficients are none."""
-    rule = space.contact_rule
-    return EdgeRows(rule.points, space.normal_degree, space.shear_degree) if rule.kind == "gauss" else None

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
-from qvi_contact.discretization.basis import Basis, ContactRule
-from qvi_contact.discretization.edge_points import EdgePoints
-from qvi_contact.discretization.loads import LOAD_POINTS, physical
+from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.space import ContactRule, StressSpace
 from qvi_contact.element import legendre
 from qvi_contact.mesh.edges import points_along
 from qvi_contact.problem.conditions import Contact, Law, has_coulomb
@@ -107,7 +106,7 @@ class ContactRows:
 
     @property
     def edges(self) -> slice:
-        """Its edges among those of `FrictionQVI.edges`; none for a tied contact."""
+        """Its edges among those of all contacts that have rows; none for a tied contact."""
         return slice(self.rows.start // self.points.count, self.rows.stop // self.points.count)
 
     @property
@@ -136,11 +135,11 @@ class ContactRows:
         return replace(self, offset=offset)
 
 
-def contact_rows(problem: ContactProblem, basis: Basis, scales: Scales) -> tuple[ContactRows, ...]:
+def contact_rows(problem: ContactProblem, space: StressSpace, scales: Scales) -> tuple[ContactRows, ...]:
     """All contacts in the order of the problem; `InputError` where a field gives bad values."""
-    found, start, rule = [], 0, basis.contact_rule
+    found, start, rule = [], 0, space.contact_rule
     for contact in problem.contacts:
-        points = EdgePoints(basis, problem.mesh.edges(contact.edges), rule.count)
+        points = EdgePoints(space, problem.mesh.edges(contact.edges), rule.count)
         stop = start if contact.law == "tied" else start + len(points.weights)
         found.append(_rows(problem, scales, contact, points, slice(start, stop)))
         start = stop
@@ -171,11 +170,11 @@ def laws_vary(problem: ContactProblem) -> bool:
 
 
 def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: EdgePoints, rows: slice) -> ContactRows:
-    rule = points.basis.contact_rule
+    rule = points.space.contact_rule
     x, y = physical(problem, scales, points.coordinates)
     limits = row_limits = _limits(contact, scales, x, y)
     if rule.to_points is not None:
-        places = points_along(points.basis.vertices, points.edges, rule.places).reshape(-1, 2)
+        places = points_along(points.space.vertices, points.edges, rule.places).reshape(-1, 2)
         row_limits = _limits(contact, scales, *physical(problem, scales, places))
     return ContactRows(
         contact.name,

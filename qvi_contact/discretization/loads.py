@@ -1,22 +1,102 @@
-"""Prescribed tractions, displacements, body forces and obstacles as conditions and load vectors, dimensionless.
+"""Points on edges, and prescribed tractions, displacements and body forces there as conditions and load vectors.
 
-In `docs/theory.md`: (D1).
+All dimensionless. In `docs/theory.md`: (D1).
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
-from qvi_contact.discretization.basis import Basis, PrescribedTraction
-from qvi_contact.discretization.edge_points import EdgePoints
+from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.mesh.edges import edge_ends
+from qvi_contact.discretization.space import StressSpace
+from qvi_contact.discretization.tractions import PrescribedTraction
+from qvi_contact.element import bernstein, legendre
+from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.mesh.edges import Edges, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem, Prescribed
 
 LOAD_POINTS = 8
 """Gauss points for data given as functions, on edges: exact up to degree 15; for tractions on parts too."""
+
+_ROUNDING = 1e-9  # of the largest value: difference from a polynomial that is none
+_ON_ARCS: Final = 8  # points more for sums of products with frames that turn by 90° at most
+
+
+@dataclass(frozen=True, eq=False)
+class EdgePoints:
+    """Gauss points on edges of the boundary or of joints.
+
+    Attributes
+    ----------
+    space : StressSpace
+        Mesh and element.
+    edges : Edges
+        The n edges.
+    count : int
+        Gauss points an edge, q. Arrays over points have shape (n q,), edge by edge.
+
+    """
+
+    space: StressSpace
+    edges: Edges
+    count: int
+
+    @property
+    def reference(self) -> FloatArray:
+        """Reference coordinates of the points of each edge, 0 to 1 along the tangent, shape (q,)."""
+        return gauss_legendre(self.count)[0]
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Dimensionless lengths of the edges, shape (n,)."""
+        first, second = (self.space.vertices[ends] for ends in (self.edges.first, self.edges.second))
+        return np.asarray(np.hypot(*(second - first).T) * self.edges.stretch)
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Quadrature weights, the edge's length included, shape (n q,)."""
+        return np.outer(self.lengths, gauss_legendre(self.count)[1]).ravel()
+
+    @cached_property
+    def coordinates(self) -> FloatArray:
+        """Dimensionless coordinates, shape (n q, 2)."""
+        return points_along(self.space.vertices, self.edges, self.reference).reshape(-1, 2)
+
+    @property
+    def normals(self) -> FloatArray:
+        """The edge's normal at each point, shape (n q, 2)."""
+        return self.vectors(self.edges.normal, turns=True)
+
+    @property
+    def tangents(self) -> FloatArray:
+        """The edge's tangent at each point, shape (n q, 2)."""
+        return self.vectors(self.edges.tangent, turns=True)
+
+    def for_resultants(self) -> "EdgePoints":
+        """More points where edges are arcs, whose normals turn, so that resultants are exact; else the same."""
+        return replace(self, count=self.count + _ON_ARCS) if self.edges.curved else self
+
+    def vectors(self, direction: FloatArray, turns: bool) -> FloatArray:
+        """Directions (n, 2) of the edges, of arcs if they turn along them, at each point, shape (n q, 2)."""
+        return vectors_along(self.edges, direction, self.reference, turns=turns).reshape(-1, 2)
+
+    def load(self, normal: FloatArray, shear: FloatArray) -> FloatArray:
+        """Σ normal σ_N + shear σ_T of weights (n q,) each, as a vector over all degrees of freedom (N,)."""
+        return self.space.traction_load(normal, shear, self.edges, self.reference)
+
+    def traction_load(self, direction: FloatArray, weights: FloatArray) -> FloatArray:
+        """The same of weights (n q,) of d·σn without φ, for a direction (2,) or one for each point (n q, 2)."""
+        normal, shear = ((direction * own).sum(axis=1) for own in (self.normals, self.tangents))
+        return self.load(weights * normal, weights * shear)
+
+    def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""
+        return self.space.tractions(u, self.edges, self.reference)
 
 
 def potential_at(problem: ContactProblem, scales: Scales, points: FloatArray) -> FloatArray:
@@ -57,70 +137,44 @@ def _traction(problem: ContactProblem, scales: Scales, given: Prescribed) -> Pre
     return PrescribedTraction(given.name, edges, given.direction, value, own, given.turns, number)
 
 
-def frictionless_corners(problem: ContactProblem) -> list[int]:
-    """Vertices of contacts that carry no shear there, and that a prescribed shear other than zero reaches.
-
-    The two disagree, and the corner is treated as one between two prescribed shears.
-    """
-    found = []
-    for vertex, name in shear_beside_contacts(problem):
-        contact = contact_named(problem, name)
-        x, y = problem.mesh.vertices[[vertex]].T
-        friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
-        cohesion = evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0)
-        limit = contact.shear_limit if contact.shear_limit is not None else np.inf
-        capped = callable(limit) and evaluate("Contact.shear_limit", limit, x, y, minimum=0.0)[0] == 0.0
-        if friction[0] == cohesion[0] == 0.0 or limit == 0.0 or capped:
-            found.append(vertex)
-    return found
-
-
 def contact_named(problem: ContactProblem, name: str) -> Contact:
     """The contact of that name."""
     return next(contact for contact in problem.contacts if contact.name == name)
 
 
-def shear_beside_contacts(problem: ContactProblem) -> list[tuple[int, str]]:
-    """Vertices where a prescribed shear other than zero meets a contact that limits shear, with the contact's name."""
-    found = []
-    for contact in problem.contacts:
-        if contact.law == "tied":
-            continue
-        ends = edge_ends(problem.mesh.edges(contact.edges))
-        for given in problem.prescribed(Traction):
-            shear = given.edges.take(_along(given, given.edges.tangent))
-            vertices = np.intersect1d(np.concatenate([shear.first, shear.second]), ends)
-            values = evaluate(given.name, given.value, *problem.mesh.vertices[vertices].T)
-            found += [(int(vertex), contact.name) for vertex in vertices[values != 0.0]]
-    return found
-
-
-def _along(given: Prescribed, vectors: FloatArray) -> BoolArray:
-    """Edges on which the component is that along the given unit vectors (n, 2)."""
-    return np.asarray(np.abs((given.direction * vectors).sum(axis=1)) == 1.0)
-
-
 def displacements_at_points(
-    problem: ContactProblem, basis: Basis, scales: Scales
+    problem: ContactProblem, space: StressSpace, scales: Scales
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
     """Prescribed displacements as (directions (m, 2), m Gauss points of edges, values there [length])."""
     for given in problem.prescribed(Displacement):
-        points = EdgePoints(basis, given.edges, LOAD_POINTS)
+        points = EdgePoints(space, given.edges, LOAD_POINTS)
         x, y = physical(problem, scales, points.coordinates)
         yield points.vectors(given.direction, given.turns), points, evaluate(given.name, given.value, x, y)
 
 
-def displacement_load(problem: ContactProblem, basis: Basis, scales: Scales) -> FloatArray:
+def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray:
     """∫_{Γ_u} U·τn ds as a vector over all degrees of freedom, the first term on the right of (D1)."""
-    load = np.zeros(basis.size)
-    for direction, points, values in displacements_at_points(problem, basis, scales):
+    load = np.zeros(space.size)
+    for direction, points, values in displacements_at_points(problem, space, scales):
         if values.any():
             load += points.traction_load(direction, points.weights * values / scales.displacement)
     return load
 
 
-def cell_potential(problem: ContactProblem, basis: Basis, scales: Scales) -> FloatArray | None:
+def cell_potential(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
     """φ at the quadrature points of the cells (cells, g), dimensionless; None without body force."""
     if not has_body_force(problem):
         return None
-    return potential_at(problem, scales, basis.points(np.arange(problem.mesh.cell_count), basis.cell_points))
+    return potential_at(problem, scales, space.points(np.arange(problem.mesh.cell_count), space.cell_points))
+
+
+def is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
+    """Whether a field is a polynomial of that degree along each edge, as far as many points show."""
+    values = evaluate(name, field, *problem.mesh.points_along(edges, bernstein.SAMPLES))
+    return spanned(values, legendre.basis(most, bernstein.SAMPLES))
+
+
+def spanned(values: FloatArray, functions: FloatArray) -> bool:
+    """Whether rows of values (n, k) are combinations of the columns of functions (k, c)."""
+    basis = np.linalg.qr(functions)[0]
+    return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * np.abs(values).max())

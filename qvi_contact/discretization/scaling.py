@@ -7,7 +7,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.shown import Rounding
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
@@ -83,7 +83,7 @@ class Scales:
         for given in problem.prescribed(Traction):
             values = _sampled(problem, given.edges, given.name, given.value)
             sizes.append(float(np.abs(values).max()))
-        vertices = problem.mesh.vertices[problem.mesh.body_vertices]
+        vertices = problem.mesh.vertices
         potential = evaluate("ContactProblem.body_potential", problem.body_potential, *vertices.T)
         sizes.append(float(np.ptp(potential)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]

@@ -13,7 +13,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element import legendre
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 
 _END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
 
@@ -34,6 +34,14 @@ def basis(degree: int, t: FloatArray) -> FloatArray:
     binomial = np.array([comb(degree, int(k)) for k in i], dtype=float)
     t = np.asarray(t, dtype=float)[:, None]
     return np.asarray(binomial * t**i * (1.0 - t) ** (degree - i))
+
+
+def largest_quadratic(b: FloatArray) -> FloatArray:
+    """Maximum on [0, 1] of each quadratic b (e, 3): at an end, or inside where it is concave."""
+    curvature = 2.0 * b[:, 1] - b[:, 0] - b[:, 2]  # > 0: concave
+    inside = (b[:, 1] > b[:, 0]) & (b[:, 1] > b[:, 2])
+    t = np.divide(b[:, 1] - b[:, 0], curvature, out=np.zeros(len(b)), where=inside)
+    return np.asarray(np.maximum(b[:, [0, 2]].max(axis=1), (basis(2, t) * b).sum(axis=1)))
 
 
 def nodes(degree: int) -> FloatArray:

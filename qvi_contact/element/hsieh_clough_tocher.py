@@ -22,11 +22,10 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import legendre
 from qvi_contact.element.affine import CORNERS, EDGES, AffineTriangles
-from qvi_contact.element.compliance import compliance_roots
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import bernstein, exponents, gradient, hessian, quadrature
 from qvi_contact.errors import InputError
 
@@ -36,6 +35,7 @@ LOWEST, HIGHEST = 3, 12
 #: Pairs of components of the Hessian (xx, yy, xy) whose products make up an energy.
 _PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _FROBENIUS: Final = np.array([1.0, 1.0, 2.0])  # |∇∇Φ|² = Φ_xx² + Φ_yy² + 2 Φ_xy²
+_NEARLY: Final = 1e-4  # of c_11: a resistance to pressure below which Cholesky's root of an energy loses digits
 _AREA: Final = np.sqrt(0.75) / 2.0  # of the reference triangle
 
 
@@ -320,3 +320,25 @@ def _edge_frames(corners: FloatArray, s: int) -> tuple[FloatArray, FloatArray, F
     t = (b - a) / h[:, None]
     median = corners[:, s] - (a + b) / 2.0
     return h, t, t[:, 0] * median[:, 1] - t[:, 1] * median[:, 0], (median * t).sum(axis=1)
+
+
+def compliance_roots(compliances: FloatArray) -> FloatArray:
+    """L lower triangular with L Lᵀ = c, for c (n, 3, 3) positive semi-definite with c_11, c_33 > 0.
+
+    Where a pivot is zero, up to rounding, so is its column: a constant pressure has no energy in an incompressible
+    body.
+    """
+    c, roots = compliances, np.zeros_like(compliances)
+    roots[:, 0, 0] = np.sqrt(c[:, 0, 0])
+    roots[:, 1:, 0] = c[:, 1:, 0] / roots[:, :1, 0]
+    roots[:, 1, 1] = np.sqrt(np.maximum(c[:, 1, 1] - roots[:, 1, 0] ** 2, 0.0))
+    rest = c[:, 2, 1] - roots[:, 2, 0] * roots[:, 1, 0]
+    roots[:, 2, 1] = np.divide(rest, roots[:, 1, 1], out=np.zeros_like(rest), where=roots[:, 1, 1] > 0.0)
+    roots[:, 2, 2] = np.sqrt(np.maximum(c[:, 2, 2] - roots[:, 2, 0] ** 2 - roots[:, 2, 1] ** 2, 0.0))
+    return roots
+
+
+def nearly_incompressible(compliances: FloatArray) -> BoolArray:
+    """Whether pressure strains a material (n, 3, 3) next to nothing beside what shear does, shape (n,)."""
+    in_plane = compliances[:, :2, :2].sum(axis=(1, 2))
+    return np.asarray(in_plane < _NEARLY * (compliances[:, 0, 0] + compliances[:, 1, 1]))

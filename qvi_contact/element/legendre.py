@@ -1,4 +1,4 @@
-"""Polynomials on [0, 1] by coefficients of Legendre: p(t) = Σ c_k P_k(2t − 1)."""
+"""Polynomials on [0, 1] by coefficients of Legendre, p(t) = Σ c_k P_k(2t − 1), and Gauss points."""
 
 from functools import cache
 from math import comb
@@ -7,12 +7,20 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.element.hermite import gauss_legendre
 
 
 def basis(degree: int, t: FloatArray) -> FloatArray:
     """Values P_k(2t − 1), shape (..., degree + 1)."""
     return np.asarray(legvander(2.0 * np.asarray(t, dtype=float) - 1.0, degree))
+
+
+@cache
+def gauss_legendre(count: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss-Legendre points and weights on [0, 1], exact for polynomials of degree 2·count − 1."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    points, weights = (points + 1.0) / 2.0, weights / 2.0
+    points.flags.writeable = weights.flags.writeable = False
+    return points, weights
 
 
 @cache

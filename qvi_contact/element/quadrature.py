@@ -16,7 +16,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import bernstein, legendre
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 
 Function: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 """Values (k, q) at reference points t (k, q) of edges by number (k,)."""

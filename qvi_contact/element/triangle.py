@@ -1,4 +1,4 @@
-"""Polynomials on a triangle by Bernstein coefficients, and quadrature there.
+"""Polynomials on a triangle by Bernstein coefficients, quadrature there, and points that divide it.
 
     p(λ) = Σ c_α B_α(λ),   B_α = d!/(α₀! α₁! α₂!) λ₀^α₀ λ₁^α₁ λ₂^α₂,   α₀ + α₁ + α₂ = d
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.special import roots_jacobi
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 
 
 @cache
@@ -80,3 +80,19 @@ def quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
     weights = np.outer(weights_towards / weights_towards.sum(), weights_along / 2.0).ravel()
     points.flags.writeable = weights.flags.writeable = False
     return points, weights
+
+
+def triangle_lattice(divisions: int) -> tuple[FloatArray, IntArray]:
+    """Barycentric points (k, 3) that divide a triangle into equal parts, and the corners (c, 3) of these."""
+    n = divisions
+    j, i = np.indices((n + 1, n + 1))
+    inside = i + j <= n
+    number = (np.cumsum(inside) - 1).reshape(inside.shape)  # of the points inside, row by row
+    i, j = i[inside], j[inside]
+    upright, turned = i + j < n, i + j < n - 1
+
+    def parts(chosen: BoolArray, corners: list[tuple[int, int]]) -> IntArray:
+        return np.column_stack([number[j[chosen] + up, i[chosen] + across] for across, up in corners])
+
+    found = [parts(upright, [(0, 0), (1, 0), (0, 1)]), parts(turned, [(1, 0), (1, 1), (0, 1)])]
+    return np.column_stack([n - i - j, i, j]) / n, np.concatenate(found)

@@ -16,11 +16,11 @@ from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
+from qvi_contact.discretization.space import FAMILY
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import write_archive
 from qvi_contact.files.stored import solution_arrays
 from qvi_contact.files.vtu import check_vtu, named, stress_fields, vectors, write_grid
-from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
 from qvi_contact.solution.sampling import cell_factors
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
 _SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
-_MOST_SUBDIVISIONS: Final = 100  # of a cell: ten thousand quadrilaterals
+_MOST_SUBDIVISIONS: Final = 100  # of a part of a cell: ten thousand triangles
 _NOT_STORED: Final = (
     "name",
     "ends",
@@ -145,12 +145,8 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
     -----
     The fields are
 
-    * ``x_lines`` (nx + 1,), ``y_lines`` (ny + 1,) [length], ``active`` (ny, nx), ``material`` (ny, nx);
-    * ``airy`` (ny + 1, nx + 1, 4): Φ, Φ_x, Φ_y, Φ_xy at the nodes [stress × length²; × length; × length; stress], up to
-      an affine function; NaN at nodes outside the body;
-      On triangles instead of these ``vertices`` (v, 2) [length], ``cells`` (cells, 3) and ``material`` (cells,);
-    * ``gauss_x``, ``gauss_y`` (cells, g) [length] and ``gauss_stress`` (cells, g, 3): σ_xx, σ_yy, σ_xy [stress], on
-      rectangles with g = 16;
+    * ``vertices`` (v, 2) [length], ``cells`` (cells, 3) and ``material`` (cells,);
+    * ``gauss_x``, ``gauss_y`` (cells, g) [length] and ``gauss_stress`` (cells, g, 3): σ_xx, σ_yy, σ_xy [stress];
     * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has of its points, and its
       forces; ``pore_pressure`` and effective stress and force where a fluid presses in the contact; with a
       plate ``<name>.motion``: x, y [length] and rotation [rad];
@@ -165,9 +161,8 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
       functions from which ``z`` counts, where small cells lie in several places; ``cuts``: vertices along lines from
       holes across which the Airy function of ``z`` jumps, line by line;
     * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
-      farther than so many units of displacement count as that far; ``freed``: nodes whose prescribed shear is given
-      up; ``earlier_slip``: of load steps before this one, at all contact points;
-      ``strict``: whether bounds hold on whole edges;
+      farther than so many units of displacement count as that far; ``earlier_slip``: of load steps before this one,
+      at all contact points;
     * ``z``, ``normal_multiplier``, ``tangential_multiplier``, ``equality_multiplier``, ``threshold``: of `QVISolution`;
     * ``certificate`` (JSON) and ``tolerance``; ``method``, ``inner``, ``form``, ``factorisation``, ``iterations``,
       ``corrections``, ``remarks``, ``history``, ``history_status``, ``timings``, ``versions``;
@@ -192,9 +187,9 @@ def write_vtu(
 ) -> None:
     """Write stresses as an unstructured VTK grid, which ParaView opens; needs the extra ``vtk`` (meshio).
 
-    Every cell is divided into quadrilaterals or triangles of its own, that share no points with those of other cells,
-    so that normal stresses may jump between cells as they do in the element: subdivisions² of a rectangle, as many of
-    each of the three parts of a triangle. Fields are linear in them.
+    Each of the three parts of a cell is divided into subdivisions² triangles of its own, that share no points with
+    those of other cells, so that normal stresses may jump between cells as they do in the element. Fields are linear in
+    them.
 
     Parameters
     ----------
@@ -398,17 +393,15 @@ def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any
 def element_of(discretization: Discretization) -> dict[str, Any]:
     """Name, degree and contact rows of the element, for documents."""
     space = discretization.space
-    return {"name": space.family, "degree": space.degree, "contact_rows": space.contact_rule.kind}
+    return {"name": FAMILY, "degree": space.degree, "contact_rows": space.contact_rule.kind}
 
 
 def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:
     mesh, qvi = result.problem.mesh, result.discretization.qvi
     smallest, largest = mesh.cell_range
-    lines = {"columns": mesh.shape[1], "rows": mesh.shape[0]} if isinstance(mesh, RectilinearMesh) else {}
     return {
-        **lines,
         "cells": mesh.cell_count,
-        "nodes": len(mesh.body_vertices),
+        "nodes": len(mesh.vertices),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
         "smallest_cell": _quantity(smallest, units.length),
@@ -441,23 +434,9 @@ def airy_units(result: ContactResult) -> FloatArray:
 
 def _body_arrays(result: ContactResult) -> dict[str, Any]:
     x, y, stress = result.gauss_stress()
-    gauss = {"gauss_x": x, "gauss_y": y, "gauss_stress": stress}
-    if not isinstance(result.problem.mesh, RectilinearMesh):
-        mesh = result.problem.mesh
-        return {"vertices": mesh.vertices, "cells": mesh.cells, "material": result.problem.cell_materials, **gauss}
-    return {**_grid_arrays(result), **gauss}
-
-
-def _grid_arrays(result: ContactResult) -> dict[str, Any]:
-    mesh = result.problem.grid
-    airy = result.nodal * airy_units(result) / result.discretization.grid.dof_scales
-    return {
-        "x_lines": mesh.x,
-        "y_lines": mesh.y,
-        "active": mesh.active,
-        "material": result.problem.material_numbers,
-        "airy": np.where(mesh.active_nodes[..., None], airy, np.nan),
-    }
+    mesh, material = result.problem.mesh, result.problem.cell_materials
+    body = {"vertices": mesh.vertices, "cells": mesh.cells, "material": material}
+    return {**body, "gauss_x": x, "gauss_y": y, "gauss_stress": stress}
 
 
 def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
@@ -486,7 +465,7 @@ def _numbers(result: ContactResult) -> dict[str, Any]:
 
 
 def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Points (m, 2) of all cells, those of `Basis.lattice` in each, cell by cell, and the fields there."""
+    """Points (m, 2) of all cells, those of `StressSpace.lattice` in each, cell by cell, and the fields there."""
     known, count = result.discretization, result.problem.mesh.cell_count
     t, _ = known.space.lattice(r)
     chunks = [np.arange(count)[start : start + _CHUNK] for start in range(0, count, _CHUNK)]

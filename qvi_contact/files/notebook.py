@@ -10,7 +10,7 @@ from markupsafe import Markup
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.shown import shown
 from qvi_contact.mesh.edges import Edges, points_along
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine
@@ -25,7 +25,7 @@ _DASHES: Final = ("none", "7 3", "2 3", "9 3 2 3", "12 4", "4 4")
 """Looks of named parts in turn, which differ without colour too."""
 
 
-def mesh_html(mesh: Mesh) -> Markup:
+def mesh_html(mesh: TriangleMesh) -> Markup:
     """The mesh in one line, drawn with its named parts in colours that a legend explains."""
     names = (*mesh.edge_names, *mesh.joint_names)
     keys = Markup(" ").join(
@@ -98,7 +98,7 @@ def _table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Markup:
     return Markup("<table><thead><tr>{}</tr></thead><tbody>{}</tbody></table>").format(top, body)
 
 
-def _drawing(mesh: Mesh, names: Sequence[str]) -> Markup:
+def _drawing(mesh: TriangleMesh, names: Sequence[str]) -> Markup:
     """The mesh as an inline picture: edges inside thin, the boundary thick, named parts in their looks."""
     lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     scale = _SIZE / float((upper - lower).max())
@@ -141,5 +141,5 @@ def _stroke(number: int) -> Markup:
     return frame.format(_look(number))
 
 
-def _bare(mesh: Mesh) -> str:
+def _bare(mesh: TriangleMesh) -> str:
     return repr(mesh)[1:-1]

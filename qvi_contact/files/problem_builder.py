@@ -12,23 +12,20 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element import bernstein
-from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.grid_builder import grid_mesh
 from qvi_contact.files.located import located
+from qvi_contact.files.mesh_builder import built_mesh
 from qvi_contact.files.problem_document import (
     STRENGTH_KEYS,
     ContactTable,
     Document,
     DriveTable,
     PolynomialTable,
-    RegionTable,
     StrengthTable,
     quoted,
 )
-from qvi_contact.files.triangle_builder import region_name, triangle_mesh
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import (
     DRIVES,
     Condition,
@@ -125,13 +122,11 @@ class Reader:
             raise InputError(path, value, "this is one number: it cannot depend on x and y")
         return float(here[0])
 
-    def mesh(self) -> Mesh:
+    def mesh(self) -> TriangleMesh:
         """The mesh with its named edges, joints and regions."""
-        if self.document.mesh.is_grid:
-            return grid_mesh(self.document)
-        return triangle_mesh(self.document, self.folder)
+        return built_mesh(self.document, self.folder)
 
-    def problem(self, mesh: Mesh) -> ContactProblem:
+    def problem(self, mesh: TriangleMesh) -> ContactProblem:
         """The problem on that mesh, its fields checked where they count."""
         document = self.document
         _check_constants(document.constants)
@@ -145,7 +140,12 @@ class Reader:
         for index, table in enumerate(document.regions):
             strength = self._strength(f"regions[{index}].strength", table.strength)
             with located(f"regions[{index}]", table):
-                regions.append(self._region(Material(table.young, table.poisson, plane, strength), table, index))
+                own = Material(table.young, table.poisson, plane, strength)
+                if table.name is None and table.x is None and table.y is None and not document.mesh.is_grid:
+                    remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
+                    raise InputError("name", None, remedy)
+                x, y = (None if pair is None or table.name else (pair[0], pair[1]) for pair in (table.x, table.y))
+                regions.append(Region(own, x, y, table.name))
                 cell_materials(mesh, regions[-1:])
         try:
             problem = ContactProblem(mesh, material, conditions, potential, regions)
@@ -166,15 +166,7 @@ class Reader:
         with located(path, table):
             return STRENGTHS[table.law](**given)
 
-    def _region(self, material: Material, table: RegionTable, index: int) -> Region:
-        if not self.document.mesh.is_grid:
-            return Region(material, name=region_name(table, index))
-        if table.name is not None:
-            raise InputError("name", table.name, "regions of a grid have no names: give ranges x and y")
-        x, y = (None if pair is None else (pair[0], pair[1]) for pair in (table.x, table.y))
-        return Region(material, x, y)
-
-    def _conditions(self, mesh: Mesh) -> Iterator[Condition]:
+    def _conditions(self, mesh: TriangleMesh) -> Iterator[Condition]:
         for kind in TABLES.values():
             for index, table in enumerate(getattr(self.document, kind)):
                 path = f"{kind}[{index}]"
@@ -270,9 +262,9 @@ def _check_constants(constants: dict[str, float]) -> None:
             Expression(name, {name: value})
 
 
-def _points(mesh: Mesh, condition: Condition) -> tuple[FloatArray, FloatArray]:
+def _points(mesh: TriangleMesh, condition: Condition) -> tuple[FloatArray, FloatArray]:
     """Ends, Gauss points and, for tractions, samples of edges: where conditions that do not jump are evaluated."""
     samples = bernstein.SAMPLES if isinstance(condition, Traction) else np.zeros(0)
-    t = np.concatenate([[0.0, 1.0], gauss_legendre(GAUSS_COUNT)[0], gauss_legendre(LOAD_POINTS)[0], samples])
+    t = np.concatenate([[0.0, 1.0], gauss_legendre(LOAD_POINTS)[0], samples])
     x, y = mesh.points_along(mesh.edges(condition.edges), t)
     return x.ravel(), y.ravel()

@@ -168,7 +168,7 @@ class Rectangle(Table):
 
 
 class RefineTable(Table):
-    """See `qvi_contact.RectilinearMesh.refined`."""
+    """Grid lines added so that cells shrink geometrically towards re-entrant corners and ends, in x and in y."""
 
     largest: float
     """Largest cell: `largest = 0.25`."""
@@ -325,7 +325,7 @@ class ArcTable(Table):
 
 
 class MeshTable(Table):
-    """Grid lines, cells left out, refinement; or triangles: in this file, in a mesh file, or of an outline."""
+    """A grid whose cells are cut into triangles; or triangles: in this file, in a mesh file, or of an outline."""
 
     x: Axis | None = None
     """Grid lines across x: all of them, a piece, or a list of pieces: `x = { start = 0.0, stop = 2.0, cells = 8 }`."""
@@ -366,8 +366,6 @@ class MeshTable(Table):
         for key in kinds[0]:
             if getattr(self, key) is None:
                 raise InputError(key, None, "add this key, it is needed")
-        if self.arcs and self.is_grid:
-            raise InputError("arcs", self.arcs, "arcs are sides of triangles, and this is a grid: leave this out")
         for needed, keys in _MESH_EXTRAS.items():
             for key in keys:
                 if getattr(self, key) and needed not in kinds[0]:
@@ -376,7 +374,7 @@ class MeshTable(Table):
 
 
 class EdgesTable(Table):
-    """A named part of the boundary: of a grid see `RectilinearMesh.with_edges`, of triangles by segment or box."""
+    """A named part of the boundary: by side and range on a grid, by segment or box on any mesh."""
 
     name: Name
     """What conditions call this part of the boundary: `name = "base"`."""
@@ -389,9 +387,9 @@ class EdgesTable(Table):
     at: float | None = None
     """Which of several lines of the side, by the coordinate across it: `at = 0.0`."""
     segment: TwoPoints | None = None
-    """What lies between two points, on triangles: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
+    """What lies between two points: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
     box: Rectangle | None = None
-    """What lies inside a box, on triangles: `box = { y = [0.9, 1.1] }`."""
+    """What lies inside a box: `box = { y = [0.9, 1.1] }`."""
 
     @model_validator(mode="after")
     def _is_one_place(self) -> "EdgesTable":
@@ -400,7 +398,7 @@ class EdgesTable(Table):
 
 
 class JointTable(Table):
-    """A named line inside the body: of a grid see `RectilinearMesh.with_joint`, of triangles by segment."""
+    """A named line inside the body: by direction and range on a grid, by segment on any mesh."""
 
     name: Name
     """What the contact calls this line: `name = "joint"`."""
@@ -413,7 +411,7 @@ class JointTable(Table):
     stop: float | None = None
     """Where the line ends: `stop = 2.0`."""
     segment: TwoPoints | None = None
-    """The line between two points, on triangles: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
+    """The line between two points: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
 
     @model_validator(mode="after")
     def _is_one_place(self) -> "JointTable":
@@ -484,7 +482,7 @@ class MaterialTable(Table):
 
 
 class RegionTable(Rectangle):
-    """Cells of another material: ranges, or on triangles a region of the mesh by its name."""
+    """Triangles of another material: ranges of x and y, or a region of the mesh by its name."""
 
     name: Name | None = None
     """Region of the mesh, on triangles; instead of ranges: `name = "inclusion"`."""
@@ -600,17 +598,12 @@ class ContactTable(Table):
 
 
 class SolveTable(Table):
-    """Defaults for `qvi_contact.solve`; all but the first nine are options of a method."""
+    """Defaults for `qvi_contact.solve`; all but the first eight are options of a method."""
 
-    element: Literal["bfs", "hct"] | None = None
-    """hct: triangles, into which rectangles are cut; bfs: rectangles. By default hct, but bfs where a rectangle is
-    more than 500 times as long as wide:
-    `element = "bfs"`.
-    """
     degree: int | None = None
-    """Degree of the element on triangles, 3 to 12; 4 by default: `degree = 5`."""
+    """Degree of the element, 3 to 12; 4 by default: `degree = 5`."""
     contact_rows: Literal["bernstein", "gauss"] | None = None
-    """bernstein: the contact law on whole edges of triangles; gauss: at points. By default the first, the second
+    """bernstein: the contact law on whole edges; gauss: at points. By default the first, the second
     where friction varies along an edge, and on bilateral contacts with friction:
     `contact_rows = "gauss"`.
     """
@@ -659,6 +652,17 @@ class SolveTable(Table):
     iterations: int | None = None
     """Uzawa: do exactly so many, without any test: `iterations = 30`."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _without_element(cls, data: Any) -> Any:
+        """Files of version 0.1 could name the element: that of triangles is the only one."""
+        if not isinstance(data, dict) or "element" not in data:
+            return data
+        if data["element"] != "hct":
+            remedy = "rectangles (bfs) are gone: leave this key out, then grids are cut into triangles"
+            raise InputError("element", data["element"], remedy)
+        return {key: value for key, value in data.items() if key != "element"}
+
 
 class RefinementTable(Table):
     """Defaults for `qvi_contact.refine`, beside those for `qvi_contact.solve`."""
@@ -672,9 +676,9 @@ class RefinementTable(Table):
     max_unknowns: int | None = None
     """Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`."""
     max_rounds: int | None = None
-    """Largest number of rounds; 60 by default, 20 on rectangles: `max_rounds = 10`."""
+    """Largest number of rounds; 60 by default: `max_rounds = 10`."""
     guaranteed: bool | None = None
-    """On triangles, for the force of a contact that slips: refine until its guaranteed bounds are within the target. By
+    """For the force of a contact that slips: refine until its guaranteed bounds are within the target. By
     default an estimate is enough: `guaranteed = true`.
     """
 

@@ -21,7 +21,7 @@ from qvi_contact.files.problem_document import Document, TimeRange, parse
 from qvi_contact.files.problem_size import LARGEST, check_length
 from qvi_contact.problem.problem import ContactProblem
 
-ELEMENT_OPTIONS: Final = ("element", "degree", "contact_rows")
+ELEMENT_OPTIONS: Final = ("degree", "contact_rows")
 """Arguments of `solve` that choose the element rather than the method."""
 
 
@@ -71,6 +71,11 @@ class ProblemFile:
     def element(self) -> dict[str, Any]:
         """What the file says of the element: arguments for `qvi_contact.discretize`."""
         return {name: value for name, value in self.solve_options.items() if name in ELEMENT_OPTIONS}
+
+    @property
+    def is_grid(self) -> bool:
+        """Whether the file gives its mesh by grid lines."""
+        return self._document.mesh.is_grid
 
     def problem_at(self, t: float) -> ContactProblem:
         """The problem with another value of t in its expressions, on the same mesh.

@@ -8,15 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, real_array
+from qvi_contact.basics.checks import real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import write_text
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_builder import FIELDS, TABLES
 from qvi_contact.files.problem_document import VERSION
 from qvi_contact.files.problem_file import problem_from_toml
-from qvi_contact.mesh.mesh import Mesh
-from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
@@ -47,7 +45,8 @@ def problem_to_toml(
 ) -> str:
     """A problem as the text of a problem file, from which `problem_from_toml` makes the same problem.
 
-    Numbers are kept to the last digit. Conditions get ordered by kind, which has no meaning.
+    Numbers are kept to the last digit, the mesh triangle by triangle. Conditions get ordered by kind, which has
+    no meaning.
 
     Parameters
     ----------
@@ -98,7 +97,7 @@ def _text(
         document["body_potential"] = potential
     document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
     document["constants"] = writer.constants  # filled by what follows
-    document |= _body(problem.mesh)
+    document["mesh"] = _mesh(problem.mesh)
     material = problem.material
     document["material"] = {"young": material.young, "poisson": material.poisson, "plane": material.plane}
     document["material"] |= writer.strength("material", material.strength)
@@ -244,59 +243,13 @@ def _inline(value: object) -> str:
     return str(load("tomli_w").dumps({"value": plain}).removeprefix("value = ").rstrip("\n"))
 
 
-def _body(mesh: Mesh) -> dict[str, Any]:
-    """The tables of the mesh."""
-    if isinstance(mesh, TriangleMesh):
-        return {"mesh": _triangles(mesh)}
-    assert isinstance(mesh, RectilinearMesh)
-    return {"mesh": _grid(mesh), "edges": _edges(mesh), "joints": _joints(mesh)}
-
-
-def _triangles(mesh: TriangleMesh) -> dict[str, Any]:
+def _mesh(mesh: TriangleMesh) -> dict[str, Any]:
+    """The table of the mesh."""
     table: dict[str, Any] = {"vertices": mesh.vertices.tolist(), "triangles": mesh.cells.tolist()}
     edges = {name: pairs.tolist() for name, pairs in mesh.edge_sets.items()}
     regions = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
     arcs = [{**arc.stated(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
     return {key: value for key, value in {**table, "edges": edges, "regions": regions, "arcs": arcs}.items() if value}
-
-
-def _grid(mesh: RectilinearMesh) -> dict[str, Any]:
-    table: dict[str, Any] = {"x": mesh.x.tolist(), "y": mesh.y.tolist()}
-    removed = list(_rectangles(~mesh.active))
-    if removed:
-        table["remove"] = [{"x": _ends(mesh.x, columns), "y": _ends(mesh.y, rows)} for rows, columns in removed]
-    return table
-
-
-def _ends(lines: FloatArray, cells: slice) -> list[float]:
-    return [float(lines[cells.start]), float(lines[cells.stop])]
-
-
-def _rectangles(mask: BoolArray) -> Iterator[tuple[slice, slice]]:
-    """Disjoint rectangles (rows, columns) that make up a mask: each as long, then as high as it can be."""
-    left = mask.copy()
-    while left.any():
-        row, column = (int(index) for index in np.argwhere(left)[0])
-        gap = np.flatnonzero(~left[row, column:])
-        columns = slice(column, column + int(gap[0]) if len(gap) else mask.shape[1])
-        gap = np.flatnonzero(~left[row:, columns].all(axis=1))
-        rows = slice(row, row + int(gap[0]) if len(gap) else mask.shape[0])
-        left[rows, columns] = False
-        yield rows, columns
-
-
-def _edges(mesh: RectilinearMesh) -> list[dict[str, Any]]:
-    return [_range(name, "side", mesh) for name in mesh.named if name not in mesh.joint_names]
-
-
-def _joints(mesh: RectilinearMesh) -> list[dict[str, Any]]:
-    return [_range(name, "direction", mesh) for name in mesh.joint_names]
-
-
-def _range(name: str, facing: str, mesh: RectilinearMesh) -> dict[str, Any]:
-    chosen = mesh.named[name]
-    table = {"name": name, facing: chosen.side, "start": chosen.start, "stop": chosen.stop, "at": chosen.at}
-    return {key: value for key, value in table.items() if value is not None}
 
 
 def _region(region: Region) -> dict[str, Any]:

@@ -11,9 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, overload
 
-import numpy as np
-
-from qvi_contact.basics.checks import IntArray
 from qvi_contact.basics.writing import writable_folder, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
@@ -124,20 +121,16 @@ class StepStore:
 
     def __init__(self, folder: str | Path, fingerprint: str, planned: int) -> None:
         self._folder, self._fingerprint, self._planned = writable_folder(folder, "store"), fingerprint, planned
-        self.freed: IntArray = np.empty(0, dtype=np.int64)
         header = self._folder / _HEADER
         if header.exists():
-            self.freed = self._checked(header)
+            self._check(header)
         elif any(self._others()):
             raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
         else:
             self._write_header()
 
-    def begun(self, freed: IntArray, restore: Restore) -> StoredSteps:
-        """The steps there are with the shear given up at these vertices: none, if those there gave up others."""
-        if not np.array_equal(freed, self.freed):
-            self.freed = freed
-            self._write_header()
+    def begun(self, restore: Restore) -> StoredSteps:
+        """The steps there are."""
         return StoredSteps(self, restore)
 
     def write(self, number: int, result: ContactResult) -> None:
@@ -165,8 +158,6 @@ class StepStore:
         while len(found) < self._planned:
             try:
                 archive = self.archive(len(found) + 1)
-                if not np.array_equal(archive.integers("freed"), self.freed):
-                    break
                 found.append(Status(archive.text("status")))
             except (InputError, ValueError):
                 break
@@ -185,17 +176,15 @@ class StepStore:
             "version": _VERSION,
             "fingerprint": self._fingerprint,
             "planned": self._planned,
-            "freed": self.freed.tolist(),
         }
         write_text(self._folder / _HEADER, json.dumps(document, indent=2) + "\n")
 
-    def _checked(self, header: Path) -> IntArray:
-        """Vertices whose shear is given up, of a store of this history."""
+    def _check(self, header: Path) -> None:
+        """`InputError` unless the header is that of a store of this history."""
         remedy = "is not the description of stored steps: give an empty folder, or a new name"
         try:
             document: Any = json.loads(header.read_text(encoding="utf-8"))
             known = (document["format"], document["version"])
-            freed = np.array(document["freed"], dtype=np.int64).reshape(-1)
             planned, fingerprint = document["planned"], document["fingerprint"]
         except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             raise InputError("store", str(header), remedy) from error
@@ -204,4 +193,3 @@ class StepStore:
         if fingerprint != self._fingerprint:
             other = f"holds another history, of {planned} steps: problems or options differ. Give a new folder"
             raise InputError("store", str(self._folder), other)
-        return freed

@@ -11,14 +11,13 @@ from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import element_on
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import Archive
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_writer import problem_to_toml, unread_toml
 from qvi_contact.solution.result import ContactResult
-from solvers import Certificate, FrictionQVI, Iteration, QVISolution, Status
+from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
 
 STORE: Final = "store"
@@ -52,13 +51,11 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         "degree": known.space.degree,
         "contact_rows": known.space.contact_rule.kind,
         "centres": known.space.centres,
-        "cuts": known.space.cuts,
+        "cuts": known.space.cuts.vertices,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
-        "freed": np.asarray(known.freed, dtype=np.int64),
         "earlier_slip": _joined([rows.offset - o for rows, o in zip(known.contacts, known.offsets(), strict=True)]),
-        "strict": solution.problem.strict,
         "status": str(result.status),
         "message": result.message,
         **{name: np.asarray(getattr(solution, name), dtype=np.float64) for name in _VECTORS},
@@ -114,7 +111,10 @@ def result_from_archive(archive: Archive) -> ContactResult:
 def answer_from_archive(archive: Archive, posed: Callable[[Scales], Discretization]) -> ContactResult:
     """The result of an archive that was read, of a problem that is posed in given units, without earlier slip."""
     known = _discretization(archive, posed)
-    qvi = _strict(archive, known.qvi) if archive.number("strict") != 0.0 else known.qvi
+    if "strict" in archive.arrays and archive.number("strict") != 0.0:
+        remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
+        raise InputError("result", archive.path, remedy)
+    qvi = known.qvi
     vectors = [archive.floats(name) for name in _VECTORS]
     for name, vector, size in zip(_VECTORS, vectors, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True):
         if len(vector) != size:
@@ -161,24 +161,24 @@ def _discretization(archive: Archive, posed: Callable[[Scales], Discretization])
 def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
     """The problem of a file; what is wrong with it is said with the name of that file."""
     try:
-        problem, freed = problem_from_toml(text).problem, archive.integers("freed")
-        if ((freed >= 0) & (freed < len(problem.mesh.vertices))).all():
-            element = element_on(problem.mesh)
-            return discretize(problem, element=element, scales=scales, freed=freed, **_degree(archive))
+        file = problem_from_toml(text)
+        if file.is_grid:  # results on triangles are stored with these
+            remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
+            raise InputError("result", archive.path, remedy)
+        return discretize(file.problem, scales=scales, **_degree(archive))
     except InputError as error:
         if error.field == "result":  # names the file already
             raise
         raise InputError(
             "result", archive.path, f"entry 'problem' holds a problem that cannot be solved ({error})"
         ) from error
-    raise InputError("result", archive.path, "entry 'freed' names nodes that are not in the mesh")
 
 
 def _check_centres(archive: Archive, fresh: Discretization) -> None:
     """That unknowns count from where they do here; files without the entries have those of Φ itself, of one value."""
     none, space = np.empty(0, dtype=np.int64), fresh.space
     stored = {name: archive.integers(name) if name in archive.arrays else none for name in ("centres", "cuts")}
-    if not np.array_equal(stored["centres"], space.centres) or not np.array_equal(stored["cuts"], space.cuts):
+    if not np.array_equal(stored["centres"], space.centres) or not np.array_equal(stored["cuts"], space.cuts.vertices):
         remedy = (
             "entry 'z' counts from other vertices of this mesh than it does here: solve the problem anew, or "
             "take the version of qvi-contact that wrote the file"
@@ -187,17 +187,8 @@ def _check_centres(archive: Archive, fresh: Discretization) -> None:
 
 
 def _degree(archive: Archive) -> dict[str, Any]:
-    """Degree and contact rows of the element; files of version 0.1 have none, and rectangles leave no choice."""
-    if "degree" not in archive.arrays:
-        return {}
+    """Degree and contact rows of the element."""
     return {"degree": _count(archive, "degree"), "contact_rows": archive.text("contact_rows")}
-
-
-def _strict(archive: Archive, qvi: FrictionQVI) -> FrictionQVI:
-    try:
-        return qvi.strictly()
-    except InputError as error:
-        raise InputError("result", archive.path, f"entry 'strict' does not fit the problem ({error})") from error
 
 
 def _count(archive: Archive, name: str) -> int:

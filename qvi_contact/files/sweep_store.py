@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args
 
 import numpy as np
 
-from qvi_contact.basics.database import Database
 from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
+from qvi_contact.runs.database import Database
 from qvi_contact.solution.result import PLATE_COLUMNS, overall_status
-from qvi_contact.solution.sweep_rows import Parameter, SweepRow, outcome_of, table_of
+from qvi_contact.solution.sweep import Parameter, SweepRow, outcome_of, table_of
 from solvers import Status
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ _TABLES: Final = (
         FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number
     """,
 )
-_DATABASE: Final = Database("the store of a sweep", 0x51564957, 1, _TABLES)  # "QVIW"
+_DATABASE: Final = Database("the store of a sweep", 0x51564957, 1, _TABLES, "results")  # "QVIW"
 
 _RESULT: Final = "INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)"
 _CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
@@ -187,26 +187,13 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
     if place.is_dir() or not place.name:
         raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
     with _DATABASE.writing(place, lambda empty: _declare(empty, fingerprint, parameter, values)) as connection:
-        _DATABASE.try_to_write(connection)
         stored, found, planned = _plan(connection, place)
-        if found.partition(":")[0] == fingerprint:
-            if (stored, planned) != (parameter, tuple(values)):
-                raise _changed(place)
-        else:
-            if connection.execute("SELECT EXISTS (SELECT * FROM results)").fetchone() != (0,):
-                remedy = f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
-                raise InputError("store", str(path), remedy)
-            _take(connection, fingerprint, parameter, values)
+        if found.partition(":")[0] != fingerprint:
+            remedy = f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
+            raise InputError("store", str(path), remedy)
+        if (stored, planned) != (parameter, tuple(values)):
+            raise _changed(place)
         yield SweepStore(place, connection)
-
-
-def _take(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:
-    """Make a store without rows, which came to nothing, that of another sweep."""
-    connection.execute("BEGIN IMMEDIATE")
-    with connection:
-        connection.execute("DELETE FROM sweep")
-        connection.execute("DELETE FROM planned")
-        _declare(connection, fingerprint, parameter, values)
 
 
 def _declare(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:
@@ -218,7 +205,6 @@ def _declare(connection: sqlite3.Connection, fingerprint: str, parameter: Parame
 
 def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, tuple[float, ...]]:
     """Parameter, fingerprint and values of a store."""
-    _DATABASE.check(connection, path)
     found = connection.execute("SELECT parameter, fingerprint FROM sweep").fetchall()
     if len(found) != 1 or found[0][0] not in get_args(Parameter):
         raise _DATABASE.damaged(path)
@@ -229,9 +215,7 @@ def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, t
         run, _, digest = _of(str, fingerprint).partition(":")
     numbered = [number for number, _ in planned] == list(range(1, len(planned) + 1))
     if not numbered or (digest and digest != _digest(run, parameter, values)):
-        raise InputError(
-            "store", str(path), "its parameter or values were changed after it was made: give another file"
-        )
+        raise _changed(path)
     return parameter, fingerprint, values
 
 

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, positive_number, whole_number
 from qvi_contact.gallery.meshes import arc, fan, radii_between, steps_between
-from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
 from qvi_contact.problem.material import Material, Region
@@ -217,8 +216,13 @@ def block_corner(friction: float | None, cells: int = 4, depth: int = 0) -> Cont
     x, y = np.linspace(-4.0, 4.0, 8 * count + 1), np.linspace(-4.0, 2.0, 6 * count + 1)
     middle_x, middle_y = (x[1:] + x[:-1]) / 2.0, (y[1:] + y[:-1]) / 2.0
     body = (middle_y < 0.0)[:, None] | (np.abs(middle_x) < 1.0)[None]
-    grid = RectilinearMesh(x, y, body).with_joint("base", "horizontal", 0.0, -1.0, 1.0)
-    mesh = TriangleMesh.of_rectangles(grid.with_edges("roof", "top", at=2.0).with_edges("ground", "top", at=0.0))
+    mesh = TriangleMesh.grid(
+        x,
+        y,
+        body,
+        edges={"roof": ((-1.0, 2.0), (1.0, 2.0)), "ground": lambda x, y: (y == 0.0) & (np.abs(x) > 1.0)},
+        joints={"base": ((-1.0, 0.0), (1.0, 0.0))},
+    )
     mesh = mesh.graded([(1.0, 0.0)], depth)
     contact = Contact.tied("base") if friction is None else Contact("base", friction=friction)
     free = [Traction(name, 0.0, 0.0) for name in ("left", "right", "ground")]

@@ -7,7 +7,6 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, IntArray, finite_number, positive_number, whole_number
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
 from qvi_contact.problem.fields import Polynomial
@@ -122,8 +121,7 @@ def _checked_opening(opening: Opening) -> Opening:
 def _wall_mesh(active: BoolArray, heads: BoolArray) -> TriangleMesh:
     """Half blocks as two triangles each, with joints and names."""
     rows, halves = active.shape
-    grid = RectilinearMesh(np.arange(halves + 1) * _BLOCK / 2.0, np.arange(rows + 1) * _COURSE, active)
-    cut = TriangleMesh.of_rectangles(grid)
+    cut = TriangleMesh.grid(np.arange(halves + 1) * _BLOCK / 2.0, np.arange(rows + 1) * _COURSE, active)
     mesh = TriangleMesh(cut.vertices, cut.cells)
     line, row = np.rint(mesh.vertices / (_BLOCK / 2.0, _COURSE)).astype(np.int64).T
     edges, outside = mesh.topology.ends, mesh.topology.boundary

@@ -1,4 +1,4 @@
-"""Elastic states with a closed form that bicubic Airy functions reproduce exactly, and problems made of them.
+"""Elastic states with a closed form that Airy functions of degree 4 reproduce exactly, and problems made of them.
 
 They verify every part of the discretisation at once: whatever conditions are put on the sides, the computed stress
 must be the exact one up to round-off.
@@ -11,7 +11,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import SIDES, RectilinearMesh
+from qvi_contact.mesh.grid import SIDES
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Displacement, Traction
 from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
@@ -97,7 +98,7 @@ def gravity_column(material: Material, weight: float, height: float) -> ExactSta
 
 def problem_from_state(
     state: ExactState,
-    mesh: RectilinearMesh,
+    mesh: TriangleMesh,
     material: Material,
     sides: Mapping[str, str],
     contacts: tuple[Condition, ...] = (),
@@ -108,8 +109,8 @@ def problem_from_state(
     ----------
     state : ExactState
         The state.
-    mesh : RectilinearMesh
-        A full rectangle, of any grid lines.
+    mesh : TriangleMesh
+        A full rectangle, whose sides are called as `TriangleMesh.grid` calls them.
     material : Material
         The material the state was made for.
     sides : mapping

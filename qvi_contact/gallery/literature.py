@@ -7,7 +7,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, finite_number, positive_number
 from qvi_contact.errors import InputError
 from qvi_contact.gallery.exact import ExactState, problem_from_state, uniform
-from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Symmetry, Traction
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.problem.problem import ContactProblem
@@ -48,7 +48,7 @@ def compressed_plate(
     friction : float or function of (x, y)
         Coefficient of friction μ.
     cells : (int, int)
-        Cells along x and y; the paper has (2, 2).
+        Cells along x and y, each cut into two triangles; the paper, which has rectangles, takes (2, 2).
     width, height : float
         Size of the quarter [length].
     young, poisson, plane
@@ -59,7 +59,7 @@ def compressed_plate(
         Ratio of each cell to the one before it, in both directions: below 1 the cells shrink towards the free corner.
 
     """
-    mesh = RectilinearMesh.rectangle(cells, width, height, grading=grading)
+    mesh = TriangleMesh.rectangle(cells, width, height, grading=grading)
     conditions: list[Condition] = [
         Symmetry("left"),
         Symmetry("bottom"),
@@ -106,7 +106,7 @@ def sliding_block(
 
     stress = uniform(material, side_stress, -pressure, friction * pressure).stress
     state = ExactState(stress, displacement)
-    mesh = RectilinearMesh.rectangle(cells, width, height, grading=grading)
+    mesh = TriangleMesh.rectangle(cells, width, height, grading=grading)
     sides = {"bottom": "cc", "right": "uu", "top": "tt", "left": "tt"}
     base = Contact("bottom", friction=friction, name="base")
     return problem_from_state(state, mesh, material, sides, (base,)), state
@@ -137,7 +137,7 @@ def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0, grading: f
         Ratio of each cell to the one before it, in both directions.
 
     """
-    mesh = RectilinearMesh.rectangle(cells, 0.04, 0.04, grading=grading)
+    mesh = TriangleMesh.rectangle(cells, 0.04, 0.04, grading=grading)
     conditions: list[Condition] = [
         Contact("bottom", friction=friction, name="base"),
         Symmetry("right"),
@@ -185,9 +185,9 @@ def stick_slip_block(
     rates, so that every other point is clearly in one state. The side x = 0 is free, the top carries the tractions of
     the state, the right side its displacement.
 
-    With k = 0 bicubic elements contain Φ. The friction law holds at the Gauss points that integrate the data, so the
-    discrete solution is then the exact stress on every mesh, even if x_t is inside an element; only the slip, which is
-    projected on quadratics, depends on the mesh. With k ≠ 0 the stress error falls like h².
+    Elements of degree 4 contain Φ. As friction varies, the law holds at Gauss points; they integrate the data, so that
+    the discrete solution is the exact stress on every mesh, even if x_t is inside an edge. Only the slip, which is
+    projected on polynomials, depends on the mesh.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def stick_slip_block(
         beyond = np.maximum(x - transition, 0.0) / (width - transition)
         return np.asarray(state.displacement(x, y)[0] + slip * beyond**2)
 
-    mesh = RectilinearMesh.rectangle(cells, width, height, grading=grading)
+    mesh = TriangleMesh.rectangle(cells, width, height, grading=grading)
     base = Contact(
         "bottom",
         friction=bound_over_pressure,

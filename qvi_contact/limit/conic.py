@@ -121,9 +121,10 @@ class ConicProgram:
 
     def projected(self, x: FloatArray) -> FloatArray:
         """The nearest point with E x = e, rows of which may depend on each other."""
+        found = np.array(x)
         for _ in range(_SWEEPS if len(self.e) else 0):
-            x = np.asarray(x + self.E.T @ self._normal.solve(self.e - self.E @ x))
-        return x
+            found += self.E.T @ self._normal.solve(self.e - self.E @ found)
+        return found
 
     @cached_property
     def _normal(self) -> Any:

@@ -40,7 +40,6 @@ from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.yielding import YieldCones, coefficients_of, part_corners
 from qvi_contact.mechanism.works import BODY, FLUID
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
 from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
@@ -169,7 +168,6 @@ class Velocities:
     """
 
     def __init__(self, problem: ContactProblem, degree: int, strong: BoolArray) -> None:
-        assert isinstance(problem.mesh, TriangleMesh)
         self.problem, self.mesh, self.degree = problem, problem.mesh, degree
         self.nodes = _Nodes.of(degree)
         self.global_ = self._numbered()
@@ -280,8 +278,8 @@ class Velocities:
     ) -> sparse.csr_array:
         """Motions of rigid parts that supports leave free, as columns."""
         parts = int(part.max()) + 1
-        centre = np.stack([np.bincount(part, self.points[nodes, i]) for i in (0, 1)], axis=1)
-        centre = centre / np.bincount(part)[:, None]
+        sums = np.stack([np.bincount(part, self.points[nodes, i]) for i in (0, 1)], axis=1)
+        centre = sums / np.bincount(part)[:, None]
         arm = self.points[nodes] - centre[part]
         ones = np.ones(len(nodes))
         rows = np.concatenate([2 * nodes, 2 * nodes + 1, 2 * nodes, 2 * nodes + 1])

@@ -11,12 +11,10 @@ from scipy import sparse
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
-from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import ElementName, element_on, with_element
-from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.space import RowKind
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.carried_forces import Relations
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
@@ -27,7 +25,6 @@ from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRo
 from qvi_contact.limit.yielding import YieldCones, coefficients_of
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.works import BODY
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.frames import frame
@@ -132,7 +129,6 @@ def limit_load_factor(
     loads: Sequence[str],
     *,
     time_limit: float | None = None,
-    element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     verbose: bool = False,
@@ -167,8 +163,8 @@ def limit_load_factor(
         "body" for the body force.
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
-    element, degree, contact_rows
-        The element, its degree on triangles, and what bounds tractions there, see `discretize`.
+    degree, contact_rows
+        Degree of the element, and what bounds tractions, see `discretize`.
     verbose : bool
         Print what is asked for, and both sides with the time.
 
@@ -187,7 +183,7 @@ def limit_load_factor(
 
     """
     with watched(time_limit), narrated(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as story:
-        posed = _posed(problem, loads, element=element, degree=degree, contact_rows=contact_rows)
+        posed = _posed(problem, loads, degree=degree, contact_rows=contact_rows)
         story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.solved().limit
         gap = limit.bound - limit.lower
@@ -206,7 +202,6 @@ def limit_proof(
     problem: ContactProblem,
     loads: Sequence[str],
     *,
-    element: ElementName | None = None,
     degree: int | None = None,
     time_limit: float | None = None,
 ) -> dict[str, Any]:
@@ -222,7 +217,7 @@ def limit_proof(
         no bilateral contacts with friction.
     loads : sequence of str
         Names of the loads to multiply, see `limit_load_factor`.
-    element, degree, time_limit
+    degree, time_limit
         As for `limit_load_factor`.
 
     Returns
@@ -238,30 +233,22 @@ def limit_proof(
         If the mesh carries no largest multiple, or the proof fails in exact arithmetic.
 
     """
-    if isinstance(problem, ContactProblem) and not isinstance(problem.mesh, TriangleMesh):
-        element = "hct"
     with watched(time_limit):
-        posed = _posed(problem, loads, element=element, degree=degree)
+        posed = _posed(problem, loads, degree=degree)
         cones = YieldCones.of(posed.problem, posed.low.space.normal_degree)
         return lower_proof(posed.problem, posed.names, StressProgram(posed.low, posed.high, cones))
 
 
-def limit_load(
-    problem: ContactProblem, loads: Sequence[str], *, element: ElementName | None = None, **space: Any
-) -> LimitLoad:
+def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
     """Both sides of `limit_load_factor` without the check of the mesh's program; `space` is for `discretize`."""
-    return _posed(problem, loads, element=element, **space).solved().limit
+    return _posed(problem, loads, **space).solved().limit
 
 
-def _posed(
-    problem: ContactProblem, loads: Sequence[str], *, element: ElementName | None = None, **space: Any
-) -> LimitProblem:
+def _posed(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitProblem:
     """The analysis of checked arguments."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    if problem.yields and element is None and not isinstance(problem.mesh, TriangleMesh):
-        element = "hct"
-    return LimitProblem.of(with_element(problem, element), checked_loads(problem, loads), **space)
+    return LimitProblem.of(problem, checked_loads(problem, loads), **space)
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +274,7 @@ class LimitProblem:
     @classmethod
     def of(cls, problem: ContactProblem, names: tuple[str, ...], **space: Any) -> LimitProblem:
         """The analysis of checked loads; `space` is for `discretize`."""
-        return cls(problem, names, *_sampled(problem, names, {"element": element_on(problem.mesh), **space}))
+        return cls(problem, names, *_sampled(problem, names, space))
 
     @property
     def unknowns(self) -> int:
@@ -307,7 +294,7 @@ class LimitProblem:
 
     def _yielding(self, of_blocks: float, mechanism: Mechanism | None) -> LimitAnalysis:
         """Both sides of a body that yields: rigid blocks are one way of giving way, and others may be easier."""
-        degree = self.low.space.normal_degree
+        degree = self.low.space.traction_degree
         cones = YieldCones.of(self.problem, degree)
         carried = StressProgram(self.low, self.high, cones).carried()
         flow = FlowProgram(self.problem, self.names, cones, self.low.scales).solved()
@@ -461,16 +448,8 @@ def _sampled(
     """The problem at two load factors in the same units, with the same degrees of freedom kept."""
     multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
     scales = Scales.of(multiples[1])
-    # Corners where shears disagree at one factor, or that `solve` may give up beside a contact, are given up at both.
-    freed: IntArray = np.unique([node for multiple in multiples for node, _ in shear_beside_contacts(multiple)])
-    for _ in range(2):
-        low = discretize(multiples[0], scales=scales, freed=freed.astype(np.int64), **space)
-        high = low.following(multiples[1], scales)
-        given = freed
-        freed = np.unique(np.concatenate([given, low.elimination.conflicts, high.elimination.conflicts]))
-        if len(freed) == len(given):
-            break
-    return low, high
+    low = discretize(multiples[0], scales=scales, **space)
+    return low, low.following(multiples[1], scales)
 
 
 def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:

@@ -26,7 +26,6 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.hsieh_clough_tocher.basis import TriangleBasis
 from qvi_contact.limit.conic import INFEASIBLE, UNBOUNDED, Cones, ConicProgram
 from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.limit.yielding import YieldCones, coefficients_of
@@ -156,7 +155,7 @@ class StressProgram:
     @cached_property
     def _of_freedoms(self) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Stress coefficients, three numbers each, as rows on the degrees of freedom of the body and on y."""
-        space = _basis(self.low).space
+        space = self.low.space
         element, triangles, k = space.element, space.triangles, space.element.shared - 3
         n = len(triangles)
         reference = np.einsum("nab,sbcd->nscad", triangles.stress_maps, element.hessian_coefficients[..., 3:])
@@ -208,11 +207,6 @@ class StressProgram:
             for part in (self.low, self.high)
         )
         return low, high
-
-
-def _basis(discretization: Discretization) -> TriangleBasis:
-    assert isinstance(discretization.space, TriangleBasis)
-    return discretization.space
 
 
 def _pressures(values: FloatArray) -> FloatArray:

@@ -84,6 +84,31 @@ class YieldCones:
         return np.unique(self.coefficient)
 
 
+def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatArray) -> FloatArray:
+    """By how much stresses at points of all triangles exceed the strength there, in its unit (cells, g) [stress].
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    x, y : (cells, g) arrays
+        The points [length].
+    stress : (cells, g, 3) array
+        (σ_xx, σ_yy, σ_xy) [stress].
+
+    """
+    found = np.zeros(x.shape)
+    total, difference = stress[..., 0] + stress[..., 1], stress[..., 0] - stress[..., 1]
+    for index, material in enumerate(problem.materials):
+        chosen = problem.cell_materials == index
+        for cone in () if material.strength is None else material.strength.cones(material.plane):
+            S = total[chosen]
+            radius = np.sqrt(difference[chosen] ** 2 + 4.0 * stress[chosen, :, 2] ** 2 + (cone.mean * S) ** 2)
+            strength = evaluate(cone.name, cone.field, x[chosen], y[chosen], minimum=0.0)
+            found[chosen] = np.maximum(found[chosen], (radius + cone.pressure * S) / cone.factor - strength)
+    return found
+
+
 def part_corners(corners: FloatArray) -> FloatArray:
     """Corners (n, 3, 3, 2) of the three parts of triangles with corners (n, 3, 2): an edge, then the barycentre."""
     centre = corners.mean(axis=1)

@@ -34,7 +34,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.element import bernstein
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mesh.arcs import angles
 from qvi_contact.mesh.edges import Edges, points_along, vectors_along

@@ -1,11 +1,10 @@
 """Meshes and their edges."""
 
-from qvi_contact.mesh.lines import graded_lines
-from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.grid import graded_lines
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.front import front
 
-__all__ = ["RectilinearMesh", "TriangleMesh", "graded_lines"]
+__all__ = ["TriangleMesh", "graded_lines"]
 
 __getattr__ = front(
     __name__,
@@ -13,9 +12,9 @@ __getattr__ = front(
         "arcs": ("arc_offsets", "cross"),
         "curves": ("Curve",),
         "edges": ("frames_along",),
+        "grid": ("SIDES",),
+        "mesher": ("divided_corners",),
         "outline": ("Outline", "polygons"),
-        "rectilinear": ("SIDES",),
         "topology": ("Topology", "outward_normals"),
-        "triangulation": ("divided_corners",),
     },
 )

@@ -22,11 +22,12 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.circles import Arc
 from qvi_contact.mesh.outline import Polygon, Polygons
 from qvi_contact.mesh.parts import MeshParts
-from qvi_contact.mesh.triangulation import divided_corners
+from qvi_contact.mesh.topology import Topology
 from solvers.basics.foreign import foreign_code
 from solvers.basics.types import load
 
 _LOCK: Final = Lock()
+_SHARPEST: Final = 0.2  # sine of the angle below which no triangle is made
 _ON_CIRCLE: Final = 1e-5  # difference of radii, relative, that the ends of one arc may have
 _OPTIONS: Final = {
     "General.Terminal": 0,
@@ -228,3 +229,41 @@ def _elements(gmsh: Any, dimension: int, tag: int) -> IntArray:
     kind = {1: 1, 2: 2}[dimension]
     nodes = gmsh.model.mesh.getElementsByType(kind, tag)[1]
     return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)
+
+
+def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:
+    """The triangles (m, 3), corners of the body no longer filled by a single one where that can be helped.
+
+    A triangle with two edges on the boundary could follow the tractions on neither of them. The edge opposite the
+    corner is turned, unless it is one of the `fixed` ones (k, 2) or that would make a needle.
+    """
+    cells = np.sort(cells, axis=1)
+    topology = Topology.of(cells, len(vertices))
+    kept = np.zeros(len(topology.ends), dtype=bool)
+    known = topology.number(fixed[(fixed >= 0).all(axis=1)], len(vertices))
+    kept[known[known >= 0]] = True
+    changed, touched = cells.copy(), np.zeros(len(cells), dtype=bool)
+    in_corners = np.flatnonzero(topology.boundary[topology.of_cells].sum(axis=1) == 2)
+    for cell in in_corners.tolist():
+        edges = topology.of_cells[cell]
+        opposite = int(edges[~topology.boundary[edges]][0])
+        pair = topology.cells[opposite]
+        if kept[opposite] or touched[pair].any():
+            continue
+        b, c = topology.ends[opposite].tolist()
+        other = int(pair[pair != cell][0])
+        a, d = (int(np.setdiff1d(cells[each], (b, c))[0]) for each in (cell, other))
+        turned = np.array([[a, b, d], [a, d, c]])
+        if _sharpest(vertices[turned]) > _SHARPEST:
+            changed[[cell, other]] = turned
+            touched[pair] = True
+    return changed
+
+
+def _sharpest(corners: FloatArray) -> float:
+    """The least sine of an angle of two triangles (2, 3, 2) that share an edge; negative if one is turned over."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    before = -np.roll(sides, 1, axis=1)
+    cross = sides[..., 0] * before[..., 1] - sides[..., 1] * before[..., 0]
+    sines = cross / (np.hypot(*np.moveaxis(sides, 2, 0)) * np.hypot(*np.moveaxis(before, 2, 0)))
+    return float((sines * np.sign(sines[0, 0])).min())

@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.lines import LARGEST
 from qvi_contact.mesh.topology import Topology
 
+LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
 _LARGEST: Final = 2.0**53  # whole numbers below it are exact
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place

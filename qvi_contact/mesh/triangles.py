@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,12 +25,11 @@ from qvi_contact.mesh.curved import barycentric_of, reference_of
 from qvi_contact.mesh.curves import Curve
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.mesher import meshed
-from qvi_contact.mesh.named import NamedEdges
 from qvi_contact.mesh.outline import Line, Outline, Point, polygons
 from qvi_contact.mesh.parts import MeshParts
-from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.selection import Range, edges_on_segment, triangles_in_box
 from qvi_contact.mesh.topology import Topology, chains, outward_normals
 from qvi_contact.mesh.triangle_checks import (
     checked_cells,
@@ -40,8 +38,6 @@ from qvi_contact.mesh.triangle_checks import (
     checked_vertices,
     refuse_flaws,
 )
-from qvi_contact.mesh.triangulation import triangulated
-from qvi_contact.mesh.words import mesh_line
 from solvers.basics.names import known_name
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
@@ -49,9 +45,13 @@ from solvers.basics.types import load
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
 
+Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
+"""A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
+
 _INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 _EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
+_LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
 _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
@@ -59,7 +59,7 @@ _TOGETHER: Final = 64  # points that are looked for in all triangles at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangleMesh(Stated, NamedEdges[Edges]):
+class TriangleMesh(Stated):
     """A body divided into triangles.
 
     Parameters
@@ -114,7 +114,11 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return arc.checked(name, self.vertices, self.topology)
 
     def __repr__(self) -> str:
-        return mesh_line(self, f"{len(self.cells)} triangles with {len(self.vertices)} vertices")
+        width, height = np.ptp(self.vertices, axis=0).tolist()
+        parts = [("edges", self.edge_names), ("joints", self.joint_names), ("regions", self.region_names)]
+        listed = "".join(f"; {kind} {_some(names)}" for kind, names in parts if names)
+        cells = f"{len(self.cells)} triangles with {len(self.vertices)} vertices"
+        return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{listed}>"
 
     def _repr_html_(self) -> str:
         """The mesh drawn, for notebooks."""
@@ -132,25 +136,95 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     ) -> TriangleMesh:
         """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles.
 
-        Its sides are called "bottom", "right", "top" and "left". See `RectilinearMesh.rectangle` for the parameters
-        and `of_rectangles` for the way cells are cut.
+        Its sides are called "bottom", "right", "top" and "left". See `grid` for the way cells are cut.
+
+        Parameters
+        ----------
+        cells : (int, int)
+            Numbers of cells along x and y.
+        width, height : float
+            Sides of the rectangle [length].
+        origin : (float, float)
+            Its lower left corner [length].
+        grading : float or (float, float)
+            Ratio of each cell to the one before it (see `graded_lines`), one number for both directions or a pair:
+            below 1 cells shrink towards the right and top sides.
+
         """
-        return cls.of_rectangles(RectilinearMesh.rectangle(cells, width, height, origin=origin, grading=grading))
+        return cls.grid(*rectangle_lines(cells, width, height, origin, grading))
 
     @classmethod
-    def of_rectangles(cls, mesh: RectilinearMesh) -> TriangleMesh:
-        """The same body with every rectangle cut into two triangles; edge sets and joints keep their names.
+    def grid(
+        cls,
+        x: ArrayLike,
+        y: ArrayLike,
+        active: ArrayLike | None = None,
+        *,
+        edges: Mapping[str, Place] | None = None,
+        joints: Mapping[str, Place] | None = None,
+        regions: Mapping[str, tuple[Range, Range]] | None = None,
+    ) -> TriangleMesh:
+        """Rectangular cells between lines, each cut into two triangles.
 
-        Diagonals run away from the middle of the grid, so that symmetric bodies have symmetric triangles if their
-        number of cells across is even; in corners of the body into the corner. The triangles 2k and 2k + 1 lie in the
-        active cell k, counted row by row. The same mesh gives the same triangles again, with what they have computed.
+        All edges of the boundary that face down, right, up and left are called "bottom", "right", "top" and "left";
+        `edges` names parts of them.
+
+        Diagonals run away from the middle of the grid: from lower left to upper right in its lower left and upper right
+        quarters, from upper left to lower right in the others. So a body that is its own mirror image has triangles
+        that are, if the grid has an even number of cells across; a grid with twice the cells has triangles inside
+        these. A middle row counts as upper, a middle column as right: neither spoils the symmetry about the other. In a
+        corner of the body diagonals always run into the corner: a triangle with two edges on the boundary could follow
+        the tractions on neither of them. The triangles 2k and 2k + 1 lie in the cell k of the body, counted row by row.
+        Cells more than 500 times as long as wide are cut along their length first, by lines through the grid.
+
+        Parameters
+        ----------
+        x, y : (nx + 1,), (ny + 1,) arrays
+            Grid lines [length], strictly increasing, with any spacing; see `graded_lines`.
+        active : (ny, nx) bool array, optional
+            Cells that belong to the body, ``active[row, column]``; all of them by default.
+        edges : mapping of str to segment or function of (x, y), optional
+            Parts of the boundary by name. A segment is a pair of points ((x, y), (x, y)) between which the edges lie;
+            both are grid nodes. A function is given the midpoints of edges, as in `with_edges`.
+        joints : mapping of str to segment or function of (x, y), optional
+            Lines inside the body by name, along which a `Contact` may hold. Edges on the boundary do not belong to
+            them.
+        regions : mapping of str to (range, range), optional
+            Regions by name: those cells between two lines (x₁, x₂) and two lines (y₁, y₂), None for all.
+
+        Raises
+        ------
+        InputError
+            If lines do not increase, the mask has another shape or is empty, the body is not one piece whose cells
+            hang together by whole edges, cells are long both ways, or a place does not fit the lines.
+
         """
-        if not isinstance(mesh, RectilinearMesh):
-            raise InputError("mesh", mesh, "give a RectilinearMesh")
-        found = _OF_RECTANGLES.get(mesh)
-        if found is None:
-            found = _OF_RECTANGLES[mesh] = cls._made(triangulated(mesh))
-        return found
+        mesh = cls._made(grid_parts(x, y, active))
+        sets: dict[str, IntArray] = dict(mesh.edge_sets)
+        for kind, given, among in (("edges", edges, True), ("joints", joints, False)):
+            for name, place in mapping(kind, given or {}, "names to segments, or to functions of (x, y)").items():
+                _check_name(name)
+                if name in sets:
+                    raise InputError("name", name, "this edge set exists already: choose another name")
+                sets[name] = mesh._placed_edges(name, place, among)
+        named = dict[str, IntArray]()
+        for name, ranges in mapping("regions", regions or {}, "names to pairs of ranges").items():
+            _check_name(name)
+            if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
+                raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
+            named[name] = triangles_in_box(mesh.vertices, mesh.cells, ranges[0], ranges[1])
+        return replace(mesh, edge_sets=sets, regions=named) if len(sets) > len(mesh.edge_sets) or named else mesh
+
+    def _placed_edges(self, name: str, place: Place, boundary: bool) -> IntArray:
+        """Vertices of the edges on a segment, or of those a function chooses."""
+        if callable(place):
+            among = self.topology.boundary if boundary else ~self.topology.boundary
+            return self._chosen(name, place, among, "boundary" if boundary else "interior")
+        ends = real_array(name, place, "give a pair of points ((x, y), (x, y)), or a function of (x, y)")
+        if ends.shape != (2, 2) or not np.isfinite(ends).all():
+            raise InputError(name, place, "give a pair of points ((x, y), (x, y)), or a function of (x, y)")
+        start, stop = ends.tolist()
+        return edges_on_segment(self.vertices, self.topology, start, stop, inside=not boundary)
 
     @classmethod
     def _made(cls, parts: MeshParts) -> TriangleMesh:
@@ -269,11 +343,6 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return len(self.cells)
 
     @cached_property
-    def body_vertices(self) -> IntArray:
-        """Numbers of all vertices."""
-        return np.arange(len(self.vertices))
-
-    @cached_property
     def corners(self) -> FloatArray:
         """Coordinates of the corners of all triangles, shape (m, 3, 2) [length]."""
         return np.asarray(self.vertices[self.cells])
@@ -324,6 +393,33 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             places[name] = np.searchsorted(np.flatnonzero(alike), self.numbers(name))
         return places
 
+    def edge_set(self, name: str) -> IntArray:
+        """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
+        return self._sets[known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")]
+
+    def joint_set(self, name: str) -> IntArray:
+        """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
+        return self._sets[known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")]
+
+    def edges(self, name: str) -> Edges:
+        """The edges called `name`, on the boundary or in a joint."""
+        if isinstance(name, str) and name in self._taken:
+            return self._taken[name]
+        known = {"edge sets": self.edge_names, "joints": self.joint_names}
+        if known_name("edges", name, known, "add it by with_edges() or with_joint()") in self.joint_names:
+            found = self.interior.take(self.joint_set(name))
+        else:
+            found = self.boundary.take(self.edge_set(name))
+        for part in vars(found).values():
+            if isinstance(part, np.ndarray):
+                part.setflags(write=False)  # all who ask share it
+        return self._taken.setdefault(name, found)
+
+    @cached_property
+    def _taken(self) -> dict[str, Edges]:
+        """Those asked for so far: a problem asks for the same ones tens of times."""
+        return {}
+
     def region(self, name: str) -> IntArray:
         """Numbers of the triangles of a region, in ascending order."""
         return self.regions[known_name("region", name, {"regions": self.regions}, "add it by with_region()")]
@@ -332,10 +428,6 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         """Coordinates x, y [length] at reference points t, 0 to 1, (q,) or (n, q), of n edges; shape (n, q) each."""
         points = points_along(self.vertices, edges, t)
         return points[..., 0], points[..., 1]
-
-    def arranged(self, values: FloatArray) -> FloatArray:
-        """Values of the triangles (m,) as they are."""
-        return values
 
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
@@ -634,7 +726,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         shared.sort_indices()
         return np.split(shared.indices.astype(np.int64), shared.indptr[1:-1])
 
-    def same_as(self, other: Mesh) -> bool:
+    def same_as(self, other: TriangleMesh) -> bool:
         """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
         return (
             isinstance(other, TriangleMesh)
@@ -725,10 +817,6 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return found
 
 
-_OF_RECTANGLES: WeakKeyDictionary[RectilinearMesh, TriangleMesh] = WeakKeyDictionary()
-"""What grids have been cut into, as long as these are there: all steps of a history have one grid."""
-
-
 def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
     """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
     cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
@@ -763,6 +851,12 @@ def _selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], p
     if mask.dtype != bool:
         raise InputError(name, mask.dtype, "the function must return booleans")
     return np.flatnonzero(mask)
+
+
+def _some(names: tuple[str, ...]) -> str:
+    """The first few names, and how many more."""
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _check_name(name: object) -> None:

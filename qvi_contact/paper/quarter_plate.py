@@ -25,7 +25,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, finite_number, positive_number
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.lines import graded_lines
+from qvi_contact.mesh.grid import graded_lines
 from qvi_contact.paper.element import GAUSS_POINTS, GAUSS_WEIGHTS, Spline
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.solution.stress import principal_stresses

@@ -7,7 +7,6 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, positive_number
 from qvi_contact.basics.units import Units
 from qvi_contact.companion.result import CompanionResult
-from qvi_contact.element.lattices import triangles_of
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.plots.fields import draw_values
 from qvi_contact.plots.style import (
@@ -97,7 +96,7 @@ def _draw_stress(axes: "Axes", companion: CompanionResult, factor: float, units:
     count = problem.mesh.cell_count
     t, parts = companion.space.cell.lattice(int(np.clip(np.ceil(_SAMPLES / np.sqrt(count)), 2, 24)))
     values = von_mises(companion.cell_stress(*t.T), cell_factors(problem)[:, None]).ravel()
-    triangles = (len(t) * np.arange(count)[:, None, None] + triangles_of(parts)).reshape(-1, 3)
+    triangles = (len(t) * np.arange(count)[:, None, None] + parts).reshape(-1, 3)
     field = draw_values(axes, _moved(companion, t, factor).reshape(-1, 2), triangles, values)
     axes.figure.colorbar(field, ax=axes, label=f"von Mises stress [{units.stress}]", shrink=0.8)
 

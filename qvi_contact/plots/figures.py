@@ -13,7 +13,6 @@ from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitLoad
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.fields import principal_stress_map, stress_field
 from qvi_contact.plots.mechanism import draw_collapse, draw_mechanism
 from qvi_contact.plots.motion import deformed_contact
@@ -155,7 +154,6 @@ def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None 
         draw_mechanism(figure.axes[0], problem.mesh, limit.mechanism)
         words = "Dashed blue lines: motion of the blocks beyond that, magnified."
     elif limit.collapse is not None:
-        assert isinstance(problem.mesh, TriangleMesh)
         draw_collapse(figure.axes[0], problem.mesh, limit.collapse)
         words = (
             "Orange: where the body yields. Arrows: how it moves beyond that. Thick blue lines: contacts that slide."

@@ -7,7 +7,6 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.limit.load_factor import Collapse
 from qvi_contact.mechanism import Mechanism
-from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.style import BLUE, lines
 
@@ -20,7 +19,7 @@ _ARROW: Final = 0.002  # width of arrows, as a share of the picture's
 _FARTHEST: Final = 0.08  # share of the body's length at which the largest displacement is drawn
 
 
-def draw_mechanism(axes: "Axes", mesh: Mesh, mechanism: Mechanism) -> None:
+def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> None:
     """Draw the outlines of all blocks where a mechanism moves them, as dashed lines.
 
     Its motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and
@@ -30,7 +29,7 @@ def draw_mechanism(axes: "Axes", mesh: Mesh, mechanism: Mechanism) -> None:
     ----------
     axes : matplotlib axes
         Where to draw, over a picture of the problem; axes are in units of length.
-    mesh : Mesh
+    mesh : TriangleMesh
         The mesh of the problem.
     mechanism : Mechanism
         What `ContactResult.mechanism` or `LimitLoad.mechanism` gives.
@@ -77,7 +76,7 @@ def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
             axes.add_collection(lines(ends, BLUE, "solid", 3.0, f"sliding {name}"))
 
 
-def moved_outlines(mesh: Mesh, mechanism: Mechanism) -> FloatArray:
+def moved_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:
     """Ends (n, 2, 2) of the edges around all blocks, moved [length]."""
     boundary, interior = mesh.boundary, mesh.interior
     beside = mechanism.blocks[interior.cells]

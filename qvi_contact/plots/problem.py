@@ -414,7 +414,7 @@ class _Sketch:
                     yield value_range(name, np.array([value]), unit)
 
     def _potential(self) -> None:
-        vertices = self.problem.mesh.vertices[self.problem.mesh.body_vertices]
+        vertices = self.problem.mesh.vertices
         values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *vertices.T)
         if np.ptp(values) > 0.0:
             self._entry(value_range("body force, potential φ", values, self.units.stress), {"color": "none"})

@@ -20,7 +20,7 @@ from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import arc_offsets, reversed_bends
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.solution.contact_line import ContactState
 from solvers.basics.types import load
 
@@ -152,8 +152,8 @@ def plain_units(units: Units | None) -> Units:
     return Units(plain_text(given.length), plain_text(given.stress))
 
 
-def cell_outlines(mesh: Mesh) -> FloatArray:
-    """Closed outlines of the cells, shape (cells, 4, 2) of triangles, (cells, 5, 2) of rectangles [length].
+def cell_outlines(mesh: TriangleMesh) -> FloatArray:
+    """Closed outlines of the cells, shape (cells, 4, 2) [length].
 
     Where cells have arcs every side is drawn as `CHORDS` chords.
     """
@@ -166,7 +166,7 @@ def cell_outlines(mesh: Mesh) -> FloatArray:
     return np.concatenate([*sides, corners[:, :1]], axis=1)
 
 
-def edge_lines(mesh: Mesh, edges: Edges) -> FloatArray:
+def edge_lines(mesh: TriangleMesh, edges: Edges) -> FloatArray:
     """Edges as lines (n, 2, 2) [length]; as `CHORDS` chords each where some are arcs."""
     t = np.linspace(0.0, 1.0, (CHORDS if edges.curved else 1) + 1)
     if edges.curved:
@@ -174,27 +174,27 @@ def edge_lines(mesh: Mesh, edges: Edges) -> FloatArray:
     return np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1)
 
 
-def draw_grid(axes: "Axes", mesh: Mesh) -> None:
+def draw_grid(axes: "Axes", mesh: TriangleMesh) -> None:
     """Draw the cells in light grey, thinner the smaller they are on the page."""
     outlines = cell_outlines(mesh)
-    sides = outlines[:, :: (outlines.shape[1] - 1) // mesh.sides.shape[1]]
+    sides = outlines[:, :: (outlines.shape[1] - 1) // 3]
     shortest = np.hypot(*np.diff(sides, axis=1).T).min(axis=0)
     width = float(np.clip(0.05 * np.median(shortest) * points_per_length(axes, mesh), 0.1, 0.6))
     axes.add_collection(lines(outlines, "#cccccc", "solid", width))
 
 
-def draw_outline(axes: "Axes", mesh: Mesh, colour: str = GREY, width: float = 0.8) -> None:
+def draw_outline(axes: "Axes", mesh: TriangleMesh, colour: str = GREY, width: float = 0.8) -> None:
     """Draw the body's boundary as a thin line."""
     axes.add_collection(lines(edge_lines(mesh, mesh.boundary), colour, "solid", width))
 
 
-def bounding_box(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+def bounding_box(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
     """The lower left and the upper right corner of the body's bounding box, shape (2,) each [length]."""
-    vertices = mesh.vertices[mesh.body_vertices]
+    vertices = mesh.vertices
     return np.asarray(vertices.min(axis=0)), np.asarray(vertices.max(axis=0))
 
 
-def frame(axes: "Axes", mesh: Mesh, margin: float = 0.03) -> None:
+def frame(axes: "Axes", mesh: TriangleMesh, margin: float = 0.03) -> None:
     """Show the whole body, equal scales in both directions, with a margin as a share of its length."""
     axes.set_aspect("equal")
     low, high = bounding_box(mesh)
@@ -203,7 +203,7 @@ def frame(axes: "Axes", mesh: Mesh, margin: float = 0.03) -> None:
     axes.set_ylim(low[1] - margin, high[1] + margin)
 
 
-def points_per_length(axes: "Axes", mesh: Mesh) -> float:
+def points_per_length(axes: "Axes", mesh: TriangleMesh) -> float:
     """About how many printer's points a unit of length takes on the page when the axes show the body."""
     box = axes.get_window_extent()
     dpi = axes.figure.dpi

@@ -10,8 +10,8 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.mesh.arcs import angles, arc_offsets
 from qvi_contact.mesh.edges import Edges, frames_along
-from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.topology import chains
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.style import CHORDS, lines
 
 if TYPE_CHECKING:
@@ -105,13 +105,13 @@ class Run:
         return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in between))
 
 
-def runs(mesh: Mesh, edges: Edges) -> list[Run]:
+def runs(mesh: TriangleMesh, edges: Edges) -> list[Run]:
     """Edges joined to runs, which end in corners, in branches, and where the tangent changes its sense."""
     ends = np.column_stack([edges.first, edges.second])
     return [run for chain in chains(ends) for run in _runs_of(mesh, edges.take(chain))]
 
 
-def _runs_of(mesh: Mesh, edges: Edges) -> Iterator[Run]:
+def _runs_of(mesh: TriangleMesh, edges: Edges) -> Iterator[Run]:
     """Runs of one line of edges."""
     following = edges.take(np.roll(np.arange(len(edges)), -1))
     onward, back = edges.second == following.first, edges.first == following.second
@@ -137,7 +137,7 @@ def _at_ends(edges: Edges) -> tuple[FloatArray, FloatArray]:
     return frames_along(edges, np.array([0.0, 1.0]))
 
 
-def _divided(mesh: Mesh, edges: Edges) -> Run:
+def _divided(mesh: TriangleMesh, edges: Edges) -> Run:
     """A run of edges, some of them arcs, as shorter ones, whose chords are near enough to be drawn."""
     t = np.linspace(0.0, 1.0, CHORDS + 1)
     points = np.stack(mesh.points_along(edges, t), axis=-1)

@@ -12,7 +12,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Units
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.plots.style import BLUE, GREY, STATE_LOOK, VERMILLION, plain_units
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 

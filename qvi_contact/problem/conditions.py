@@ -81,11 +81,10 @@ class Traction:
 
     Notes
     -----
-    On rectangles exact if the normal component is linear along each cell edge, and the tangential one continuous and
-    quadratic along each; on triangles of degree p if both are polynomials of degree p − 2 along each edge. Anything
-    else is projected so that the resultant force and moment of every cell edge are kept. They are integrated where the
-    function jumps, bends or peaks inside an edge too, if that shows at 99 points of it: what is narrower than a
-    hundredth of an edge may be missed.
+    Exact, on elements of degree p, if both components are polynomials of degree p − 2 along each edge. Anything else is
+    projected so that the resultant force and moment of every cell edge are kept. They are integrated where the function
+    jumps, bends or peaks inside an edge too, if that shows at 99 points of it: what is narrower than a hundredth of an
+    edge may be missed.
 
     """
 

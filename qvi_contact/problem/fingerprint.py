@@ -13,7 +13,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import evaluate
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 
@@ -33,7 +33,7 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
     return found.hexdigest()
 
 
-def mesh_digest(mesh: Mesh) -> bytes:
+def mesh_digest(mesh: TriangleMesh) -> bytes:
     """SHA-256 of vertices, cells, arcs and named parts."""
     parts: list[object] = [mesh.vertices, mesh.cells, mesh.sides]
     parts += [part for name in mesh.edge_names for part in (name, mesh.edge_set(name))]
@@ -57,7 +57,7 @@ def _stated(problem: ContactProblem) -> Iterator[object]:
         yield from _values(condition, mesh.edges(condition.edges), mesh)
 
 
-def _values(part: Condition | RigidPlate, edges: Edges, mesh: Mesh) -> Iterator[object]:
+def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> Iterator[object]:
     """Names and values of all fields."""
     for each in fields(part):
         value = getattr(part, each.name)

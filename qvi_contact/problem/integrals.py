@@ -3,11 +3,11 @@
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.mesh.edges import Edges, rounding_along
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 
 
 def along_edges(
-    mesh: Mesh, edges: Edges, name: str, field: Field, points: int = 8, *, minimum: float | None = None
+    mesh: TriangleMesh, edges: Edges, name: str, field: Field, points: int = 8, *, minimum: float | None = None
 ) -> EdgeQuadrature:
     """A field on edges; so many Gauss points on each, or on each of its parts where the field jumps or bends.
 

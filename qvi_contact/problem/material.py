@@ -10,9 +10,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, one_of, positive_number
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.lines import on_line
-from qvi_contact.mesh.mesh import Mesh
-from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.selection import triangles_in_box
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.strength import Strength
 
 Plane: TypeAlias = Literal["stress", "strain"]
@@ -84,14 +83,14 @@ class Material:
 
 @dataclass(frozen=True)
 class Region:
-    """A part of the body with a material of its own: a rectangle of a rectilinear mesh, or a named region of another.
+    """A part of the body with a material of its own: a named region of the mesh, or what lies in ranges of x and y.
 
     Parameters
     ----------
     material : Material
         Its material, in the plane state of the rest of the body.
     x, y : (float, float), optional
-        Ranges [length] whose ends lie on grid lines; None reaches across the whole mesh.
+        Ranges [length] that end on edges of the mesh; None reaches across all of it.
     name : str, optional
         Name of a region of the mesh, instead of ranges.
 
@@ -116,35 +115,13 @@ class Region:
                 raise InputError(f"Region.{name}", bounds, "give a pair (start, stop), or nothing")
 
 
-def cell_materials(mesh: Mesh, regions: Sequence[Region]) -> IntArray:
+def cell_materials(mesh: TriangleMesh, regions: Sequence[Region]) -> IntArray:
     """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (cells,)."""
-    if isinstance(mesh, RectilinearMesh):
-        return material_numbers(mesh, regions)[mesh.active]
     number = np.zeros(mesh.cell_count, dtype=np.int64)
     for index, region in enumerate(regions):
         if region.name is None:
-            remedy = "ranges x and y are for rectilinear meshes: give the name of a region of the mesh"
-            raise InputError("Region.name", None, remedy)
-        number[mesh.region(region.name)] = 1 + index
+            chosen = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
+        else:
+            chosen = mesh.region(region.name)
+        number[chosen] = 1 + index
     return number
-
-
-def material_numbers(mesh: RectilinearMesh, regions: Sequence[Region]) -> IntArray:
-    """The same for all cells of a rectilinear mesh, those left out included, shape (ny, nx)."""
-    number = np.zeros(mesh.shape, dtype=np.int64)
-    for index, region in enumerate(regions):
-        if region.name is not None:
-            mesh.region(region.name)
-        columns = _cells_between("Region.x", mesh.x, region.x)
-        rows = _cells_between("Region.y", mesh.y, region.y)
-        number[rows, columns] = 1 + index
-    return number
-
-
-def _cells_between(name: str, lines: FloatArray, bounds: tuple[float, float] | None) -> slice:
-    if bounds is None:
-        return slice(None)
-    first, last = (int(np.flatnonzero(lines == on_line(name, bound, lines))[0]) for bound in bounds)
-    if first >= last:
-        raise InputError(name, bounds, "give the smaller end first")
-    return slice(first, last)

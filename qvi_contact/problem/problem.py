@@ -6,16 +6,14 @@ import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field
+from qvi_contact.basics.retired import refuse_retired
 from qvi_contact.errors import InputError, UnknownNameError
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.mesh import Mesh
-from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import (
     CARTESIAN,
@@ -27,7 +25,7 @@ from qvi_contact.problem.conditions import (
     Traction,
     components,
 )
-from qvi_contact.problem.material import Material, Region, cell_materials, material_numbers
+from qvi_contact.problem.material import Material, Region, cell_materials
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
 
@@ -45,7 +43,7 @@ class Prescribed:
     name : str
         What messages call it, such as "Traction.x".
     index : (n,) int array
-        The edges in `Mesh.boundary`.
+        The edges in `TriangleMesh.boundary`.
     edges : Edges
         The edges themselves.
     direction : (n, 2) array
@@ -71,7 +69,7 @@ class ContactProblem(Stated):
 
     Parameters
     ----------
-    mesh : RectilinearMesh or TriangleMesh
+    mesh : TriangleMesh
         The body and its cells.
     material : Material
         Its material.
@@ -91,15 +89,15 @@ class ContactProblem(Stated):
 
     """
 
-    mesh: Mesh
+    mesh: TriangleMesh
     material: Material
     conditions: Sequence[Condition]
     body_potential: Field = 0.0
     regions: Sequence[Region] = ()
 
     def __post_init__(self) -> None:
-        if not hasattr(self.mesh, "boundary"):
-            raise InputError("ContactProblem.mesh", self.mesh, "give a RectilinearMesh or a TriangleMesh")
+        if not isinstance(self.mesh, TriangleMesh):
+            raise InputError("ContactProblem.mesh", self.mesh, "give a TriangleMesh")
         if not isinstance(self.material, Material):
             raise InputError("ContactProblem.material", self.material, "give a Material")
         object.__setattr__(self, "conditions", _checked_conditions(self.conditions))
@@ -111,7 +109,7 @@ class ContactProblem(Stated):
                 raise InputError("Contact.name", name, "give each contact a name of its own")
         _check_joints(self)
         _check_complete(self)
-        _ = self.cell_materials  # refuses regions off the grid lines
+        _ = self.cell_materials  # refuses regions that cut triangles
         _check_pressure(self)
 
     def __repr__(self) -> str:
@@ -127,17 +125,6 @@ class ContactProblem(Stated):
         """The mesh drawn and a table of conditions, for notebooks."""
         return str(load("qvi_contact.files.notebook").problem_html(self))
 
-    @property
-    def grid(self) -> RectilinearMesh:
-        """The mesh, if it is rectilinear; `InputError` says what needs that."""
-        if isinstance(self.mesh, RectilinearMesh):
-            return self.mesh
-        remedy = (
-            "grid lines and values at grid nodes belong to a RectilinearMesh: state the problem on one for these, and "
-            "name element 'bfs' where it is solved"
-        )
-        raise InputError("ContactProblem.mesh", type(self.mesh).__name__, remedy)
-
     @cached_property
     def cell_materials(self) -> IntArray:
         """Index into `materials` for each cell, shape (cells,)."""
@@ -151,6 +138,12 @@ class ContactProblem(Stated):
                 remedy = "this function cannot be pickled: take an Expression, a Polynomial, or a function of a module"
                 raise InputError(name, value, remedy) from error
         return super().__getstate__()
+
+    if not TYPE_CHECKING:  # unknown names stay errors to type checkers
+
+        def __getattr__(self, name: str) -> object:
+            refuse_retired(name)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __copy__(self) -> ContactProblem:
         """The problem itself: nothing in it can be changed."""
@@ -175,11 +168,6 @@ class ContactProblem(Stated):
     def yields(self) -> bool:
         """Whether a part of the body has a strength."""
         return any(self.materials[number].strength is not None for number in np.unique(self.cell_materials))
-
-    @cached_property
-    def material_numbers(self) -> IntArray:
-        """Index into `materials` for each cell of a rectilinear mesh, those left out included, shape (ny, nx)."""
-        return material_numbers(self.grid, self.regions)
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -239,31 +227,6 @@ class ContactProblem(Stated):
             name = _sets_of(self.mesh, edge)[-1]
             _raise_on_edge(self.mesh, name, component, edge, remedy, frame[edge] == _LOCAL_FRAME)
 
-    def refined(self, largest: float, smallest: float | None = None, ratio: float = 0.5) -> ContactProblem:
-        """The same problem on a finer mesh, graded towards re-entrant corners and the ends of all contacts.
-
-        See `RectilinearMesh.refined`: cells of about `largest` shrink by `ratio` to `smallest` [length].
-        """
-        towards = [contact.edges for contact in self.contacts]
-        return replace(self, mesh=self.grid.refined(largest, towards, smallest, ratio))
-
-    def on_lines(self, x: ArrayLike, y: ArrayLike) -> ContactProblem:
-        """The same problem on other grid lines x, y [length]; see `RectilinearMesh.on_lines`."""
-        return replace(self, mesh=self.grid.on_lines(x, y))
-
-    def triangulated(self) -> ContactProblem:
-        """The same problem with every rectangle of its mesh cut into two triangles.
-
-        Edge sets and joints keep their names; regions are called "region 1", "region 2", … in their order. See
-        `TriangleMesh.of_rectangles` for the way cells are cut.
-        """
-        mesh, regions = TriangleMesh.of_rectangles(self.grid), []
-        for number, region in enumerate(self.regions, start=1):
-            name = f"region {number}"
-            mesh = mesh.with_region(name, np.flatnonzero(np.repeat(cell_materials(self.grid, [region]), 2)))
-            regions.append(Region(region.material, name=name))
-        return replace(self, mesh=mesh, regions=regions)
-
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
         """Prescribed data of one kind, symmetry lines included."""
         return self._prescribed[kind]
@@ -284,17 +247,6 @@ class ContactProblem(Stated):
             elif isinstance(condition, Symmetry):
                 name = "tangential" if kind is Traction else "normal"
                 yield Prescribed(f"Symmetry.{name}", index, edges, direction_of(name, edges), True, 0.0)
-
-    def by_component(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
-        """The same on a rectilinear mesh as (Cartesian component, boundary edges, values)."""
-        _ = self.grid
-        for given in self.prescribed(kind):
-            for component in (0, 1):
-                along = given.direction[:, component]
-                for sign in (1.0, -1.0):
-                    chosen = given.index[along == sign]
-                    if len(chosen):
-                        yield component, chosen, given.value if sign > 0.0 else opposite(given.value)
 
 
 def direction_of(name: str, edges: Edges) -> FloatArray:
@@ -343,7 +295,7 @@ def _checked_conditions(conditions: object) -> tuple[Condition, ...]:
     return tuple(conditions)
 
 
-def _edges_of(mesh: Mesh, condition: Condition) -> IntArray:
+def _edges_of(mesh: TriangleMesh, condition: Condition) -> IntArray:
     try:
         if isinstance(condition, Contact):
             mesh.edges(condition.edges)  # the names of joints fit as well
@@ -432,7 +384,7 @@ def _check_complete(problem: ContactProblem) -> None:
         _raise_on_edge(problem.mesh, name, component, edge, remedy, frame[edge] == _LOCAL_FRAME)
 
 
-def _sets_of(mesh: Mesh, edge: int) -> list[str]:
+def _sets_of(mesh: TriangleMesh, edge: int) -> list[str]:
     """Names of the edge sets that hold an edge of the boundary."""
     return [name for name in mesh.edge_names if edge in mesh.edge_set(name)] or ["an edge without a name"]
 
@@ -461,13 +413,13 @@ def _normal_part(problem: ContactProblem, given: Prescribed) -> BoolArray:
     return np.asarray(np.abs((given.direction * normal).sum(axis=1)) > _TANGENTIAL)
 
 
-def _midpoint(mesh: Mesh, edge: int) -> FloatArray:
+def _midpoint(mesh: TriangleMesh, edge: int) -> FloatArray:
     """The middle of an edge of the boundary (2,) [length]."""
     ends = mesh.vertices[[mesh.boundary.first[edge], mesh.boundary.second[edge]]]
     return np.asarray(ends.sum(axis=0) / 2.0)
 
 
-def _raise_on_edge(mesh: Mesh, name: str, component: int, edge: int, remedy: str, local: bool = False) -> None:
+def _raise_on_edge(mesh: TriangleMesh, name: str, component: int, edge: int, remedy: str, local: bool = False) -> None:
     x, y = _midpoint(mesh, edge)
     what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
     raise InputError("ContactProblem.conditions", name, f"{what} of the edge around ({x:.6g}, {y:.6g}) {remedy}")

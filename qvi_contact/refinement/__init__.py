@@ -12,9 +12,6 @@ __getattr__ = front(
     {
         "closer": ("closer_problem", "energies_between", "places"),
         "doerfler": ("bulk",),
-        "estimate": ("CellErrors",),
-        "grids": ("bisected", "coarser", "finer", "halved", "needed_lines", "spread", "summed"),
-        "marking": ("marked_lines",),
         "quantity": ("unit_of",),
     },
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, TypeAlias, overload
 
@@ -11,23 +10,20 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import positive_number, whole_number
-from qvi_contact.discretization.families import element_on, with_element
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import checked_loads
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.limits import limit_strategy
-from qvi_contact.refinement.lines import LineRefinement
 from qvi_contact.refinement.loop import Loop
 from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
 from qvi_contact.refinement.quantity import LimitFactor, Measure, Quantity
-from qvi_contact.refinement.rounds import K, Settings, Strategy
+from qvi_contact.refinement.rounds import ROUNDS, THINNEST, K, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.solver import check_options
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.watch import watched
-from solvers.solve import check_settings
 
 _COLUMNS = {
     "round": ">5", "cells": ">8", "unknowns": ">9", "value": ">16.9g", "estimate": ">9.1e", "guaranteed": ">10",
@@ -35,7 +31,7 @@ _COLUMNS = {
 }  # fmt: skip
 
 _YES = {Certainty.ESTIMATE: "no", Certainty.IF_STICKING: "if sticks", Certainty.GUARANTEED: "yes"}
-_OF_SPACES = ("element", "degree", "contact_rows")  # options that are not the solver's
+_OF_SPACES = ("degree", "contact_rows")  # options that are not the solver's
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
 """Called with the record of a round."""
@@ -94,32 +90,25 @@ def refine(
 ) -> Refinement | LimitRefinement:
     """Solve a problem on meshes refined where it pays until the error of a quantity is within a target.
 
-    On triangles, into which rectangles are cut, each round solves the problem on a mesh, which gives the answer. Where
-    the contact laws allow it (no friction, Tresca's, tied contacts, or contacts that stick everywhere) a displacement
-    companion bounds the energy, and the force of one prescribed displacement: the error is guaranteed, of contacts that
-    stick on condition that all of the contact sticks, see `Bracket.certainty`.
-    Else the answer is compared with a closer look: one degree more, on a mesh bisected where contact states change and
-    at the corners where stresses may be singular (see `closer`). Triangles that hold most of the difference are
-    bisected.
+    Each round solves the problem on a mesh, which gives the answer. Where the contact laws allow it (no friction,
+    Tresca's, tied contacts, or contacts that stick everywhere) a displacement companion bounds the energy, and the
+    force of one prescribed displacement: the error is guaranteed, of contacts that stick on condition that all of the
+    contact sticks, see `Bracket.certainty`. Else the answer is compared with a closer look: one degree more, on a mesh
+    bisected where contact states change and at the corners where stresses may be singular (see `closer`). Triangles
+    that hold most of the difference are bisected.
 
-    On rectangular grids, by ``element="bfs"``, each round solves on a mesh, on the same with every interval bisected,
-    which gives the answer, and with about every second line left out. From the differences of the three follow rates
-    and errors, cell by cell (see `estimate`), and lines are inserted across the body where they remove most of the
-    error for the unknowns they cost (see `marking`).
-
-    With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, on triangles and on grids, until
-    upper − lower is within the target of upper. That is a guaranteed error of either side wherever the mesh can follow
-    the tractions. Contact edges are bisected on which the mesh gives way in another manner than the body would: where a
-    block turns about an edge, or slip ends.
+    With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
+    target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
+    are bisected on which the mesh gives way in another manner than the body would: where a block turns about an edge,
+    or slip ends.
 
     Parameters
     ----------
     problem : ContactProblem
-        The problem. Its mesh is where the refinement starts: lines and vertices it has are kept, so let it be coarse,
-        but fine enough to show the loads.
+        The problem. Its mesh is where the refinement starts: vertices it has are kept, so let it be coarse, but fine
+        enough to show the loads.
     result : ContactResult, optional
-        An earlier result of the problem, on its mesh or another: the refinement starts from that mesh; on grids from
-        about every second line of it, so that the first answer is about as fine.
+        An earlier result of the problem, on its mesh or another: the refinement starts from that mesh.
     target : float
         Relative error asked for.
     quantity : str, function of a ContactResult, or LimitFactor
@@ -129,17 +118,15 @@ def refine(
         also "NAME.force_x", "NAME.force_y", "NAME.moment", what it does to the body, and "NAME.x", "NAME.y",
         "NAME.rotation", how far it moves. Or any function that gives one number, relative to itself.
     max_unknowns : int
-        Largest number of unknowns of an answer; on grids counted as four for each cell. The closer look on triangles
-        has up to about three times as many.
+        Largest number of unknowns of an answer. The closer look has up to about three times as many.
     max_rounds : int, optional
-        Largest number of rounds; by default 20 on grids, 60 on triangles, where a round adds fewer cells.
+        Largest number of rounds; 60 by default.
     thinnest : float, optional
-        Smallest interval or edge that is made, as a share of the body's length; by default 1e-5 on grids, where solves
-        in double precision fail near it, 1e-9 on triangles.
+        Smallest edge that is made, as a share of the body's length; 1e-9 by default.
     time_limit : float, optional
         Seconds for all rounds together; the answer is that of the last round done in time.
     guaranteed : bool
-        Whether the force of a contact that slips, on triangles, is refined until its guaranteed bounds are within the
+        Whether the force of a contact that slips is refined until its guaranteed bounds are within the
         target, see `Bracket.slip`. That takes more unknowns than the estimate, which is used by default. Where there
         are no such bounds it ends with `RefinementStatus.NO_GUARANTEE` once the estimate is within the target.
     callback : callable, optional
@@ -147,9 +134,8 @@ def refine(
     verbose : bool
         Print a header, a line a round, and a footer with status and time.
     **options
-        As for `solve`: method, inner, tolerance and the method's own, ``element``, by default that of the earlier
-        result. On triangles ``degree``, 5 by default, at most 11, and ``contact_rows``. For a limit load only
-        ``element``, ``degree``, 4 by default, and ``contact_rows``.
+        As for `solve`: method, inner, tolerance and the method's own, ``degree``, 5 by default, at most 11, and
+        ``contact_rows``. For a limit load only ``degree``, 4 by default, and ``contact_rows``.
 
     Returns
     -------
@@ -167,7 +153,7 @@ def refine(
 
     Notes
     -----
-    On triangles the error told is 1.5 |q − q(closer look)| where `Refinement.certainty` is "estimate", and no less than
+    The error told is 1.5 |q − q(closer look)| where `Refinement.certainty` is "estimate", and no less than
     1.5 times the step from the closer look of the round before, nor than solves are accurate. It is an estimate, not a
     bound. The closer look is off to the same side as the answer, mostly by a few per cent of their difference: the
     difference alone would be too small in five of six runs. With the factor, which allows for a look that is off by a
@@ -175,24 +161,13 @@ def refine(
     comparisons estimates``. Later rounds do not start from the answer of the round before: the condensed method, the
     default, has no use for a start.
 
-    On grids, with E_k the complementary energy still missing in round k (the sum over the cells), Δ_k what the finest
-    mesh of the round gained of it, and q_k the quantity, two estimates are at hand:
-
-        companion: κ_k E_k,   κ_k = |q_k − q(coarser mesh)| / Δ_k, the largest of this and the last round,
-        rounds:    |q_k − q_{k−1}| ρ/(1 − ρ),   ρ = E_k/E_{k−1} ≤ 0.8.
-
-    The estimate is their geometric mean, the second kept within a factor of 8 of the first, which stands alone in the
-    first round. It is an estimate, not a bound: on the problems of its test it is within a factor of 3 of the error.
-
     """
-    problem = _posed_on(problem, result, options)
-    kind: type[TriangleRefinement] | type[LineRefinement]
-    kind = TriangleRefinement if isinstance(problem.mesh, TriangleMesh) else LineRefinement
+    _check(problem, result, options)
     settings = Settings(
         _relative(target),
         whole_number("max_unknowns", max_unknowns),
-        kind.rounds if max_rounds is None else whole_number("max_rounds", max_rounds),
-        positive_number("thinnest", kind.thinnest if thinnest is None else thinnest) * problem.mesh.length,
+        ROUNDS if max_rounds is None else whole_number("max_rounds", max_rounds),
+        positive_number("thinnest", THINNEST if thinnest is None else thinnest) * problem.mesh.length,
         options,
         true_or_false("guaranteed", guaranteed),
     )
@@ -220,14 +195,12 @@ def _refined_for(
     settings: Settings,
     told: _Told,
 ) -> Refinement | LimitRefinement:
-    """By quantity and kind of mesh."""
+    """By quantity."""
     if isinstance(quantity, LimitFactor):
         return _limit_refined(problem, result, quantity, settings, told)
-    check_settings({name: value for name, value in settings.options.items() if name not in _OF_SPACES})
+    check_options({name: value for name, value in settings.options.items() if name not in _OF_SPACES})
     measure = Measure.of(problem, quantity)
-    if isinstance(problem.mesh, TriangleMesh):
-        return _refined(TriangleRefinement(settings, measure), problem, result, measure, told)
-    return _refined(LineRefinement(settings, measure), problem, result, measure, told)
+    return _refined(TriangleRefinement(settings, measure), problem, result, measure, told)
 
 
 class _Told:
@@ -239,13 +212,13 @@ class _Told:
     def __call__(self, record: RefinementRound) -> None:
         self._count += 1
         numbers = (record.unknowns, record.value, record.estimate, _YES[record.certainty])
-        self._story.line(self._count, math.prod(record.cells), *numbers, self._story.seconds)
+        self._story.line(self._count, record.cells, *numbers, self._story.seconds)
         if self._callback is not None:
             self._callback(record)
 
 
-def _posed_on(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> ContactProblem:
-    """The problem on a mesh of the kind that is refined; takes the element out of the options, which it checks."""
+def _check(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> None:
+    """`InputError` unless problem, result and options are what `refine` takes."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if result is not None and not isinstance(result, ContactResult):
@@ -253,17 +226,6 @@ def _posed_on(problem: ContactProblem, result: ContactResult | None, options: di
     for name in ("initial", "throw"):
         if name in options:
             raise InputError(name, options[name], "is not for refine: meshes change, and failures are in the status")
-    element = options.pop("element", None)
-    if element is None and result is not None and not isinstance(problem.mesh, TriangleMesh):
-        element = element_on(result.problem.mesh)
-    problem = with_element(problem, element)
-    if result is not None and isinstance(result.problem.mesh, TriangleMesh):
-        return with_element(problem, "hct")
-    if result is not None and isinstance(problem.mesh, TriangleMesh):
-        raise InputError(
-            "result", "on rectangles", "the problem is on triangles: leave the result out, or solve it there"
-        )
-    return problem
 
 
 def _refined(
@@ -285,9 +247,7 @@ def _refined(
         value=float("nan") if last is None else last.accuracy.value,
         estimate=float("inf") if last is None else last.estimate,
         unit=float("nan") if last is None else last.accuracy.unit,
-        indicator=known.problem.mesh.arranged(np.zeros(known.problem.mesh.cell_count))
-        if last is None
-        else last.indicator,
+        indicator=np.zeros(known.problem.mesh.cell_count) if last is None else last.indicator,
         rounds=tuple(each.record for each in ended.rounds),
         reason=ended.stop.reason,
     )

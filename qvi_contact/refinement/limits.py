@@ -8,7 +8,7 @@ In `docs/theory.md`: (D25).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 
@@ -55,25 +55,24 @@ class LimitRound(Round):
     parts: tuple[FloatArray, ...]
 
 
-def limit_strategy(
-    problem: ContactProblem, settings: Settings, names: tuple[str, ...]
-) -> "LimitOnTriangles | LimitOnGrids | LimitOfYielding":
-    """How meshes of the problem's kind are refined; `InputError` for options that a limit load does not have."""
+def limit_strategy(problem: ContactProblem, settings: Settings, names: tuple[str, ...]) -> "LimitStrategy":
+    """How meshes are refined; `InputError` for options that a limit load does not have."""
     for name, value in settings.options.items():
         if name not in _SPACE:
-            raise InputError(name, value, "is not for limit loads: give element, degree or contact_rows")
-    if problem.yields:
-        return LimitOfYielding(settings, names)
-    return (LimitOnTriangles if isinstance(problem.mesh, TriangleMesh) else LimitOnGrids)(settings, names)
+            raise InputError(name, value, "is not for limit loads: give degree or contact_rows")
+    return (LimitOfYielding if problem.yields else LimitStrategy)(settings, names)
 
 
 @dataclass(frozen=True)
-class _Limits:
-    """What both kinds of meshes have in common; see `rounds.Strategy`."""
+class LimitStrategy:
+    """Triangles beside the edges that have most of the distance bisected twice; see `rounds.Strategy`."""
 
     settings: Settings
     names: tuple[str, ...]
-    counting: ClassVar[str] = ""
+
+    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
+        """The problem on the mesh of a result."""
+        return replace(problem, mesh=result.problem.mesh)
 
     def answer(self, problem: ContactProblem) -> LimitAnalysis:
         """Both sides on the mesh."""
@@ -92,17 +91,16 @@ class _Limits:
         unit = max(abs(limit.upper), _SMALL) if np.isfinite(limit.upper) else 1.0
         estimate = 0.0 if same else max(limit.upper - limit.lower, 0.0) / unit
         parts = tuple(_edge_gaps(answer))
-        cells = self._cells(problem)
         shares = _by_cell(problem, parts)
         total = float(shares.sum())
         known = total > 0.0 and np.isfinite(estimate)
-        indicator = mesh.arranged(shares * (estimate / total) if known else np.zeros(mesh.cell_count))
+        indicator = shares * (estimate / total) if known else np.zeros(mesh.cell_count)
         exact = np.isfinite(estimate) and loads_followed(answer.posed.low) and loads_followed(answer.posed.high)
         return LimitRound(
             problem=problem,
             unknowns=answer.posed.unknowns,
             accuracy=Accuracy(limit.lower, unit, estimate, Certainty.GUARANTEED if exact else Certainty.ESTIMATE),
-            cells=cells,
+            cells=mesh.cell_count,
             indicator=indicator,
             limit=limit,
             parts=parts,
@@ -114,88 +112,29 @@ class _Limits:
         joined = np.concatenate([np.empty(0), *last.parts])
         if not joined.size:
             raise StopError(RefinementStatus.UNSOLVED, "there is no contact that limits tractions")
-        marked, start, chosen = bulk(joined), 0, []
-        for edges, parts in zip(_limited_edges(last.problem), last.parts, strict=True):
-            chosen.append(edges.take(marked[start : start + len(parts)]))
+        marked, start, beside = bulk(joined), 0, []
+        problem = last.problem
+        for edges, parts in zip(_limited_edges(problem), last.parts, strict=True):
+            chosen = marked[start : start + len(parts)] & (edges.length >= 2.0 * self.settings.thinnest)
+            beside.append(edges.cells[chosen].ravel())
             start += len(parts)
-        return self._finer(last.problem, chosen)
-
-    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
-        """The problem with those edges of each contact bisected."""
-        raise NotImplementedError
-
-    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
-        """Cells along x and y, or the number of triangles."""
-        raise NotImplementedError
-
-
-class LimitOnTriangles(_Limits):
-    """Triangles beside those edges bisected twice."""
-
-    rounds: ClassVar[int] = 60
-    thinnest: ClassVar[float] = 1e-9
-
-    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh of a result."""
-        return replace(problem, mesh=result.problem.mesh)
-
-    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
-        return (problem.mesh.cell_count,)
-
-    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
-        mesh = _triangles(problem)
-        long = [each.cells[each.length >= 2.0 * self.settings.thinnest].ravel() for each in chosen]
-        cells = np.unique(np.concatenate(long))
+        cells = np.unique(np.concatenate(beside))
         cells = cells[cells >= 0]
         if not len(cells):
             raise StopError(RefinementStatus.THIN_CELLS)
-        fine = mesh
+        fine = mesh = problem.mesh
         for _ in range(_TWICE):
             fine = fine.refined(at_contacts(problem, mesh, fine, cells))
         return replace(problem, mesh=fine)
 
 
-class LimitOnGrids(_Limits):
-    """Grid lines inserted in the middle of those edges."""
-
-    rounds: ClassVar[int] = 20
-    thinnest: ClassVar[float] = 1e-5
-
-    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh of a result."""
-        mesh = result.problem.grid
-        return problem.on_lines(mesh.x, mesh.y)
-
-    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
-        return problem.grid.shape[::-1]
-
-    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
-        mesh, middle = problem.grid, np.array([0.5])
-        new: tuple[list[FloatArray], list[FloatArray]] = ([mesh.x], [mesh.y])
-        for edges in chosen:
-            long = edges.take(edges.length >= 2.0 * self.settings.thinnest)
-            for axis, values in enumerate(mesh.points_along(long, middle)):
-                new[axis].append(values[long.tangent[:, axis] > 0.0, 0])
-        x, y = (np.unique(np.concatenate(lines)) for lines in new)
-        if len(x) == len(mesh.x) and len(y) == len(mesh.y):
-            raise StopError(RefinementStatus.THIN_CELLS)
-        return problem.on_lines(x, y)
-
-
-class LimitOfYielding(LimitOnTriangles):
+class LimitOfYielding(LimitStrategy):
     """Triangles with most of the gap bisected, and fans where loads change or outlines turn inwards."""
-
-    rounds: ClassVar[int] = 30
-
-    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh of a result."""
-        del result
-        return problem
 
     def assessed(self, problem: ContactProblem, answer: LimitAnalysis, earlier: Sequence[LimitRound], /) -> LimitRound:
         """How far apart both sides are, and in which triangles."""
         found = super().assessed(problem, answer, earlier)
-        collapse, mesh = answer.limit.collapse, _triangles(problem)
+        collapse, mesh = answer.limit.collapse, problem.mesh
         parts = np.ones(mesh.cell_count) if collapse is None else collapse.gap
         estimate = found.accuracy.estimate
         shares = parts * (estimate / parts.sum()) if np.isfinite(estimate) and parts.sum() > 0.0 else 0.0 * parts
@@ -208,7 +147,7 @@ class LimitOfYielding(LimitOnTriangles):
     def next(self, rounds: Sequence[LimitRound]) -> ContactProblem:
         """Triangles with most of the gap divided; where they meet a singular vertex its fan becomes finer."""
         last = rounds[-1]
-        mesh, parts = _triangles(last.problem), last.parts[0]
+        mesh, parts = last.problem.mesh, last.parts[0]
         marked = bulk(parts, _SHARE)
         singular = singular_vertices(last.problem)
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
@@ -228,7 +167,7 @@ def singular_vertices(problem: ContactProblem) -> IntArray:
 
     The outline turns inwards there, or conditions change where it does not turn outwards by much; straight sides only.
     """
-    mesh = _triangles(problem)
+    mesh = problem.mesh
     owners = problem.owners
     found = []
     angle = np.bincount(mesh.cells.ravel(), _angles(mesh).ravel(), len(mesh.vertices))
@@ -259,12 +198,6 @@ def _areas(mesh: TriangleMesh) -> FloatArray:
     """Areas of all triangles (m,) [length²]."""
     one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
     return np.asarray(np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) / 2.0)
-
-
-def _triangles(problem: ContactProblem) -> TriangleMesh:
-    """The mesh of a problem on triangles."""
-    assert isinstance(problem.mesh, TriangleMesh)
-    return problem.mesh
 
 
 def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:

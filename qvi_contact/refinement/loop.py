@@ -62,10 +62,7 @@ class Loop(Generic[A, R]):
         try:
             return self.strategy.answer(problem)
         except TooLargeError as error:
-            remedy = (
-                f"the first mesh has about {error.unknowns} unknowns{self.strategy.counting}: allow more, or start "
-                "coarser"
-            )
+            remedy = f"the first mesh has {error.unknowns} unknowns: allow more, or start coarser"
             raise InputError("max_unknowns", self.strategy.settings.max_unknowns, remedy) from error
 
     def _answered(self, problem: ContactProblem) -> A:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -56,8 +55,8 @@ class RefinementRound:
 
     Attributes
     ----------
-    cells : (int, int) or (int,)
-        Grid cells along x and y of the finest mesh, those left out included; on triangles their number.
+    cells : int
+        Number of triangles.
     unknowns : int
         Unknowns of the problem on it.
     value : float
@@ -71,7 +70,7 @@ class RefinementRound:
 
     """
 
-    cells: tuple[int, ...]
+    cells: int
     unknowns: int
     value: float
     estimate: float
@@ -102,8 +101,8 @@ class Outcome:
         Estimated relative error of the value, or its bound if `guaranteed`; infinity if there is none.
     unit : float
         What it is relative to, see `refine`.
-    indicator : (ny, nx) or (cells,) array
-        Contribution of each cell of the last mesh; they are ≥ 0 and add up to the estimate. Zero outside the body.
+    indicator : (cells,) array
+        Contribution of each cell of the last mesh; they are ≥ 0 and add up to the estimate.
     rounds : tuple of RefinementRound
         One for each mesh solved.
     reason : str
@@ -127,7 +126,7 @@ class Outcome:
     def to_frame(self) -> DataFrame:
         """One row a round as a pandas table; needs the extra ``frame`` (pandas).
 
-        Columns are "round" (from 1), and the fields of `RefinementRound`, with "cells" multiplied out.
+        Columns are "round" (from 1), and the fields of `RefinementRound`.
 
         Raises
         ------
@@ -135,10 +134,7 @@ class Outcome:
             If pandas is missing.
 
         """
-        rows = [
-            {"round": number, **asdict(record), "cells": math.prod(record.cells)}
-            for number, record in enumerate(self.rounds, 1)
-        ]
+        rows = [{"round": number, **asdict(record)} for number, record in enumerate(self.rounds, 1)]
         return frame(columns_of(rows))
 
     @property
@@ -160,14 +156,12 @@ class Outcome:
     def message(self) -> str:
         """One sentence about the outcome."""
         last = self.rounds[-1]
-        cells = " × ".join(str(count) for count in last.cells)
-        kind = "cells" if len(last.cells) > 1 else "triangles"
         sure = self.certainty is not Certainty.ESTIMATE
         error = f"relative error ({self.certainty})" if sure else "estimated relative error"
         sense = "within" if self.status in {RefinementStatus.REACHED, RefinementStatus.NO_GUARANTEE} else "above"
         text = (
             f"{self.status.value}: {self.quantity} = {self.value:.9g}, {error} {self.estimate:.1e}, "
-            f"{sense} the target {self.target:.1e}, with {last.unknowns} unknowns on {cells} {kind} after "
+            f"{sense} the target {self.target:.1e}, with {last.unknowns} unknowns on {last.cells} triangles after "
             f"{len(self.rounds)} {'round' if len(self.rounds) == 1 else 'rounds'}"
         )
         return f"{text}; {self.reason}" if self.reason else text

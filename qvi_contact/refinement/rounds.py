@@ -1,8 +1,8 @@
-"""What a kind of mesh is asked for in each round of a refinement, and what a round leaves behind."""
+"""What is asked for in each round of a refinement, and what a round leaves behind."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
@@ -10,6 +10,12 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
+
+ROUNDS: Final = 60
+"""Largest number of rounds, unless another is asked for."""
+
+THINNEST: Final = 1e-9
+"""Smallest edge over the body's length, unless another is asked for."""
 
 _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
@@ -79,8 +85,8 @@ class Round:
         Unknowns of the answer.
     accuracy : Accuracy
         The quantity of the answer, and how far off it is.
-    cells : tuple of int
-        Grid cells along x and y, or the number of triangles.
+    cells : int
+        Number of triangles.
     indicator : array
         Contribution of each cell to the estimate.
 
@@ -89,7 +95,7 @@ class Round:
     problem: ContactProblem
     unknowns: int
     accuracy: Accuracy
-    cells: tuple[int, ...]
+    cells: int
     indicator: FloatArray
 
     @property
@@ -124,18 +130,12 @@ K = TypeVar("K", bound=ResultRound)
 
 
 class Strategy(Protocol[A, R]):
-    """How meshes of one kind are refined.
+    """How meshes are refined for one kind of answer.
 
     Attributes
     ----------
     settings : Settings
         What is asked for.
-    counting : str
-        How unknowns are counted before a solve, for messages; empty where they are those of the problem as it stands.
-    rounds : int
-        Largest number of rounds, unless another is asked for.
-    thinnest : float
-        Smallest edge over the body's length, unless another is asked for.
 
     """
 
@@ -144,12 +144,8 @@ class Strategy(Protocol[A, R]):
         """What is asked for."""
         ...
 
-    counting: ClassVar[str]
-    rounds: ClassVar[int]
-    thinnest: ClassVar[float]
-
     def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh that goes on from an earlier result, which is on a mesh of the same kind."""
+        """The problem on the mesh that goes on from an earlier result, if there is one."""
         ...
 
     def answer(self, problem: ContactProblem) -> A:

@@ -6,7 +6,7 @@ In `docs/theory.md`: (D22).
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class Marks:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TriangleRound(ResultRound):
-    """A round on triangles.
+    """A round of a contact problem.
 
     Attributes
     ----------
@@ -91,9 +91,6 @@ class TriangleRefinement:
 
     settings: Settings
     measure: Measure
-    counting: ClassVar[str] = ""
-    rounds: ClassVar[int] = 60
-    thinnest: ClassVar[float] = 1e-9
 
     @property
     def degree(self) -> int:
@@ -119,7 +116,7 @@ class TriangleRefinement:
     ) -> TriangleRound:
         """What bounds say about an answer, where there are any, else a closer look."""
         check_solved(result)
-        mesh, measure = _mesh(problem), self.measure
+        mesh, measure = problem.mesh, self.measure
         value, unit = measure.value(result), measure.unit(result)
         at = places(problem, mesh, result)
         hopeless = any(each.tried and each.accuracy.certainty is Certainty.ESTIMATE for each in earlier)
@@ -134,7 +131,7 @@ class TriangleRefinement:
             problem=problem,
             unknowns=unknowns_of(result),
             accuracy=Accuracy(value, unit, estimate, found.certainty),
-            cells=(len(mesh.cells),),
+            cells=len(mesh.cells),
             indicator=_shared(found.parts, estimate),
             result=result,
             marks=self._marks(mesh, at, found, estimate),
@@ -155,7 +152,7 @@ class TriangleRefinement:
     def next(self, rounds: Sequence[TriangleRound]) -> ContactProblem:
         """The problem with marked triangles bisected, but for those that are as small as allowed."""
         last = rounds[-1]
-        mesh = self._bisected(_mesh(last.problem), last.marks.cells)
+        mesh = self._bisected(last.problem.mesh, last.marks.cells)
         if mesh is None:
             raise StopError(RefinementStatus.THIN_CELLS)
         for vertices in last.marks.deeper:  # old vertices keep their numbers
@@ -174,7 +171,7 @@ class TriangleRefinement:
 
         A bound of the tied problem stays what it is if the contacts stick in the closer look too.
         """
-        mesh, measure, options = _mesh(problem), self.measure, self.settings.options
+        mesh, measure, options = problem.mesh, self.measure, self.settings.options
         by_default = options.get("method") is None and options.get("inner") is None
         for closer, more in ((closer_problem(problem, mesh, at), _QUICK if by_default else {}), (problem, {})):
             try:
@@ -187,7 +184,7 @@ class TriangleRefinement:
                 if bound is not None and sticks(look):
                     return bound
                 error = max(_SAFETY * apart, result.certificate.accuracy * unit)  # no less than solves are accurate
-                parts = energies_between(result, look, mesh, _mesh(closer))
+                parts = energies_between(result, look, mesh, closer.mesh)
                 return Comparison(error, Certainty.ESTIMATE, parts, looked)
         return None if bound is None else replace(bound, certainty=Certainty.ESTIMATE)
 
@@ -208,16 +205,11 @@ def _settled(found: Comparison | None, result: ContactResult, earlier: Sequence[
         late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
         raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be determined")
     if found is None:
-        found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(len(_mesh(result.problem).cells)))
+        found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(len(result.problem.mesh.cells)))
     if earlier and found.certainty is Certainty.ESTIMATE:
         step = abs(found.looked - earlier[-1].looked)  # looks that still move are no measure of an error below that
         found = replace(found, error=float(np.fmax(found.error, _SAFETY * step)))
     return found
-
-
-def _mesh(problem: ContactProblem) -> TriangleMesh:
-    assert isinstance(problem.mesh, TriangleMesh)
-    return problem.mesh
 
 
 def _usable(look: ContactResult, error: float, unit: float) -> bool:

@@ -2,14 +2,11 @@
 
 With σ_N' = σ_N + p_w in the place of σ_N where a fluid presses in the contact:
 
-On an edge of a rectangle σ_N is affine and σ_T quadratic. With μ affine, c and t_max quadratic along the edge, in
-particular constant,
-
     |σ_T| − min(c + μs, t_max)  =  max over ± of the larger of  ±σ_T − c − μs  and  ±σ_T − t_max
 
-is quadratic on each side of the point where σ_N changes sign, and its maximum a formula. Tractions of other degrees,
-other fields, and a σ_N that a body force bends, are taken as the polynomials through the Gauss points, and the maximum
-found from the roots of derivatives.
+is a polynomial on each side of the points where σ_N changes sign. Tractions and fields of the law are taken as the
+polynomials through the Gauss points, and the maximum is found from the roots of derivatives. Where Bernstein
+coefficients obey the law there is nothing to look for.
 """
 
 from itertools import pairwise
@@ -20,11 +17,8 @@ from numpy.polynomial import Polynomial
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.discretization.contact_rows import ContactRows
-from solvers import EdgeRows
-from solvers.strict.quadratics import largest, product
 
 _ROUNDING = 1e-13  # of the largest traction: excess of a Bernstein coefficient that is rounding
-_POLYNOMIAL = 1e-10  # of the values: difference from a polynomial of the degree expected that is rounding
 
 
 class Violations(NamedTuple):
@@ -39,26 +33,15 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
 
     The bound is that of the pressure at each place, which where unilateral σ_N > 0 is none; tied contacts have no law.
     """
-    space = rows.points.basis
-    edges = EdgeRows(rows.points.reference, space.normal_degree, space.shear_degree)
     if rows.law == "tied":
         return Violations(np.zeros(len(rows.points.edges)), np.zeros(len(rows.points.edges)))
-    fields = [normal, tangential, rows.friction, rows.cohesion, rows.shear_limit]
-    n, tau, mu, cohesion, cap = (edges.grouped(values) for values in fields)
-    simple = np.full(len(n), edges.affine_and_quadratic)
-    for groups, parameters in ((n, 2), (tau, 3), (mu, 2), (cohesion, 3), (cap, 3)):
-        simple &= edges.affine_and_quadratic and _is(edges, groups, parameters)
+    fields = (normal, tangential, rows.friction, rows.cohesion, rows.shear_limit)
+    parts = tuple(values.reshape(-1, rows.points.count) for values in fields)
     both = rows.law != "unilateral"
-    excess, pull = np.zeros(len(n)), np.zeros(len(n))
-    if simple.any():
-        found = _quadratic(edges, [part[simple] for part in (n, tau, mu, cohesion, cap)], both)
-        excess[simple], pull[simple] = found
-    admissible, most = _by_coefficients(rows, (n, tau, mu, cohesion, cap), both)
-    settled = admissible & ~simple
-    excess[settled], pull[settled] = most[settled].T
-    for edge in np.flatnonzero(~simple & ~settled):
-        parts = [part[edge] for part in (n, tau, mu, cohesion, cap)]
-        excess[edge], pull[edge] = _general(edges.points, parts, both)
+    admissible, most = _by_coefficients(rows, parts, both)
+    excess, pull = np.where(admissible[:, None], most, 0.0).T
+    for edge in np.flatnonzero(~admissible):
+        excess[edge], pull[edge] = _general(rows.points.reference, [part[edge] for part in parts], both)
     return Violations(excess, pull)
 
 
@@ -78,45 +61,6 @@ def _by_coefficients(rows: ContactRows, parts: tuple[FloatArray, ...], both: boo
     excess = (np.abs(shear) - (cohesion - mu * normal)).max(axis=1)
     found = np.maximum(np.column_stack([excess, np.zeros(len(n)) if both else pull]), 0.0)
     return constant & pressed & (excess <= scale), found
-
-
-def _is(edges: EdgeRows, groups: FloatArray, parameters: int) -> BoolArray:
-    """Edges (n,) on which values at points are affine (2 parameters) or quadratic (3), or infinite everywhere."""
-    infinite = np.asarray(np.isinf(groups).all(axis=1))
-    finite = np.where(infinite[:, None], 0.0, groups)
-    fitted = edges.ends(finite.ravel()) if parameters == 2 else edges.bernstein(finite.ravel())
-    error = np.abs(edges.at_points(fitted).reshape(finite.shape) - finite).max(axis=1, initial=0.0)
-    return np.asarray(error <= _POLYNOMIAL * np.abs(finite).max(initial=0.0))
-
-
-def _quadratic(edges: EdgeRows, parts: list[FloatArray], both: bool) -> tuple[FloatArray, FloatArray]:
-    """Excess and pull by formulas."""
-    normal, tangential, friction, limit, cap = (part.ravel() for part in parts)
-    n, tau, mu = edges.ends(normal), edges.bernstein(tangential), edges.ends(friction)
-    cohesion, ceiling = edges.bernstein(limit), edges.bernstein(np.where(np.isinf(cap), 0.0, cap))
-    uncapped = np.isinf(cap).reshape(-1, edges.count).all(axis=1)
-    changes = n[:, 0] * n[:, 1] < 0.0
-    root = np.divide(n[:, 0], n[:, 0] - n[:, 1], out=np.zeros(len(n)), where=changes)
-    excess = np.zeros(len(n))
-    for start, stop in ((np.zeros_like(root), root), (root, np.ones_like(root))):
-        pressure = -(n[:, 0] * (2.0 - start - stop) + n[:, 1] * (start + stop))  # in the middle: its sign on the piece
-        sign = np.where(pressure >= 0.0, 1.0, -1.0 if both else 0.0)
-        bound = cohesion + product(mu, -sign[:, None] * n)
-        for side in (tau, -tau):
-            law = largest(_restricted(side - bound, start, stop))
-            capped = np.where(uncapped, 0.0, largest(_restricted(side - ceiling, start, stop)))
-            excess = np.maximum(excess, np.maximum(law, capped))
-    return excess, np.zeros(len(n)) if both else np.maximum(n.max(axis=1, initial=0.0), 0.0)
-
-
-def _restricted(b: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray:
-    """Bernstein coefficients (n, 3) of the same quadratics on [start, stop], by blossoms."""
-
-    def blossom(u: FloatArray, v: FloatArray) -> FloatArray:
-        cross = (1.0 - u) * v + u * (1.0 - v)
-        return np.asarray((1.0 - u) * (1.0 - v) * b[:, 0] + cross * b[:, 1] + u * v * b[:, 2])
-
-    return np.column_stack([blossom(start, start), blossom(start, stop), blossom(stop, stop)])
 
 
 def _general(t: FloatArray, parts: list[FloatArray], both: bool) -> tuple[float, float]:

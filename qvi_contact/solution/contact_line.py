@@ -1,7 +1,6 @@
 """What happens on a contact: tractions, gap and slip, and which points are open, stick or slip.
 
-Displacements come from the multipliers: divided by the weights where the rows of (D2) are independent, else as far as
-the traces feel them, see `Basis.contact_displacements`.
+Displacements come from the multipliers divided by the weights.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.solution.between_points import between_points
 from qvi_contact.solution.contact_path import ContactPath, turning_senses
@@ -65,7 +64,7 @@ class ContactState(IntEnum):
 class ContactLine:
     """One contact in the solution; arrays over its m Gauss points, edges in the mesh's order.
 
-    An edge has four points on rectangles, p − 1 on triangles of degree p.
+    An edge has p − 1 points, with p the degree of the Airy function.
 
     Attributes
     ----------
@@ -85,12 +84,11 @@ class ContactLine:
         σ_T [stress], component of the traction on the body along the tangent: +x (horizontal contact) or +y (vertical),
         t_x > 0 on slanted edges.
     gap : (m,) array
-        g − u_N [length], ≥ 0 and zero in contact up to the mesh: the multipliers obey the contact law exactly, the
-        gap is their projection on polynomials along each edge, linear ones on rectangles, and may dip below zero beside
-        the end of a contact zone.
+        g − u_N [length], ≥ 0 and zero in contact up to the mesh: the multipliers of rows obey the contact law exactly,
+        the gap at points is that of a polynomial along each edge, and may dip below zero beside the end of a contact
+        zone.
     slip : (m,) array
-        u_T − w [length] along the same tangent, opposite in sign to σ_T and zero at sticking points up to the mesh: a
-        projection as well, on rectangles on continuous quadratic functions.
+        u_T − w [length] along the same tangent, opposite in sign to σ_T and zero at sticking points up to the mesh.
     state : (m,) int array
         `ContactState`: 0 open, 1 stick, 2 slip, without friction 3 closed; see `contact_states` for the rule.
     ends : (edges, 2, 2) array
@@ -99,9 +97,8 @@ class ContactLine:
         Pressure p_w of a fluid in the contact [stress]; zeros where there is none.
     excess_between_points : float
         Largest (|σ_T| − bound)⁺ anywhere on the contact [stress], with the bound of the pressure there: 0 at the points
-        up to the certificate's tolerance. Between them too on triangles with Bernstein rows, the default where they can
-        hold the law: not on bilateral contacts with friction, nor where friction varies along an edge. On Gauss rows
-        and on rectangles only where the inner solver is a "strict" one.
+        up to the certificate's tolerance. Between them too with Bernstein rows, the default where they can
+        hold the law: not on bilateral contacts with friction, nor where friction varies along an edge.
     pull_between_points : float
         Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see `between_points`.
     senses : (edges,) array
@@ -295,8 +292,7 @@ def contact_states(
     Where rows are tractions at these very points, one per parameter of the trace, at most one of p and d and one of
     b − t and v is not zero, and the rule says which. Bernstein coefficients obey the law one by one; at the points of
     the edge in which a zone ends both may be positive then, and where one outweighs the other is the better guess of
-    that end than the tractions alone: those of the whole edge stay below the bound. On rectangles tractions alone would
-    call points stuck wherever σ_T is forced to zero, as it is in corners.
+    that end than the tractions alone: those of the whole edge stay below the bound.
 
     Returns
     -------
@@ -331,19 +327,14 @@ def contact_line(
     The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`). Numbers up to
     `rounding` are shown as 0; by default that of the scales.
 
-    λ = m/W gives u_N − g = −λ_N and u_T − w = −λ_T, projected on the trace spaces; g as far as it is within reach, the
-    rest is added.
+    λ = m/W gives u_N − g = −λ_N and u_T − w = −λ_T; g as far as it is within reach, the rest is added.
     """
-    contacts = discretization.contacts
-    rows = contacts[number]
+    rows = discretization.contacts[number]
     scales, points = discretization.scales, rows.points
     mesh, edges = discretization.problem.mesh, points.edges
     x, y = physical(discretization.problem, scales, points.coordinates)
-    far = normal_multiplier + points.weights * rows.beyond
-    gap, against = discretization.space.contact_displacements(
-        contacts, number, far, tangential_multiplier, discretization.elimination
-    )
-    slip = -against
+    gap = (normal_multiplier + points.weights * rows.beyond) / points.weights
+    slip = -(tangential_multiplier / points.weights)
     bound = rows.bound(effective)
     frictionless = is_frictionless(discretization.problem.contacts[number])
     may_open = rows.law == "unilateral"

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.polynomials import is_polynomial
+from qvi_contact.discretization.loads import is_polynomial
 from qvi_contact.solution.stress import stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions
 
@@ -29,7 +29,7 @@ def loads_followed(discretization: Discretization) -> bool:
     rounding = unit * stress_rounding(discretization, u)
     if misfit_of_tractions(discretization, u) > allowed_misfit(unit, rounding):
         return False
-    problem, most = discretization.problem, discretization.space.normal_degree
+    problem, most = discretization.problem, discretization.space.traction_degree
     for contact in problem.contacts:
         fields = {
             "Contact.pore_pressure": contact.pore_pressure,

@@ -21,14 +21,13 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
 import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, real_array
+from qvi_contact.basics.checks import Field, FloatArray, evaluate, real_array
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.space import RowKind
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
@@ -268,7 +267,6 @@ def solve_history(
     *,
     store: str | Path | None = None,
     time_limit: float | None = None,
-    element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     warm_start: bool = True,
@@ -284,16 +282,15 @@ def solve_history(
         and friction may change. An `offset` is the obstacle's own tangential displacement, slip is added to it. With a
         store a sequence is read twice, step by step, and nothing of it is kept; what is no sequence becomes a list.
     callback : callable, optional
-        Called with the number of each step, from 1, and its result. Where a step gives up the shear in a corner beside
-        a contact (see `discretize`) all steps do, and the history starts again.
+        Called with the number of each step, from 1, and its result.
     store : str or Path, optional
         A folder that keeps each step as soon as it is done, and takes it out of memory. The same call again goes on
         where the last one stopped, whatever stopped it; steps already there are not told to `callback`.
     time_limit : float, optional
         Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
         unless its certificate passes.
-    element, degree, contact_rows
-        The element, its degree on triangles, and what bounds tractions there, see `discretize`.
+    degree, contact_rows
+        Degree of the element, and what bounds tractions, see `discretize`.
     warm_start : bool
         Whether methods that take a start begin at the state of the step before.
     verbose : bool
@@ -317,12 +314,12 @@ def solve_history(
     check_options(options)
     title = f"qvi_contact {__version__}: solve_history"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
-        steps = _Problems.of(problems, element, kept=store is None)
+        steps = _given(problems, kept=store is None)
         survey = _surveyed(steps)
         contact_rows = rows_for(options.get("method"), contact_rows)
         if contact_rows is None and survey.laws_vary:
             contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
-        space = {"element": element, "degree": degree, "contact_rows": contact_rows}
+        space = {"degree": degree, "contact_rows": contact_rows}
         story.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
 
         def told(number: int, result: ContactResult) -> None:
@@ -373,33 +370,6 @@ class _InMemory:
         return tuple(self._results[:count])
 
 
-class _Problems(Sequence[ContactProblem]):
-    """The problem of each step on its element, made anew each time unless it is kept."""
-
-    def __init__(self, problems: Sequence[ContactProblem], element: ElementName | None) -> None:
-        self._problems, self._element = problems, element
-
-    def __len__(self) -> int:
-        return len(self._problems)
-
-    def __getitem__(self, index: int) -> ContactProblem:  # type: ignore[override]  # of one step
-        problem = self._problems[index]
-        if not isinstance(problem, ContactProblem):
-            raise InputError(f"problems[{index}]", problem, "give a ContactProblem for each load step")
-        return with_element(problem, self._element)
-
-    @classmethod
-    def of(
-        cls, problems: Iterable[ContactProblem], element: ElementName | None, kept: bool
-    ) -> Sequence[ContactProblem]:
-        if not isinstance(problems, Iterable):
-            raise InputError("problems", problems, "give a list of at least one ContactProblem")
-        given = cls(problems if isinstance(problems, Sequence) else list(problems), element)
-        if not len(given):
-            raise InputError("problems", problems, "give a list of at least one ContactProblem")
-        return [given[index] for index in range(len(given))] if kept else given
-
-
 @dataclass(frozen=True)
 class _Survey:
     """What all steps have in common: units, and whether the law varies along an edge in any of them."""
@@ -408,20 +378,31 @@ class _Survey:
     laws_vary: bool
 
 
+def _given(problems: Iterable[ContactProblem], kept: bool) -> Sequence[ContactProblem]:
+    """The steps, which a sequence may make anew each time it is asked, unless they are kept."""
+    if not isinstance(problems, Iterable):
+        raise InputError("problems", problems, "give a list of at least one ContactProblem")
+    steps = list(problems) if kept or not isinstance(problems, Sequence) else problems
+    if not len(steps):
+        raise InputError("problems", problems, "give a list of at least one ContactProblem")
+    return steps
+
+
 def _surveyed(steps: Sequence[ContactProblem]) -> _Survey:
     """One look at every step, which must have the mesh and the contacts of the first."""
-    first, vary = steps[0], False
-    scales = Scales.of(first)
+    first, vary, known = steps[0], False, list[Scales]()
     for number in range(len(steps)):
         problem = steps[number]
+        if not isinstance(problem, ContactProblem):
+            raise InputError(f"problems[{number}]", problem, "give a ContactProblem for each load step")
         if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
         if [_frame(contact) for contact in problem.contacts] != [_frame(contact) for contact in first.contacts]:
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
-        scales = max(scales, Scales.of(problem), key=lambda scales: (scales.loaded, scales.stress))
+        known.append(Scales.of(problem))
         vary = vary or laws_vary(problem)
-    return _Survey(scales, vary)
+    return _Survey(max(known, key=lambda scales: (scales.loaded, scales.stress)), vary)
 
 
 @dataclass(frozen=True, eq=False)
@@ -435,13 +416,13 @@ class _Run:
     options: dict[str, Any]
     warm: bool
 
-    def posed(self, freed: IntArray) -> _Posed:
+    def posed(self) -> _Posed:
         """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
         made: list[Discretization] = []
 
         def posed(number: int, scales: Scales) -> Discretization:
             if not made:
-                made.append(discretize(self.steps[0], scales=self.scales, freed=freed, **self.space))
+                made.append(discretize(self.steps[0], scales=self.scales, **self.space))
             if number == 1 and scales == self.scales:
                 return made[0]
             return made[0].following(self.steps[number - 1], scales)
@@ -450,20 +431,15 @@ class _Run:
 
 
 class _Keeper(Protocol):
-    """Where results are kept, and the vertices whose shear they give up."""
+    """Where results are kept."""
 
-    freed: IntArray
-
-    def begun(self, freed: IntArray, posed: _Posed) -> _Steps: ...
+    def begun(self, posed: _Posed) -> _Steps: ...
 
 
 class _Memory:
     """Nowhere but in memory."""
 
-    def __init__(self) -> None:
-        self.freed: IntArray = np.empty(0, dtype=np.int64)
-
-    def begun(self, freed: IntArray, posed: _Posed) -> _Steps:  # noqa: ARG002
+    def begun(self, posed: _Posed) -> _Steps:  # noqa: ARG002
         return _InMemory()
 
 
@@ -477,22 +453,9 @@ def _keeper(store: str | Path | None, steps: Sequence[ContactProblem], options: 
 
 
 def _history(run: _Run, keeper: _Keeper) -> History:
-    """All steps, again from the first where one gives up shears in corners."""
-    freed = keeper.freed
-    while True:
-        posed = run.posed(freed)
-        results = _follow(run, freed, posed, keeper.begun(freed, posed))
-        found, count = np.union1d(freed, results[len(results) - 1].discretization.freed), len(results)
-        if len(found) > len(freed) and not expired():
-            freed = found
-            continue
-        if len(found) > len(freed) and count > 1:
-            count -= 1  # no time to begin again: the steps before the one that gave up a shear are what they were
-        return History(results.first(count), len(run.steps), tuple(results.statuses[:count]))
-
-
-def _follow(run: _Run, freed: IntArray, posed: _Posed, results: _Steps) -> _Steps:
-    """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
+    """All steps, up to one without an answer."""
+    posed = run.posed()
+    results = keeper.begun(posed)
     for number in range(len(results) + 1, len(run.steps) + 1):
         before = results[number - 2] if number > 1 else None
         if before is None:
@@ -504,12 +467,12 @@ def _follow(run: _Run, freed: IntArray, posed: _Posed, results: _Steps) -> _Step
             discretization = discretization.slipped(_slip_after(before))
         initial = {"initial": before} if before is not None and run.warm else {}
         result = solve(discretization, **{**run.options, **initial})
-        done = result.status in _CONTINUES and len(result.discretization.freed) == len(freed)
+        done = result.status in _CONTINUES
         results.add(result, done=done)
         run.callback(number, result)
         if not done:
             break
-    return results
+    return History(results.first(len(results)), len(run.steps), tuple(results.statuses))
 
 
 def _frame(contact: Contact) -> tuple[str, str, str]:

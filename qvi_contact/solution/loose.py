@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.edge_points import EdgePoints
+from qvi_contact.discretization.loads import EdgePoints
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.program import Rigid, null_space
 from qvi_contact.problem.conditions import Contact

@@ -9,7 +9,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.edge_points import EdgePoints
+from qvi_contact.discretization.loads import EdgePoints
 from qvi_contact.mesh.edges import Edges
 
 _POINTS = 12

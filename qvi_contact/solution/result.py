@@ -16,10 +16,10 @@ from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.edge_points import EdgePoints
-from qvi_contact.discretization.loads import LOAD_POINTS, physical
+from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
+from qvi_contact.limit.yielding import excess
 from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.mesh.edges import edge_ends
@@ -36,7 +36,6 @@ from solvers.basics.pickles import Stated
 from solvers.basics.types import load
 from solvers.certificate.feasibility import AdmissibleRows
 from solvers.factorisation import FactorisationError
-from solvers.strict.threshold import strict_bound
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -66,6 +65,7 @@ PLATE_COLUMNS: Final = {
 """Which of the `Units` the columns of plates are in; the rotation in rad."""
 
 _WITH_PLATE: Final = "contacts with a plate or pin"
+_YIELDS = 1e-6  # of the unit of stress: excess of the strength that counts
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
 
@@ -253,9 +253,28 @@ class ContactResult(Stated):
         if not self.has_state:
             return remarks
         loose = tuple(body.remark for body in self.loose_bodies)
-        found = self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds() + self._rounded_gaps()
+        found = self._rounded_stresses() + self._next_to_nothing() + self._rounded_gaps() + self._beyond_strength()
         several = () if self.solution.remarks else self._one_of_several()
         return remarks + several + loose + found + tuple(self._coarse_arcs()) + tuple(self._excess_between_points())
+
+    def _beyond_strength(self) -> tuple[str, ...]:
+        """Where the elastic stress is beyond the strength of the material, and by how much."""
+        if not self.problem.yields:
+            return ()
+        scales = self.discretization.scales
+        points, stress = cell_stresses(self.discretization, self.dofs)
+        x, y = physical(self.problem, scales, points)
+        beyond = excess(self.problem, x, y, scales.stress * stress)
+        largest = float(beyond.max())
+        if not largest > _YIELDS * scales.stress:
+            return ()
+        at = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+        share = float((beyond.max(axis=1) > _YIELDS * scales.stress).mean())
+        return (
+            f"The elastic stress exceeds the strength of the material by up to {largest:.3g} [stress], most around "
+            f"({x[at]:.6g}, {y[at]:.6g}), and in {100.0 * share:.0f} % of the triangles. There the body yields, which "
+            "is not computed. What it carries at most is found by limit_load_factor, or by 'qvi-contact limit'.",
+        )
 
     def _one_of_several(self) -> tuple[str, ...]:
         """That large friction allows several solutions, unless it is below its bound for one only.
@@ -374,29 +393,12 @@ class ContactResult(Stated):
                     "Refine the mesh there."
                 )
 
-    def _inexact_bounds(self) -> tuple[str, ...]:
-        """Contacts where a strict solve has used less than the law's own bound."""
-        qvi, found = self.solution.problem, []
-        if not qvi.strict or qvi.edges is None:
-            return ()
-        exact = strict_bound(qvi, qvi.normal(self.solution.z)).exact
-        for rows in self.discretization.contacts:
-            count = int((~exact[rows.edges]).sum())
-            if count:
-                found.append(
-                    f"On {count} edge{'s' if count > 1 else ''} of {rows.name!r} the friction bound is not "
-                    "quadratic, and a smaller one is used there. The stresses are admissible, but friction is "
-                    "underestimated. Refine there to reduce the error."
-                )
-        return tuple(found)
-
     @cached_property
     def traction_misfit(self) -> float:
         """Largest difference between prescribed and computed tractions on Γ_σ [stress].
 
-        Zero (to round-off) for data in the trace space: on rectangles normal tractions linear along each edge, shear
-        continuous and quadratic, on triangles of degree p polynomials of degree p − 2. Other data are met in resultant
-        force and moment of every edge; this is what is left pointwise.
+        Zero (to round-off) for data in the trace space: polynomials of degree p − 2 along each edge. Other data are met
+        in resultant force and moment of every edge; this is what is left pointwise.
         """
         return misfit_of_tractions(self.discretization, self.dofs)
 
@@ -427,12 +429,6 @@ class ContactResult(Stated):
             raise InputError("result", self.status.value, f"there is no stress state to evaluate: {self.message}")
         return self.discretization.values(self.solution.z)
 
-    @property
-    def nodal(self) -> FloatArray:
-        """The same at the nodes of a rectilinear mesh, (ny + 1, nx + 1, 4); see `Discretization.nodal_values`."""
-        ny, nx = self.problem.grid.shape
-        return self.dofs.reshape(ny + 1, nx + 1, 4)
-
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress at points of the body.
 
@@ -462,8 +458,7 @@ class ContactResult(Stated):
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coordinates x, y [length] of the g Gauss points of each cell, shape (cells, g), and the stress there.
 
-        The stress has shape (cells, g, 3) [stress]. Rectangles are counted row by row from the bottom left, and have
-        4×4 points.
+        The stress has shape (cells, g, 3) [stress].
         """
         points, stress = self._gauss()
         x, y = physical(self.problem, self.discretization.scales, points)

@@ -10,7 +10,6 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, one_of, real_array
 from qvi_contact.discretization.loads import physical
-from qvi_contact.element.lattices import triangles_of
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import principal_stresses, stress_in_cells
@@ -34,7 +33,7 @@ class BodySamples:
     cells : (n,) int array
         The cell of each point.
     reference : (n, d) array
-        Its reference coordinates there, see `Mesh.reference`.
+        Its reference coordinates there, see `TriangleMesh.reference`.
     stress : (n, 3) array
         σ_xx, σ_yy, σ_xy in that cell [stress], tension positive.
     triangles : (t, 3) int array
@@ -50,7 +49,7 @@ class BodySamples:
 
 
 def sample_body(result: ContactResult, parts: int) -> BodySamples:
-    """Samples of the stress all over a body on any mesh.
+    """Samples of the stress all over a body.
 
     Parameters
     ----------
@@ -68,8 +67,7 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
     found: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
     for division in np.unique(divisions).tolist():
-        t, corners = discretization.space.lattice(division)
-        split = triangles_of(corners)
+        t, split = discretization.space.lattice(division)
         chosen = np.flatnonzero(divisions == division)
         for cells in (chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)):
             points, stress = stress_in_cells(discretization, coefficients, cells, t)

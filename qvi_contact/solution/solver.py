@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import FloatArray, IntArray, real_array
-from qvi_contact.discretization.basis import RowKind
+from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.discretization.contact_rows import laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import ElementName, element_on, with_element
+from qvi_contact.discretization.space import FAMILY, RowKind
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.impossible import judged
@@ -21,16 +20,11 @@ from qvi_contact.solution.result import ContactResult
 from solvers import Status
 from solvers.basics.checks import true_or_false
 from solvers.basics.narration import narrated
-from solvers.basics.watch import Progress, expired, tell, watched
+from solvers.basics.watch import Progress, tell, watched
 from solvers.factorisation import FactorisationError
-from solvers.inner.names import is_strict
-from solvers.solution.finish import out_of_time
 from solvers.solution.start import Start
-from solvers.solve import check_settings, default_method, facts_of, takes_initial
+from solvers.solve import check_settings, default_method, facts_of
 
-_CONDENSED_ONLY = ("gap",)  # options
-_COUNTS = ("max_iterations", "iterations")
-_LEAST_SECONDS = 10.0  # giving up corners may take as long again as the solve before, and at least so long
 _MANY_CELLS = 20_000  # whose discretisation takes seconds
 _LINEAR = 2  # coefficients of a linear function
 
@@ -42,7 +36,6 @@ def solve(
     tolerance: float = 1e-8,
     time_limit: float | None = None,
     *,
-    element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     verbose: bool = False,
@@ -62,8 +55,7 @@ def solve(
         first took at most, or 15 seconds if that is more; another method if an inner solver or options are given that
         only that one takes.
     inner : str, optional
-        How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel", "direct:osqp",
-        "strict:<cvxpy name>" or "strict-direct:clarabel" (the contact law on whole edges, by cones), or
+        How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel" or
         "socp:<cvxpy name>"; `solvers.available()` lists what is installed. By default "qp:clarabel".
     tolerance : float
         Accuracy that the certificate must confirm, dimensionless.
@@ -72,14 +64,8 @@ def solve(
         far is returned, with the status "time_limit" unless its certificate passes. A factorisation under way, and an
         inner solver that takes no limit, are not interrupted. A factorisation that is estimated to take more than twice
         the time left, or twice the memory of the machine, is not begun; the message has the estimate.
-    element : "bfs" or "hct", optional
-        The Bogner-Fox-Schmit element on rectangles or the Hsieh-Clough-Tocher element on triangles, into which
-        rectangles are cut: the result is then one of the problem on triangles. By default "hct", but "bfs" where a
-        rectangle is more than 500 times as long as wide. See `discretize`.
     degree, contact_rows
-        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`. With Bernstein
-        coefficients, the default but for "uzawa" and for friction that varies along an edge, a strict inner solver is
-        its counterpart without cones.
+        Degree of the element, and what bounds tractions, see `discretize`.
     verbose : bool
         Print a header, a line an iteration (dimensionless, see `solvers.Iteration`), a footer with status and times.
     **options
@@ -108,7 +94,7 @@ def solve(
     if not isinstance(problem, (ContactProblem, Discretization)):
         raise InputError("problem", problem, "give a ContactProblem or a Discretization")
     if isinstance(problem, Discretization):
-        for option, value in (("element", element), ("degree", degree), ("contact_rows", contact_rows)):
+        for option, value in (("degree", degree), ("contact_rows", contact_rows)):
             if value is not None:
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
     throw = true_or_false("throw", options.pop("throw", False))
@@ -119,7 +105,7 @@ def solve(
         if isinstance(chosen, ContactProblem):
             if chosen.mesh.cell_count >= _MANY_CELLS:
                 tell(Progress("mesh", stage=f"discretising {chosen.mesh.cell_count} cells"))
-            chosen = posed(chosen, element=element, degree=degree, contact_rows=contact_rows, **settings)
+            chosen = posed(chosen, degree=degree, contact_rows=contact_rows, **settings)
         story.begin(_facts(chosen, settings))
         result = judged(_solve(chosen, settings))
         story.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
@@ -130,6 +116,9 @@ def solve(
 
 def check_options(options: Mapping[str, Any]) -> None:
     """Raise what `solve` raises of these options for any problem, before anything is computed."""
+    if "element" in options:
+        remedy = "there is one element, on triangles, into which grids are cut: leave this out"
+        raise InputError("element", options["element"], remedy)
     check_settings(options)
     initial = options.get("initial")
     if initial is not None and not isinstance(initial, ContactResult):
@@ -139,7 +128,6 @@ def check_options(options: Mapping[str, Any]) -> None:
 def posed(
     problem: ContactProblem,
     *,
-    element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     method: str | None = None,
@@ -148,24 +136,21 @@ def posed(
 ) -> Discretization:
     """The problem discretised in fitting units, as `solve` does it first with these options.
 
-    `solve` takes it in place of the problem, with all options but ``element``, ``degree`` and ``contact_rows``. What it
-    has in common with a problem `before`, posed with the same options on the same mesh, is shared; element, degree and
-    rows may be left out then, and are those of `before`.
+    `solve` takes it in place of the problem, with all options but ``degree`` and ``contact_rows``. What it has in
+    common with a problem `before`, posed with the same options on the same mesh, is shared; degree and rows may be left
+    out then, and are those of `before`.
 
     Raises
     ------
     InputError
-        If the problem or an option is wrong, or `before` is on another mesh, or of another element, degree or rows.
+        If the problem or an option is wrong, or `before` is on another mesh, or of another degree or rows.
 
     """
     rows = rows_for(method, contact_rows)
     if before is None:
-        return _fitted(discretize(problem, element=element, degree=degree, contact_rows=rows), options)
-    if element is None and element_on(before.problem.mesh) == "hct":
-        element = "hct"  # into which rectangles are cut
-    fitting = problem if element is None else with_element(problem, element)
-    _check_space(before, degree, "gauss" if rows is None and laws_vary(fitting) else rows)
-    return _fitted(before.following(fitting), options)
+        return _fitted(discretize(problem, degree=degree, contact_rows=rows), options)
+    _check_space(before, degree, "gauss" if rows is None and laws_vary(problem) else rows)
+    return _fitted(before.following(problem), options)
 
 
 def _check_space(before: Discretization, degree: int | None, rows: RowKind | None) -> None:
@@ -180,7 +165,7 @@ def _check_space(before: Discretization, degree: int | None, rows: RowKind | Non
 def _facts(known: Discretization, settings: dict[str, Any]) -> dict[str, object]:
     """What the header of a narration says."""
     space, mesh = known.space, known.problem.mesh
-    element = f"{space.family} of degree {space.degree}, contact law by {space.contact_rule.kind}"
+    element = f"{FAMILY} of degree {space.degree}, contact law by {space.contact_rule.kind}"
     facts = facts_of(known.qvi, default_method(settings), settings["tolerance"])
     return {"cells": mesh.cell_count, "element": element, **facts}
 
@@ -193,23 +178,11 @@ def rows_for(method: str | None, contact_rows: RowKind | None) -> RowKind | None
 
 
 def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:
-    """Solve, and try again without the shear in corners."""
+    """Solve with checked settings."""
     _check_uzawa(discretization, settings["method"])
-    if discretization.space.contact_rule.kind == "bernstein":
-        settings = {**settings, "inner": _on_coefficients(settings["inner"])}
     if settings.get("initial") is not None:
         settings["initial"] = _initial(settings["initial"], discretization)
-    result = solve_within_reach(discretization, settings)
-    if result.status is Status.SOLVED or _stopped(result, settings):
-        return result
-    corners = _corners(result)
-    if not len(corners):
-        return result
-    with watched(max(_LEAST_SECONDS, sum(result.solution.timings.values()))):
-        found = _with_free_corners(result, corners, settings)
-    if found is None and expired() and result.status is not Status.INFEASIBLE:
-        return ContactResult(discretization, out_of_time(result.solution))
-    return found or result
+    return solve_within_reach(discretization, settings)
 
 
 def _check_uzawa(discretization: Discretization, method: str | None) -> None:
@@ -223,21 +196,6 @@ def _check_uzawa(discretization: Discretization, method: str | None) -> None:
         raise InputError("contact_rows", rule.kind, remedy)
 
 
-def _stopped(result: ContactResult, settings: dict[str, Any]) -> bool:
-    """Whether a limit that the caller has set came first."""
-    counted = any(settings.get(name) is not None for name in _COUNTS)
-    spent = counted and result.status is Status.MAX_ITERATIONS
-    return spent or result.status in (Status.TIME_LIMIT, Status.OUT_OF_MEMORY)
-
-
-def _on_coefficients(inner: str | None) -> str | None:
-    """The inner solver without strict cones: bounds of Bernstein coefficients hold on whole edges anyway."""
-    if not is_strict(inner):
-        return inner
-    kind, _, name = str(inner).partition(":")
-    return f"{'socp' if kind.lower() == 'strict' else 'direct'}:{name}"
-
-
 def _fitted(discretization: Discretization, settings: dict[str, Any]) -> Discretization:
     """In fitting units; where K cannot be factorised the solve will say so."""
     name, threads = settings.get("factorisation", "auto"), settings.get("threads")
@@ -246,47 +204,6 @@ def _fitted(discretization: Discretization, settings: dict[str, Any]) -> Discret
             return discretization.fitted()
         except FactorisationError:
             return discretization
-
-
-def _corners(failed: ContactResult) -> IntArray:
-    """Vertices where a shear prescribed beside a contact with friction is still to be given up."""
-    known = failed.discretization
-    vertices = np.array([vertex for vertex, _ in known.shared_corners], dtype=np.int64)
-    return np.setdiff1d(vertices, np.concatenate([known.elimination.conflicts, known.freed]))
-
-
-def _with_free_corners(failed: ContactResult, freed: IntArray, settings: dict[str, Any]) -> ContactResult | None:
-    """Solve again where a shear prescribed beside a contact with friction may be more than that carries in the corner.
-
-    Corner and contact share one Φ_xy. It is freed, as between two prescribed shears that disagree, and the resultants
-    of the edges are kept. From the pressure found so the original problem gets another try, unless it is proved to have
-    no solution; else as few corners as possible are given up, and only where the original is not solved. The remarks of
-    the result name them.
-    """
-    known = failed.discretization
-    discretization = known.freeing(np.union1d(known.freed, freed))
-    result = solve_within_reach(discretization, settings)
-    if result.status is not Status.SOLVED:
-        possible = result.status not in (Status.INFEASIBLE, Status.TIME_LIMIT)
-        return result if possible and failed.status is Status.INFEASIBLE else None
-    again = settings
-    if takes_initial(settings):
-        again = {**settings, "initial": result.solution.problem.pressure(result.solution.z)}
-        options = {name: value for name, value in again.items() if name not in _CONDENSED_ONLY}
-        undecided = failed.status is not Status.INFEASIBLE
-        exact = _solved(known, {**options, "method": "fixed-point"}) if undecided else None
-        if exact is not None:
-            return exact
-    for vertex in freed if len(freed) > 1 else ():
-        fewer = result.discretization.freed[result.discretization.freed != vertex]
-        result = _solved(known.freeing(fewer), again) or result
-    return result
-
-
-def _solved(discretization: Discretization, settings: dict[str, Any]) -> ContactResult | None:
-    """The result if it is solved."""
-    result = solve_within_reach(discretization, settings)
-    return result if result.status is Status.SOLVED else None
 
 
 def _initial(initial: object, discretization: Discretization) -> Start | FloatArray:
@@ -315,8 +232,7 @@ def _pressures(initial: object) -> FloatArray:
 def _same_unknowns(one: Discretization, other: Discretization) -> bool:
     """Whether z means the same in both, and so do the rows of contacts."""
     return (
-        one.space.family == other.space.family
-        and one.space.degree == other.space.degree
+        one.space.degree == other.space.degree
         and one.qvi.m == other.qvi.m
         and np.array_equal(one.elimination.kept, other.elimination.kept)
         and one.problem.mesh.same_as(other.problem.mesh)

@@ -62,7 +62,7 @@ def cell_stresses(
 ) -> tuple[FloatArray, FloatArray]:
     """Dimensionless coordinates (cells, g, 2) and whole stress (cells, g, 3), φ included, at points of all cells.
 
-    The points t (g, d) are given on the reference cell; by default those of the quadrature, `Basis.cell_points`.
+    The points t (g, d) are given on the reference cell; by default those of the quadrature, `StressSpace.cell_points`.
     """
     t = discretization.space.cell_points if t is None else t
     cells = np.arange(discretization.problem.mesh.cell_count)
@@ -72,7 +72,7 @@ def cell_stresses(
 def stress_in_cells(
     discretization: Discretization, coefficients: FloatArray, cells: IntArray, t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The same in some cells (k,), from all coefficients of Φ (see `Energy.coefficients`)."""
+    """The same in some cells (k,), from all coefficients of Φ (see `TriangleEnergy.coefficients`)."""
     problem, space = discretization.problem, discretization.space
     points = space.points(cells, t)
     stress = space.stress(coefficients, cells, t)

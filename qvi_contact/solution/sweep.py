@@ -1,31 +1,106 @@
 """Sweeps: one problem for several values of friction, load, gap or offset, without what all of them have in common.
 
 Values are independent problems, unlike the steps of a history. Matrices, factorisation and Schur complement are made
-once, and each value starts from the state of the one before, if that is near.
+once, and each value starts from the state of the one before, if that is near. Results are kept, or for thousands of
+values rows of numbers in a file, which several processes may share.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+import math
+import pickle
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, overload
+
+import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.discretization.basis import RowKind
-from qvi_contact.discretization.families import ElementName
+from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
+from qvi_contact.basics.units import Units
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.space import RowKind
+from qvi_contact.errors import InputError, SolveError
+from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
+from qvi_contact.problem.conditions import Condition, Contact
+from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.result import ContactResult, overall_status
-from qvi_contact.solution.sweep_rows import COLUMNS, Parameter, SweepRow, outcome_of, table_of
-from qvi_contact.solution.sweep_run import SweepRun, SweepTask, checked_values
+from qvi_contact.runs.cluster import Workers
+from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
+from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
+from qvi_contact.solution.solver import check_options, posed, solve
 from solvers import Status
 from solvers.basics.checks import function_or_none
+from solvers.basics.frames import columns_of, frame
+from solvers.basics.names import known_name
 from solvers.basics.narration import narrated
-from solvers.basics.watch import expired, watched
+from solvers.basics.types import load
+from solvers.basics.watch import expired, left, watched
+from solvers.solve import takes_state
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from qvi_contact.basics.units import Units
+    from qvi_contact.files.sweep_store import StoredSweep
+
+Parameter: TypeAlias = Literal["friction", "load", "gap", "offset"]
+"""What a sweep changes."""
+
+_COLUMNS: Final = {"step": ">5", "value": ">12g", "status": "<20", "iterations": ">10", "accuracy": ">9.1e"}
+_LARGEST: Final = 50  # values of a slice: rows come slice by slice
+_SLICES: Final = 4  # for each worker at least, so that all end at about the same time
+_LEAST: Final = 1e-3  # seconds that a slice has which comes too late
+_GRACE: Final = 30.0  # seconds beyond the time limit after which a worker process is ended
+
+
+@dataclass(frozen=True)
+class SweepRow:
+    """One value of a sweep.
+
+    Attributes
+    ----------
+    number : int
+        Its place among all values, from 1.
+    value : float
+        The value.
+    status : Status
+        What became of it.
+    message : str
+        One sentence about that.
+    iterations : int
+        Of the method.
+    accuracy : float
+        What the certificate confirms, dimensionless.
+    seconds : float
+        How long it took.
+    contacts : mapping of str to mapping of str to float
+        `ContactLine.summary` by the name of the contact, with motion, force and moment where it has a plate or pin;
+        empty without a state.
+
+    """
+
+    number: int
+    value: float
+    status: Status
+    message: str
+    iterations: int
+    accuracy: float
+    seconds: float
+    contacts: Mapping[str, Mapping[str, float]]
+
+    @classmethod
+    def of(cls, number: int, value: float, result: ContactResult, seconds: float = 0.0) -> SweepRow:
+        """The row of a result; `InputError` for what is none."""
+        if not isinstance(result, ContactResult):
+            raise InputError("result", result, "give a ContactResult")
+        contacts = contact_numbers(result) if result.has_state else {}
+        accuracy = result.certificate.accuracy
+        return cls(number, value, result.status, result.message, result.iterations, accuracy, seconds, contacts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +161,7 @@ class Sweep:
         return table_of(self.parameter, rows, units)
 
 
+@overload
 def solve_sweep(
     problem: ContactProblem,
     parameter: Parameter,
@@ -93,19 +169,62 @@ def solve_sweep(
     of: Sequence[str] | None = None,
     callback: Callable[[int, ContactResult], object] | None = None,
     *,
+    store: None = None,
     time_limit: float | None = None,
-    element: ElementName | None = None,
+    degree: int | None = None,
+    contact_rows: RowKind | None = None,
+    warm_start: bool = True,
+    verbose: bool = False,
+    **options: Any,
+) -> Sweep: ...
+
+
+@overload
+def solve_sweep(
+    problem: ContactProblem,
+    parameter: Parameter,
+    values: Sequence[float],
+    of: Sequence[str] | None = None,
+    callback: Callable[[int, SweepRow], object] | None = None,
+    *,
+    store: str | Path,
+    workers: int = 1,
+    dask: str | None = None,
+    time_limit: float | None = None,
+    degree: int | None = None,
+    contact_rows: RowKind | None = None,
+    warm_start: bool = True,
+    verbose: bool = False,
+    **options: Any,
+) -> StoredSweep: ...
+
+
+def solve_sweep(
+    problem: ContactProblem,
+    parameter: Parameter,
+    values: Sequence[float],
+    of: Sequence[str] | None = None,
+    callback: Callable[[int, Any], object] | None = None,
+    *,
+    store: str | Path | None = None,
+    workers: int = 1,
+    dask: str | None = None,
+    time_limit: float | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     warm_start: bool = True,
     verbose: bool = False,
     **options: Any,  # checked by solve
-) -> Sweep:
+) -> Sweep | StoredSweep:
     """Solve a problem for several values of one of its data.
 
     Each value is a problem of its own: nothing is remembered but what saves time. Where the law of friction leaves
-    several solutions, the one found may depend on the value before; sort the values as the body would be loaded. For
-    thousands of values `stream_sweep` keeps rows of numbers in a file.
+    several solutions, the one found may depend on the value before; sort the values as the body would be loaded.
+
+    With a `store` no result is kept, but a row of numbers for each value and contact, on the disk as soon as its value
+    is done: memory does not grow with the number of values. The same call again goes on where the last one stopped,
+    whatever stopped it. A value without an answer has its row too, and is not tried again; one that the time limit cut
+    short has none.
 
     Parameters
     ----------
@@ -120,7 +239,17 @@ def solve_sweep(
         Names of the contacts that are changed, all but tied ones by default; for "load" names of the loads, as for
         `limit_load_factor`, all by default.
     callback : callable, optional
-        Called with the number of each value, from 1, and its result.
+        Called with the number of each value, from 1, and its result; with a store its `SweepRow`, if it was not in the
+        file before.
+    store : str or Path, optional
+        An SQLite file, made if it is missing.
+    workers : int
+        Processes of this machine that share the values of a sweep with a store. Each does slices of neighbouring
+        values, on one thread, and keeps its factorisation from one slice to the next; the rows of a slice are written
+        when it is done. The values of a process that dies are done again one by one. The value with which a process
+        dies twice gets the status "backend_failed" or "out_of_memory", and the others go on.
+    dask : str, optional
+        Address of the scheduler of a Dask cluster that does so instead, as tcp://host:8786.
     time_limit : float, optional
         Seconds for all values together. Those done until then are kept.
     element, degree, contact_rows
@@ -134,43 +263,280 @@ def solve_sweep(
 
     Returns
     -------
-    Sweep
-        A value that is not solved does not end it.
+    Sweep or StoredSweep
+        The latter with a store. A value that is not solved does not end it.
 
     Raises
     ------
     InputError
-        If a value or a name is wrong.
+        If a value or a name is wrong, the store cannot be written or holds another sweep, the cluster cannot be
+        reached, or the problem cannot be sent to other processes.
 
     """
     function_or_none("callback", callback)
+    shared = Workers(workers, dask)
+    if store is None and shared != Workers():
+        name, given = ("workers", workers) if dask is None else ("dask", dask)
+        raise InputError(name, given, "several processes share the values of a sweep with a store: give store=")
     title = f"qvi_contact {__version__}: solve_sweep"
-    with watched(time_limit), narrated(title, verbose, COLUMNS, iterations=False) as story:
+    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
         task = SweepTask.of(
             problem, parameter, of,
-            element=element, degree=degree, contact_rows=contact_rows, warm_start=warm_start, **options,
+            degree=degree, contact_rows=contact_rows, warm_start=warm_start, **options,
         )  # fmt: skip
-        numbers = checked_values(parameter, values)
+        numbers = _checked_values(parameter, values)
         story.begin({"values": len(numbers), "parameter": parameter, "cells": task.problem.mesh.cell_count})
 
-        def told(number: int, result: ContactResult) -> None:
-            story.line(number, numbers[number - 1], str(result.status), result.iterations, result.certificate.accuracy)
+        def told(number: int, found: ContactResult | SweepRow, accuracy: float) -> None:
+            story.line(number, numbers[number - 1], str(found.status), found.iterations, accuracy)
             if callback is not None:
-                callback(number, result)
+                callback(number, found)
 
-        sweep = Sweep(parameter, numbers, tuple(_solved(task, numbers, told)))
+        sweep: Sweep | StoredSweep
+        if store is None:
+            steps = list[ContactResult]()
+            for number, _, result, _ in _Run(task).results(enumerate(numbers, 1), at_least=1):
+                steps.append(result)
+                told(number, result, result.certificate.accuracy)
+            sweep = Sweep(parameter, numbers, tuple(steps))
+        else:
+            kept = load("qvi_contact.files.sweep_store")
+            asked = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
+            fingerprint = run_digest([task.problem], {**task.space, **task.options, **asked})
+            with (
+                kept.writing(store, fingerprint, parameter, numbers) as opened,
+                closing(_rows(task, opened.pending(), shared)) as found,
+            ):
+                for rows in found:
+                    opened.append(rows)
+                    for row in rows:
+                        told(row.number, row, row.accuracy)
+            sweep = kept.read_sweep(store)
         story.end(str(sweep.status), sweep.message, {}, sweep.status is Status.SOLVED)
         return sweep
 
 
-def _solved(
-    task: SweepTask, values: Sequence[float], callback: Callable[[int, ContactResult], object]
-) -> list[ContactResult]:
-    """The results, until the time is over."""
-    run, results = SweepRun(task), list[ContactResult]()
-    for number, value in enumerate(values, 1):
-        if results and expired():
-            break
-        results.append(run.result(value))
-        callback(number, results[-1])
-    return results
+@dataclass(frozen=True, eq=False)
+class SweepTask:
+    """What is to be done for each value.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        The problem; `of` puts it on its element.
+    parameter : "friction", "load", "gap" or "offset"
+        What changes.
+    names : tuple of str
+        The contacts or loads that are changed.
+    space, options
+        Arguments of `posed` and `solve`.
+    warm : bool
+        Whether to start from the value before.
+
+    """
+
+    problem: ContactProblem
+    parameter: Parameter
+    names: tuple[str, ...]
+    space: dict[str, Any] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
+    warm: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        problem: ContactProblem,
+        parameter: Parameter,
+        names: Sequence[str] | None,
+        *,
+        degree: int | None = None,
+        contact_rows: RowKind | None = None,
+        warm_start: bool = True,
+        **options: Any,
+    ) -> SweepTask:
+        """The task of checked arguments of `solve_sweep`."""
+        if not isinstance(problem, ContactProblem):
+            raise InputError("problem", problem, "give a ContactProblem")
+        one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
+        space = {"degree": degree, "contact_rows": contact_rows}
+        check_options(options)
+        chosen = _checked_names(problem, parameter, names)
+        warm = true_or_false("warm_start", warm_start) and takes_state(options)
+        return cls(problem, parameter, chosen, space, options, warm)
+
+    def changed(self, value: float) -> ContactProblem:
+        """The problem with this value."""
+        if self.parameter == "load":
+            return multiplied(self.problem, self.names, value)
+        conditions = [_changed(each, self.parameter, value, self.names) for each in self.problem.conditions]
+        return replace(self.problem, conditions=conditions)
+
+
+class _Run:
+    """One value after the other, on one factorisation.
+
+    A value starts from the state of the one before. To find that a state is not near costs an iteration or two. After
+    that a value starts as usual, after the next time two, then four, and so on: where the contact grows with each
+    value, states are seldom near.
+    """
+
+    def __init__(self, task: SweepTask) -> None:
+        self._task = task
+        self._before: Discretization | None = None
+        self._state: ContactResult | None = None
+        self._pause, self._left = 0, 0
+
+    def results(
+        self, planned: Iterable[tuple[int, float]], at_least: int = 0
+    ) -> Iterator[tuple[int, float, ContactResult, float]]:
+        """Number, value, result and seconds of these numbers and values, until the time is over."""
+        for count, (number, value) in enumerate(planned):
+            if count >= at_least and expired():
+                return
+            began, task = time.perf_counter(), self._task
+            self._before = posed(task.changed(value), before=self._before, **task.space, **task.options)
+            begins = task.warm and self._state is not None and not self._left
+            found = solve(self._before, **{**task.options, **({"initial": self._state} if begins else {})})
+            near = found.solution.near
+            if near is None:
+                self._left = max(self._left - 1, 0)
+            else:
+                self._pause = 0 if near else max(2 * self._pause, 1)
+                self._left = self._pause
+            if found.status is Status.SOLVED:
+                self._state = found
+            yield number, value, found, time.perf_counter() - began
+
+    def rows(self, planned: Sequence[tuple[int, float]]) -> Iterator[SweepRow]:
+        """The rows of these numbers and values; a value that the time has cut short has none."""
+        for number, value, found, seconds in self.results(planned):
+            if found.status is Status.TIME_LIMIT:
+                return
+            yield SweepRow.of(number, value, found, seconds)
+
+
+@dataclass(frozen=True)
+class _Slice:
+    """Numbers and neighbouring values for one worker, until `end` by `time.time`, which clocks of a cluster share."""
+
+    planned: tuple[tuple[int, float], ...]
+    end: float
+
+
+def _opened(task: SweepTask) -> tuple[None, Callable[[_Slice], list[SweepRow]]]:
+    """What a worker process does: the rows of slices, each on the factorisation of the one before."""
+    run = _Run(task)
+
+    def solved(part: _Slice) -> list[SweepRow]:
+        seconds = max(part.end - time.time(), _LEAST)
+        with watched(seconds if seconds < math.inf else None):
+            return list(run.rows(part.planned))
+
+    return None, solved
+
+
+def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Workers) -> Generator[Sequence[SweepRow]]:
+    """Rows of these numbers and values as they come, a few at a time, until the time is over.
+
+    The values of a slice whose process was lost are done again one by one, so that the one that was to blame is found.
+    """
+    if workers == Workers() or not planned:
+        yield from ([row] for row in _Run(task).rows(planned))
+        return
+    seconds, end = left(), time.time() + left()
+    limits = Limits(seconds + _GRACE if seconds < math.inf else None)
+    try:
+        job = pickle.dumps(partial(_opened, replace(task, options={"threads": 1, **task.options})))
+    except Exception as error:  # PicklingError, AttributeError or TypeError, by what it is
+        raise _not_sent(task, str(error)) from error
+    try:
+        with workers.ready(job, limits) as (size, outcomes):
+            length = min(_LARGEST, max(1, math.ceil(len(planned) / (_SLICES * size))))
+            slices = deque(_Slice(tuple(planned[i : i + length]), end) for i in range(0, len(planned), length))
+            with closing(outcomes(slices)) as found:
+                for part, outcome in found:
+                    if outcome.status in ("memory", "crashed") and len(part.planned) > 1:
+                        slices.extendleft(_Slice((each,), end) for each in reversed(part.planned))
+                    elif outcome.status != "timeout":  # of which there are no rows
+                        yield _rows_of(part, outcome)
+    except NotLoadedError as error:
+        raise _not_sent(task, error.reason) from error
+
+
+def _not_sent(task: SweepTask, reason: str) -> InputError:
+    remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
+    return InputError("problem", task.problem, f"{remedy} ({reason})")
+
+
+def _rows_of(part: _Slice, outcome: Outcome) -> Sequence[SweepRow]:
+    """The rows of a slice, or that of its one value without an answer."""
+    if outcome.status == "done":
+        rows: list[SweepRow] = outcome.value
+        return rows
+    if outcome.status == "error":
+        raise outcome.error or SolveError(outcome.reason)
+    ((number, value),) = part.planned
+    status = Status.OUT_OF_MEMORY if outcome.status == "memory" else Status.BACKEND_FAILED
+    message = f"the process that solved it died twice ({outcome.reason})"
+    return [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]
+
+
+def _checked_values(parameter: Parameter, values: object) -> tuple[float, ...]:
+    """All values of a sweep."""
+    numbers = real_array("values", values, "give a list of at least one number")
+    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
+        raise InputError("values", values, "give a list of at least one finite number")
+    if parameter == "friction" and numbers.min() < 0.0:
+        raise InputError("values", float(numbers.min()), "give coefficients of friction ≥ 0")
+    return tuple(numbers.tolist())
+
+
+def _checked_names(problem: ContactProblem, parameter: Parameter, of: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of contacts or loads whose data change."""
+    if parameter == "load":
+        return tuple(loads_of(problem)) if of is None else checked_loads(problem, of, "of")
+    known = [contact.name for contact in problem.contacts if contact.law != "tied"]
+    if not known:
+        raise InputError("parameter", "friction, gap or offset", "the problem has no contact that could open or slip")
+    if of is None:
+        return tuple(known)
+    if isinstance(of, str) or not isinstance(of, Sequence) or not of:
+        raise InputError("of", of, f"give a list of names out of {', '.join(known)}")
+    return tuple(known_name("of", name, {"contacts that could open or slip": known}) for name in of)
+
+
+def _changed(condition: Condition, parameter: Parameter, value: float, names: Sequence[str]) -> Condition:
+    if not isinstance(condition, Contact) or condition.name not in names:
+        return condition
+    new = value if parameter == "friction" else _plus(getattr(condition, parameter), value)
+    data: dict[str, Any] = {parameter: new}
+    return replace(condition, **data)
+
+
+def _plus(given: Field, value: float) -> Field:
+    if not callable(given):
+        return given + value
+    function: Callable[..., object] = given
+    return lambda x, y: np.asarray(function(x, y), dtype=float) + value
+
+
+def table_of(parameter: Parameter, rows: Iterable[SweepRow], units: Units | None) -> DataFrame:
+    """One line for each value and contact, see `Sweep.to_frame`."""
+    lines: list[dict[str, Any]] = [
+        {parameter: row.value, "status": str(row.status), "iterations": row.iterations, "contact": name, **summary}
+        for row in rows
+        for name, summary in row.contacts.items()
+    ]
+    length = Units.labels(units, {parameter: "displacement"} if parameter in ("gap", "offset") else {})
+    return frame(columns_of(completed(lines)), {**forces_units(units), **length})
+
+
+def outcome_of(parameter: Parameter, failures: Sequence[tuple[float, str]], done: int, planned: int) -> str:
+    """One sentence about so many values, of which those given with their messages are not solved."""
+    if failures:
+        value, message = failures[0]
+        others = f" ({len(failures) - 1} more not solved)" if len(failures) > 1 else ""
+        return f"{parameter} = {value:g}: {message}{others}"
+    if done < planned:
+        return f"time limit after {done} of {planned} values. {Status.TIME_LIMIT.advice}"
+    return f"all {planned} values solved" if planned > 1 else "the value is solved"

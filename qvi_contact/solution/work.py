@@ -6,9 +6,9 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.edge_points import EdgePoints
 from qvi_contact.discretization.loads import (
     LOAD_POINTS,
+    EdgePoints,
     displacements_at_points,
     physical,
     potential_at,
@@ -98,7 +98,7 @@ def prescribed_and_computed(
     Dimensionless, without φ.
     """
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
-    degree = max(space.normal_degree, space.shear_degree)
+    degree = space.traction_degree
     count = max(LOAD_POINTS, degree + 1)
     for given in prescribed_tractions(problem, scales):
         if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.basis import PrescribedTraction
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import element_on
 from qvi_contact.discretization.loads import prescribed_tractions
+from qvi_contact.discretization.tractions import PrescribedTraction
 from qvi_contact.element import legendre
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import airy_units, field_arrays
 from qvi_contact.mesh.edges import vectors_along
@@ -24,7 +23,6 @@ from solvers import Certificate, FrictionQVI, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.augmented import ORTHOGONAL
-from solvers.strict.threshold import bound_at
 
 AGREEMENT: Final = 1e-8
 """What a number may differ from the one computed anew: of its own size and 1e-4 of the largest of its kind."""
@@ -63,15 +61,13 @@ class Recomputed:
 
 
 def rediscretized(result: ContactResult) -> Discretization:
-    """The problem of a result discretised anew, in its units, with its nodes given up and the slip before it."""
+    """The problem of a result discretised anew, in its units and after the slip before it."""
     known = result.discretization
     fresh = discretize(
         known.problem,
-        element=element_on(known.problem.mesh),
         degree=known.space.degree,
         contact_rows=known.space.contact_rule.kind,
         scales=known.scales,
-        freed=known.freed,
     )
     slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]
     return fresh.slipped(slip) if any(part.any() for part in slip) else fresh
@@ -80,7 +76,7 @@ def rediscretized(result: ContactResult) -> Discretization:
 def recompute(result: ContactResult, fresh: Discretization, tolerance: float) -> Recomputed:
     """Evaluate and certify again; nothing but unknowns and multipliers of the result is taken over."""
     solution, scales = result.solution, fresh.scales
-    qvi = fresh.qvi.strictly() if solution.problem.strict else fresh.qvi
+    qvi = fresh.qvi
     certificate = _certified(qvi, result, tolerance)
     again = ContactResult(fresh, replace(solution, problem=qvi, certificate=certificate))
     units = certificate.scales
@@ -137,8 +133,6 @@ def difference(claimed: ArrayLike, computed: ArrayLike, unit: float = 0.0, round
 
 def problem_difference(claimed: FrictionQVI, computed: FrictionQVI) -> float:
     """Largest difference of the data of two algebraic problems, relative to the largest entry of each."""
-    if claimed.strict != computed.strict:
-        return np.inf
     found: list[float | FloatArray] = []
     for name in _MATRICES:
         a, b = getattr(claimed, name), getattr(computed, name)
@@ -194,7 +188,7 @@ def bound_difference(result: ContactResult, found: Recomputed) -> float:
     Relative to the largest traction.
     """
     claimed, solution = np.asarray(result.solution.threshold, dtype=np.float64), found.result.solution
-    computed = bound_at(solution.problem, solution.z)
+    computed = solution.problem.threshold(solution.problem.pressure(solution.z))
     if claimed.shape != computed.shape:
         return np.inf
     unit = found.result.certificate.scales.get("stress", 1.0)

@@ -63,7 +63,7 @@ _GROUPS: Final = {
 }  # fmt: skip
 
 _MEANINGS: Final = {
-    "mesh": "Grid lines or vertices, cells and materials of the problem.",
+    "mesh": "Vertices, cells and materials of the problem.",
     "Airy function": "Nodal values of the stress function, from the unknowns.",
     "stresses": "Stress at the Gauss points of all cells, from the stress function.",
     "energies": "Strain energy, work of prescribed displacements, dissipation.",
@@ -421,7 +421,7 @@ def _facts(found: Recomputed) -> Iterator[Check]:
             "between points", beyond / found.stress, limit if whole else None,
             bool(beyond <= limit * found.stress) if whole else None,
             "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction. "
-            "Above 0 where the law holds at Gauss points only (rectangles, contact_rows='gauss').",
+            "Above 0 where the law holds at Gauss points only (contact_rows='gauss').",
             "Coefficients do not hold this law between the points: leave contact_rows out.",
         )  # fmt: skip
     if solution.contraction is not None:

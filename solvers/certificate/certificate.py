@@ -25,8 +25,7 @@ the measures are
     alart_curnier               the same over 1 + mu, with thr = thr(|min(σ_N + k λ_N, 0)|)
     bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E, gaps and slips counted so
 
-`residuals` has the formulas of the contact law, `strict.measures` those for bounds on whole edges, `measures` what each
-number means and when to worry.
+`residuals` has the formulas of the contact law, `measures` what each number means and when to worry.
 
 All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
 contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-7 of √(E_b k / Σ W), which stands for the stress
@@ -68,7 +67,6 @@ import numpy as np
 from solvers.basics.checks import finite_number, real_array
 from solvers.basics.types import Vector
 from solvers.certificate.measures import MEASURES, Measure
-from solvers.certificate.strict import admissible_change, strict_residuals
 from solvers.errors import InputError
 from solvers.inequality.blocks import absolute_product
 from solvers.inequality.problem import FrictionQVI
@@ -249,13 +247,14 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     _ = qvi.bonded_error  # chooses the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
-    residual = gradient + qvi.contact_rows.T @ np.concatenate([m_N, m_T]) + qvi.A.T @ nu
+    K, N, T, A = qvi.arrays
+    residual = gradient + N.T @ m_N + T.T @ m_T + A.T @ nu
     sizes = _row_sizes(qvi, z)
     error, outside = qvi.linear_system.solve(residual)
-    left = residual - qvi.K @ error - qvi.A.T @ outside
+    left = residual - K @ error - A.T @ outside
     square = float(residual @ error)
     defect = 0.5 * _admissible_square(qvi, square, error, m_N)
-    law = (strict_residuals if qvi.strict else law_residuals)(qvi, z, m_N, m_T, scales)
+    law = law_residuals(qvi, z, m_N, m_T, scales)
     E, E_b = scales["energy"], scales["body_energy"]
     gap = (abs(law.work) + defect) / E_b
     measures = {
@@ -315,17 +314,17 @@ def _stationarity(
     if qvi.root is not None and energy > _ROUNDING_FREE:
         scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
         energy = max(energy - scales["rounding"], 0.0)
-    tractions = max(largest(qvi.N @ error), largest(qvi.T @ error)) / scales["stress"]
+    tractions = max(largest(qvi.arrays.N @ error), largest(qvi.arrays.T @ error)) / scales["stress"]
     return max(energy, tractions, largest(outside) / scales["energy"])
 
 
 def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vector) -> float:
     """|ρ|² once m_N is made admissible, from |ρ|² and K⁻¹ρ before: the residual changes by Nᵀ(max(m_N, 0) − m_N)."""
-    change = admissible_change(qvi, m_N) if qvi.strict else np.maximum(m_N, 0.0) - m_N
+    change = np.maximum(m_N, 0.0) - m_N
     if not change.any():
         return abs(square)
     relieved = qvi.linear_system.relief(qvi.N)(change)
-    return abs(square + 2.0 * float(change @ (qvi.N @ error)) + float(change @ relieved))
+    return abs(square + 2.0 * float(change @ (qvi.arrays.N @ error)) + float(change @ relieved))
 
 
 def _unsolved(qvi: FrictionQVI, left: Vector) -> float:
@@ -339,7 +338,7 @@ def _equality(qvi: FrictionQVI, z: Vector, sizes: Vector) -> float:
     if not qvi.p:
         return 0.0
     rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
-    error = np.maximum(np.abs(qvi.A @ z - qvi.b) - rounding, 0.0)
+    error = np.maximum(np.abs(qvi.arrays.A @ z - qvi.b) - rounding, 0.0)
     return largest(error / np.where(sizes > 0.0, sizes, 1.0))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.basics.types import Vector
-from solvers.condensed.interior_point import InteriorPoint, Newton, Step
+from solvers.condensed.interior_point import InteriorPoint, Newton, Point, Step
 
 _FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01
 _GROWTH = 1.5
@@ -37,7 +37,7 @@ class CentralPath:
         self._method = method
         weights = method.problem.weights
         half, split = weights / weights.sum(), method.problem.split_weights / weights.sum()
-        self._metric: Vector = np.concatenate([[1.0], half, half, split, split])
+        self._metric: Vector = np.concatenate([[1.0], half, split, half, split])
         self._log: float = float(np.log(method.parameter()))
         self._start = self._log
         self._tangent: Vector | None = None
@@ -98,8 +98,8 @@ class CentralPath:
         return bool((tangent[0] if self._tangent is None else -self._metric @ (self._tangent * tangent)) > 0.0)
 
     def _relative(self, log: float, step: Step) -> Vector:
-        return np.concatenate([[log], step.relative_to(self._method.point)])
+        return np.concatenate([[log], step.values / self._method.point.values])
 
 
 def _sum(first: Step, second: Step, factor: float) -> Step:
-    return Step(*(a + factor * b for a, b in zip(first, second, strict=True)))
+    return Point(first.y + factor * second.y, first.values + factor * second.values, len(first.s))

@@ -101,6 +101,9 @@ class Complementarity:
         self.friction: Vector = np.where(rubs, mu, 0.0)
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
+        pressed = self.pressed[self._above]  # the normal bound, if any, on which each upper one depends, and μ of it
+        self._pressed_above = (pressed, np.where(pressed >= 0, self.friction[self._above], 0.0))
+        self._count = len(normal)
         self.weights: Vector = qvi.W[self._points]
         self.sizes: Vector = np.where(is_cap | (self._sign == 0.0), 1.0, 1.0 + mu)
         early, late = self._shares.early, self._shares.late
@@ -135,6 +138,7 @@ class Complementarity:
         self._energy = base.energy + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + space.stiffness @ self._offset)
         self._normal, self._tangential = space.tractions(base, self._offset)
+        self._last: tuple[Vector | None, tuple[Vector, Vector]] = (None, (self._normal, self._tangential))
 
     def full(self, u: Vector) -> Vector:
         """All trace coordinates y."""
@@ -145,9 +149,11 @@ class Complementarity:
         return y[self._equations.free]
 
     def tractions(self, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each."""
-        change, m = self._all @ y, len(self._normal)
-        return self._normal + change[:m], self._tangential + change[m:]
+        """(σ_N, σ_T) (m,) each, kept for the last y: an iteration asks for them several times."""
+        if self._last[0] is not y:
+            change, m = self._all @ y, len(self._normal)
+            self._last = (y, (self._normal + change[:m], self._tangential + change[m:]))
+        return self._last[1]
 
     def contradiction(self) -> float:
         """Largest shear at points without friction, over the scale of stress: what equations cannot make zero."""
@@ -162,12 +168,14 @@ class Complementarity:
 
     def slack(self, y: Vector, size: Vector) -> Vector:
         """Slacks s (q,) for coordinates y and |σ_N| (b,) at the points `split`."""
-        points = self._points
+        points, count = self._points, self._count
         normal, tangential = self.tractions(y)
         pressure = -normal
         pressure[self.split] = size
-        shear = np.where(self._sign == 0.0, normal[points], self._sign * tangential[points])
-        return self._fixed + self.friction * pressure[points] - shear
+        slack = self._fixed + self.friction * pressure[points]
+        slack[:count] -= normal[points[:count]]
+        slack[count:] -= self._sign[count:] * tangential[points[count:]]
+        return slack
 
     def slack_residual(self, y: Vector, s: Vector, size: Vector) -> Vector:
         """What s (q,) differs from the slacks, with zeros where it is rounding: λ/s would make much of it.
@@ -177,19 +185,19 @@ class Complementarity:
         """
         normal, tangential = self.tractions(y)
         normal_rounding, tangential_rounding = self._rounding(y)
-        count = len(self._points) - 2 * len(self._above)
-        points, pairs = self._points[:count], self._points[self._above]
+        count, points, pairs = self._count, self._points[: self._count], self._points[self._above]
         residual = np.zeros(len(self._points))
         residual[:count] = _beyond(s[:count] + normal[points], normal_rounding[points])
         above, below = s[self._above], s[self._below]
-        pressed = self.pressed[self._above]
-        pressure = self.friction_of(size)[self._above]
-        pressure += np.where(pressed >= 0, self.friction[self._above] * s[pressed], 0.0)
-        bound = self._fixed[self._above] + pressure
-        both = 4.0 * _EPSILON * (above + below + 2.0 * bound)
-        total = _beyond(above + below - 2.0 * bound, both)
+        pressed, friction = self._pressed_above
+        bound = self._fixed[self._above] + friction * s[pressed]
+        if len(self.split):
+            bound += self.friction_of(size)[self._above]
+        sum_ = above + below
+        both = 4.0 * _EPSILON * (sum_ + 2.0 * bound)
+        total = _beyond(sum_ - 2.0 * bound, both)
         half = _beyond(0.5 * (above - below) + tangential[pairs], both + tangential_rounding[pairs])
-        missed = np.where(pressed >= 0, self.friction[self._above] * residual[pressed], 0.0)
+        missed = friction * residual[pressed]
         residual[self._above] = 0.5 * total + half + missed
         residual[self._below] = 0.5 * total - half + missed
         return residual

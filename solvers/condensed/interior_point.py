@@ -16,7 +16,7 @@ In `docs/theory.md`: (D6).
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -47,50 +47,42 @@ _FINEST = 1e-17  # gap below which slacks and multipliers lose their digits
 _LEAST = 1e-300
 
 
-@dataclass(eq=False)
 class Point:
-    """An iterate: y (k,), slacks s > 0 and multipliers λ > 0 (q,), pull > 0 and push > 0 (b,)."""
+    """An iterate: y (k,), slacks s > 0 and multipliers λ > 0 (q,), pull > 0 and push > 0 (b,); or a change of one.
 
-    y: Vector
-    s: Vector
-    lam: Vector
-    pull: Vector
-    push: Vector
+    Attributes
+    ----------
+    values : (2q + 2b,) all that must stay positive: s and pull, then λ and push, so that products are those of halves
+    s, lam, pull, push : parts of it
 
-    @property
-    def positive(self) -> tuple[Vector, Vector, Vector, Vector]:
-        """All that must stay positive: s, λ, pull and push."""
-        return self.s, self.lam, self.pull, self.push
+    """
+
+    __slots__ = ("lam", "pull", "push", "s", "values", "y")
+
+    def __init__(self, y: Vector, values: Vector, count: int) -> None:
+        half = len(values) // 2
+        self.y, self.values = y, values
+        self.s, self.pull = values[:count], values[count:half]
+        self.lam, self.push = values[half : half + count], values[half + count :]
+
+    @classmethod
+    def of(cls, y: Vector, s: Vector, lam: Vector, pull: Vector, push: Vector) -> "Point":
+        """From its parts."""
+        return cls(y, np.concatenate([s, pull, lam, push]), len(s))
 
     @property
     def products(self) -> Vector:
-        """All s λ and pull push (q + b,)."""
-        return np.concatenate([self.s * self.lam, self.pull * self.push])
+        """All s λ and pull push (q + b,); of a change those of second order."""
+        half = len(self.values) // 2
+        return self.values[:half] * self.values[half:]
 
-    def moved(self, step: "Step", length: float) -> "Point":
+    def moved(self, step: "Point", length: float) -> "Point":
         """The point a step further."""
-        here = (self.y, *self.positive)
-        return Point(*(value + length * change for value, change in zip(here, step, strict=True)))
+        return Point(self.y + length * step.y, self.values + length * step.values, len(self.s))
 
 
-class Step(NamedTuple):
-    """Changes of the unknowns of a `Point`."""
-
-    y: Vector
-    s: Vector
-    lam: Vector
-    pull: Vector
-    push: Vector
-
-    @property
-    def products(self) -> Vector:
-        """Of second order, in the products (q + b,)."""
-        return np.concatenate([self.s * self.lam, self.pull * self.push])
-
-    def relative_to(self, point: Point) -> Vector:
-        """Changes (2q + 2b,) of all that must stay positive, over their values."""
-        changes = (self.s, self.lam, self.pull, self.push)
-        return np.concatenate([change / value for change, value in zip(changes, point.positive, strict=True)])
+Step: TypeAlias = Point
+"""Changes of the unknowns of a `Point`."""
 
 
 class Residuals(NamedTuple):
@@ -158,8 +150,9 @@ class InteriorPoint:
         s = np.maximum(problem.slack(y, smooth), _START * problem.stress * problem.sizes)
         early = problem.early_shares
         lam = problem.start * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
-        self.point = Point(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
-        self.shares, self.settled = np.concatenate([early, np.zeros(len(normal))]), False
+        self.point = Point.of(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
+        self._share(np.concatenate([early, np.zeros(len(normal))]))
+        self.settled = False
         kink = self.point.pull * self.point.push / max(self.parameter(), _LEAST)  # the same at all points
         self.shares[len(early) :] = kink
 
@@ -177,6 +170,7 @@ class InteriorPoint:
             return
         before, count = self.parameter(), len(self.point.s)
         self.shares[:count], self.settled = self.problem.shares, True
+        self._share(self.shares)
         self.shares[count:] *= before / max(self.parameter(), _LEAST)
 
     def sharpen(self) -> None:
@@ -226,7 +220,7 @@ class InteriorPoint:
         That leaves residuals at these bounds alone, which the next steps reduce. Returns its length.
         """
         point = self.point
-        falls = -step.relative_to(point)
+        falls = -step.values / point.values
         farther = min(1.0, _STEP / max(float(np.partition(falls, -1 - self._few)[-1 - self._few]), _LEAST))
         while farther > _FARTHER * length:
             passed = self._passed(step, farther)
@@ -240,8 +234,7 @@ class InteriorPoint:
     def _passed(self, step: Step, length: float) -> Point:
         """The point a step further, where slacks and multipliers keep a share at least."""
         moved = self.point.moved(step, length)
-        pairs = zip(moved.positive, self.point.positive, strict=True)
-        return Point(moved.y, *(np.maximum(after, _KEPT * before) for after, before in pairs))
+        return Point(moved.y, np.maximum(moved.values, _KEPT * self.point.values), len(moved.s))
 
     def lowest(self, residuals: Residuals, tau: float) -> float:
         """τ that may be aimed at; above the least one as long as bounds that were passed do not fit."""
@@ -261,10 +254,10 @@ class InteriorPoint:
         total = self._total_share
         return float(self.problem.weights @ (point.s * point.lam)) / total if total > 0.0 else 0.0
 
-    @property
-    def _total_share(self) -> float:
-        """Σ W ω."""
-        return float(self.problem.weights @ self.shares[: len(self.point.s)])
+    def _share(self, shares: Vector) -> None:
+        """Take other shares; `_total_share` is Σ W ω of s λ."""
+        self.shares = shares
+        self._total_share = float(self.problem.weights @ shares[: len(self.problem.weights)])
 
     def _in_neighbourhood(self, step: Step, length: float) -> float:
         """Shorten the step until no product is far below the others."""
@@ -278,7 +271,7 @@ class InteriorPoint:
     def _centrality(self, point: Point) -> float:
         """The smallest of the products, relative to those of the central path."""
         target = max(self._parameter(point), _LEAST) * self.shares
-        return float((point.products / target).min(initial=np.inf))
+        return float(np.minimum.reduce(point.products / target, initial=np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,6 +299,9 @@ class Newton:
         (force, slack, split, _), point, problem = self.residuals, self.point, self.problem
         if only:
             force, slack, split = 0.0 * force, 0.0 * slack, 0.0 * split
+        if not len(split):
+            y, s, lam = self._bounds(force, slack, comp)
+            return Point(y, np.concatenate([s, lam]), len(s))
         work, kink = comp[: len(point.s)], comp[len(point.s) :]
         # |σ_N| changes by this much, and by its slope times the change of σ_N.
         size = (2.0 * kink + (point.pull - point.push) * split) / (point.pull + point.push)
@@ -313,7 +309,7 @@ class Newton:
         y, s, lam = self._bounds(force, slack, work)
         normal = problem.split_change(y) + split
         pull, push = kink + point.pull * normal, kink - point.push * normal
-        return Step(y, s, lam, pull / (point.pull + point.push), push / (point.pull + point.push))
+        return Point.of(y, s, lam, pull / (point.pull + point.push), push / (point.pull + point.push))
 
     def _bounds(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """Changes of y, s and λ for the residuals of y and of the slacks, and the wanted change of s λ."""
@@ -360,9 +356,9 @@ def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, least
 
 def _longest(point: Point, step: Step) -> float:
     """The length at which a slack, a multiplier, a pull or a push reaches zero."""
-    largest = float((-step.relative_to(point)).max(initial=0.0))
-    return 1.0 / largest if largest > 0.0 else np.inf
+    least = float(np.minimum.reduce(step.values / point.values, initial=0.0))
+    return -1.0 / least if least < 0.0 else np.inf
 
 
 def _largest(values: Vector) -> float:
-    return float(np.abs(values).max(initial=0.0))
+    return float(np.maximum.reduce(np.abs(values), initial=0.0))

@@ -33,6 +33,7 @@ In `docs/theory.md`: (D8).
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
@@ -148,7 +149,7 @@ class _Run:
     steps: list[float] = field(default_factory=list)  # relative lengths of the steps between corrections
     sizes: list[float] = field(default_factory=list)  # relative sizes of the corrections
 
-    @property
+    @cached_property
     def final_gap(self) -> float:
         """The gap at which the interior point method stops.
 
@@ -323,7 +324,7 @@ def _correct(run: _Run, step: float) -> None:
     run.base = after
     run.problem.rebase(after)
     point = run.interior.point
-    point.y = np.zeros_like(point.y)
+    run.interior.point = Point(np.zeros_like(point.y), point.values, len(point.s))
     run.best = (np.inf, len(run.history))
 
 

@@ -67,7 +67,7 @@ class Reduction(Space):
         else:
             reduced, state, energy = self._at_rest(gradient)
         c = -self._scale * self._coordinates.from_unknowns(reduced)
-        return Base(z, c, qvi.b - qvi.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state)
+        return Base(z, c, qvi.b - qvi.arrays.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state)
 
     def _at_rest(self, gradient: Vector) -> tuple[Vector, State, float]:
         """The interior eliminated at z = 0, and the energy with y = 0; friction, cohesion and caps change neither."""

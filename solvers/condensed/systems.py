@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, Protocol, TypeA
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
 from solvers.basics.types import Matrix, SparseRows, Vector
 from solvers.factorisation.base import State
@@ -210,7 +209,7 @@ class DenseSystem:
         """See `NewtonSystem`."""
         if self._cholesky is None or not len(force):
             return 0.0
-        return float(np.sqrt(abs(force @ cho_solve(self._cholesky, force))))
+        return float(np.sqrt(abs(force @ dpotrs(self._cholesky, force, lower=1)[0])))
 
     def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
         """See `NewtonSystem`; scaled to a diagonal of 1."""
@@ -229,8 +228,6 @@ class DenseSystem:
         return lambda force: np.asarray(scale * dgetrs(factor, pivots, scale * force)[0])
 
     @cached_property
-    def _cholesky(self) -> tuple[Matrix, bool] | None:
-        try:
-            return cho_factor(self._S, lower=True) if len(self._S) else None
-        except LinAlgError:
-            return None
+    def _cholesky(self) -> Matrix | None:
+        factor, info = dpotrf(self._S, lower=1, clean=0) if len(self._S) else (None, 1)
+        return None if info else factor

@@ -35,7 +35,7 @@ def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
     kappa = problem.stress / interior.displacement * problem.sizes**2
     lam = problem.bound_multipliers(start.normal_multiplier, start.tangential_multiplier, slack)
     s, lam = _pair(slack - kappa * lam, kappa * products[: len(products) - split])
-    interior.point = Point(y, s, lam / kappa, pull, push)
+    interior.point = Point.of(y, s, lam / kappa, pull, push)
 
 
 def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:

@@ -5,8 +5,7 @@
     reduced, state = factor.reduce(g)                # g_Γ − K_ΓI K_II⁻¹ g_I
     x = factor.expand(state, values)                 # x_Γ = values, x_I = K_II⁻¹ (g_I − K_IΓ values)
 
-Back ends: Intel MKL's PARDISO (package mkl, extra fast), CHOLMOD (package cvxopt, extra cvxopt), SuperLU (SciPy, always
-there). None is imported before use.
+Back ends: Intel MKL's PARDISO (package mkl, extra fast) and SuperLU (SciPy, always there), imported when first used.
 """
 
 from solvers.basics.front import front
@@ -36,9 +35,9 @@ __getattr__ = front(
     __name__,
     {
         "augmented": ("ORTHOGONAL", "factorise_root"),
-        "choice": ("Request", "SHARED", "condensing_pays"),
+        "choice": ("Request", "condensing_pays"),
+        "dense": ("DENSE",),
         "forecast": ("Forecast", "Work", "check_limits", "machine_memory"),
-        "levels": ("LEVELS",),
         "ordering": ("interface_last", "nested_dissection"),
         "registry": ("VARIABLE",),
         "threads": ("limited_blas", "thread_count"),

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import ClassVar, Final, TypeAlias
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
@@ -93,18 +93,19 @@ class Factorisation(ABC):
     def solve(self, right: Vector | Matrix) -> Vector | Matrix:
         """Unknowns x = K⁻¹ g for right-hand sides (n,) or (n, j); needs S positive definite, whose factor is kept."""
         reduced, state = self.reduce(right)
-        return self.expand(state, cho_solve(self._schur_factor, reduced) if reduced.size else reduced)
+        return self.expand(state, self._by_schur_factor(reduced) if reduced.size else reduced)
+
+    def _by_schur_factor(self, reduced: Vector | Matrix) -> Vector | Matrix:
+        factor, lower = self._schur_factor
+        return np.asarray(dpotrs(factor, reduced, lower=int(lower))[0])
 
     @cached_property
     def _schur_factor(self) -> tuple[Matrix, bool]:
-        try:
-            factor, lower = cho_factor(self.schur, lower=True)
-        except LinAlgError as error:
-            raise FactorisationError(
-                "singular", self.backend, "the Schur complement is not positive definite"
-            ) from error
-        check_pivots(np.diagonal(factor) ** 2, self._schur_scale(), self.backend, self.size)
-        return factor, bool(lower)
+        factor, info = dpotrf(self.schur, lower=1, clean=0)
+        if info:
+            raise FactorisationError("singular", self.backend, "the Schur complement is not positive definite")
+        check_pivots(factor.diagonal() ** 2, self._schur_scale(), self.backend, self.size)
+        return factor, True
 
     def _schur_scale(self) -> Vector:
         """What pivots of S are compared with: the diagonal of K_ΓΓ, unless they have been checked before."""

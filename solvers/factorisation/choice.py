@@ -1,35 +1,27 @@
-"""Which factorisation a problem gets: the one asked for, shared subdomains where they apply, or the first installed."""
+"""Which factorisation a problem gets: the one asked for, or the first installed."""
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_array
 
 from solvers.basics.checks import whole_number
 from solvers.basics.types import IntVector, Matrix, Sparse
-from solvers.errors import SolverUnavailableError
 from solvers.factorisation.base import Factorisation
-from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
+from solvers.factorisation.dense import DENSE
 from solvers.factorisation.forecast import check_limits
-from solvers.factorisation.levels import LEVELS
 from solvers.factorisation.ordering import nested_dissection
-from solvers.factorisation.registry import BACKENDS, chosen, factorise, faster_than, resolve, usable
+from solvers.factorisation.registry import BACKENDS, factorise, faster_than, resolve, usable
 from solvers.factorisation.threads import limited_blas, thread_count
 from solvers.factorisation.unsymmetric import Refactorisation, refactorisation
 
-SHARED: Final = "shared-subdomains"
-OTHERS: Final = ("auto", SHARED, LEVELS)
+OTHERS: Final = ("auto", DENSE)
 """What is no back end."""
 
 CHOICES: Final = (*OTHERS, *BACKENDS)
 """What can be asked for."""
 
-Structure: TypeAlias = Callable[[IntVector], SubdomainTree | None]
-"""K as a tree of subdomains for an interface Γ, None where K has no such structure."""
-
-_WORTH_SHARING: Final = 10_000  # unknowns from which on shared subdomains are faster than any sparse back end
 _ALWAYS_CONDENSED: Final = 400  # unknowns of the interface
 _SLOWER: Final = 3.6  # sparse operations beside dense ones, measured by python -m comparisons systems
 _MOST_THREADS: Final = 1024  # more do not pay on any machine, and libraries take no number of any size
@@ -70,34 +62,26 @@ class Request(NamedTuple):
         return limited_blas(self.threads or 1)
 
 
-def make(K: Sparse, interface: IntVector, structure: Structure | None, request: Request) -> Factorisation:
-    """Factorise K as asked for; errors of `factorise`, and `SolverUnavailableError` if sharing does not apply.
+def make(K: Sparse, interface: IntVector, request: Request, places: Matrix | None = None) -> Factorisation:
+    """Factorise K as asked for, `places` (n, 2) of the unknowns if they are known; errors of `factorise`.
 
     Without a number of threads it is one, and all cores for a large K.
     """
-    wanted = request.name if request.name != "auto" else chosen()
-    threads = request.threads or _sensible_threads(K.shape[0])
-    if wanted == SHARED or (wanted is None and structure is not None and K.shape[0] >= _WORTH_SHARING):
-        tree = structure(interface) if structure is not None else None
-        if tree is not None:
-            return SharedSubdomains(tree, threads)
-        if wanted == SHARED:
-            remedy = "takes a rectangle of equal cells and one material, contact on its sides; choose another one"
-            raise SolverUnavailableError("factorisation", SHARED, remedy)
-    return factorise(K, interface, request.name, threads)
+    return factorise(K, interface, request.name, request.threads or _sensible_threads(K.shape[0]), places)
 
 
 def make_unsymmetric(starts: IntVector, columns: IntVector, places: Matrix | None, request: Request) -> Refactorisation:
     """For matrices of a symmetric pattern (`unsymmetric`): by PARDISO, unless another back end is asked for.
 
-    Unknowns are eliminated by nested dissection of their places (n, 2) if these are known, else as the library likes.
+    SuperLU eliminates unknowns by nested dissection of their places (n, 2) if these are known, else libraries look for
+    an order: METIS, which PARDISO brings, finds as good ones.
     """
     backend = resolve(request.name if request.name in BACKENDS else "auto")
     threads = request.threads or _sensible_threads(len(starts) - 1)
     pattern = csc_array((np.ones(len(columns)), columns, starts))
     nothing = np.zeros(0, dtype=np.int64)
     check_limits(pattern, nothing, backend, threads, faster_than(backend), symmetric=False)
-    order = None if places is None else nested_dissection(places, starts, columns)
+    order = None if places is None or backend == "pardiso" else nested_dissection(places, starts, columns)
     return refactorisation(starts, columns, backend, threads, order)
 
 

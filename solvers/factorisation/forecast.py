@@ -50,7 +50,6 @@ class _Rate(NamedTuple):
 
 _RATES: Final = {
     "pardiso": _Rate(3e-8, 4e-11, 7.0),
-    "cholmod": _Rate(3.5e-8, 5e-11, 9.5),
     "superlu": _Rate(2.2e-7, 2e-10, 55.0),
 }
 

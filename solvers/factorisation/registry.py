@@ -7,27 +7,35 @@ from typing import Final
 import numpy as np
 from scipy.sparse import csc_array
 
+from solvers.basics.names import remedy_if_retired
 from solvers.basics.narration import LOGGER
-from solvers.basics.types import IntVector, Module, Sparse, load
+from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import Factorisation, NoInterior
+from solvers.factorisation.dense import DENSE, SMALL, DenseFactor
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.forecast import check_limits
-from solvers.factorisation.levels import LEVELS, LevelFactor, cheap_levels
+from solvers.factorisation.superlu import SuperLU
 from solvers.factorisation.threads import thread_count
 
-BACKENDS: Final = ("pardiso", "cholmod", "superlu")
+BACKENDS: Final = ("pardiso", "superlu")
 """Names of the sparse back ends, the fastest first."""
 
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
-_INSTALL: Final = {"pardiso": "pip install mkl", "cholmod": "pip install cvxopt"}
+_INSTALL: Final = {"pardiso": "pip install mkl"}
 _WORTH_INSTALLING: Final = 20_000  # unknowns from which on PARDISO is at least twice as fast
 _default: str | None = None
 
 
-def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: int | None = None) -> Factorisation:
+def factorise(
+    K: Sparse,
+    interface: IntVector,
+    backend: str = "auto",
+    threads: int | None = None,
+    places: Matrix | None = None,
+) -> Factorisation:
     """Factorise K and form the dense Schur complement S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
 
     Parameters
@@ -37,12 +45,13 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
     interface : IntVector (k,)
         Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
     backend : str
-        A name in `BACKENDS`, "levels", or "auto": the name given to `set_default`, else the one in the environment
-        variable QVI_CONTACT_FACTORISATION, else "levels" where K is small enough (see `levels`), else the first that is
-        installed.
+        A name in `BACKENDS`, "dense", or "auto": the name given to `set_default`, else the one in the environment
+        variable QVI_CONTACT_FACTORISATION, else "dense" for up to 500 unknowns, else the first that is installed.
     threads : int, optional
         Threads to use; all cores this process may run on, or OMP_NUM_THREADS, or MKL_NUM_THREADS if not given.
         "superlu" always has one.
+    places : Matrix (n, 2), optional
+        Where the unknowns are, in any unit. SuperLU takes half the time with them: it eliminates by nested dissection.
 
     Raises
     ------
@@ -59,7 +68,8 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
     K, interface = _checked(K, interface)
     if threads is not None and threads < 1:
         raise InputError("threads", threads, "give 1 or more, or None for all cores")
-    name = backend if backend == LEVELS else resolve(backend)
+    small = backend == "auto" and chosen() is None and K.shape[0] <= SMALL
+    name = DENSE if small or backend == DENSE else resolve(backend)
     if interface.size == K.shape[0]:
         return NoInterior(K, interface)
     diagonal = K.diagonal()
@@ -68,11 +78,12 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
         raise FactorisationError("singular", name, f"diagonal entry {row} of K is {diagonal[row]:.3g}")
     if name == BACKENDS[-1] and chosen() is None and K.shape[0] >= _WORTH_INSTALLING:
         LOGGER.info("%d unknowns by SuperLU; PARDISO takes half the time or less: %s", K.shape[0], _INSTALL["pardiso"])
-    levels = cheap_levels(K, interface) if backend == "auto" and chosen() is None else None
     try:
-        if levels is not None:
-            return LevelFactor(K, levels)
+        if name == DENSE:
+            return DenseFactor(K, interface)
         check_limits(K, interface, name, thread_count(threads), faster_than(name))
+        if name == BACKENDS[-1]:
+            return SuperLU(K, interface, places)
         return _module(name).factorise(K, interface, threads)  # type: ignore[no-any-return]
     except MemoryError as error:
         raise FactorisationError("memory", name, "out of memory") from error
@@ -128,7 +139,8 @@ def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
 
     """
     if name not in BACKENDS:
-        raise SolverUnavailableError(field, name, f"choose one of {', '.join((*others, *BACKENDS))}")
+        remedy = remedy_if_retired(name) or f"choose one of {', '.join((*others, *BACKENDS))}"
+        raise SolverUnavailableError(field, name, remedy)
     if _module(name).version() is None:
         remedy = f"its library does not load ({_INSTALL.get(name, 'reinstall scipy')}); choose one of"
         raise SolverUnavailableError(field, name, f"{remedy} {', '.join((*others, *available_backends()))}")

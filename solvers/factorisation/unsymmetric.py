@@ -1,7 +1,7 @@
 """H = L U of unsymmetric matrices that share one symmetric pattern, as Newton's method meets them.
 
 PARDISO orders and analyses once. Where MKL is not installed SuperLU does all of it every time, but for an order that is
-given. CHOLMOD factorises symmetric matrices only.
+given.
 """
 
 from typing import Literal, Protocol, TypeAlias

@@ -10,8 +10,7 @@ the unknowns; "auto" takes it up to `CONDENSED_LIMIT` rows.
 
 In either form rows without friction, whose bound is always 0, are equations T z + t0 = 0. As inequalities
 |T z + t0| ≤ 0 they would have no interior, and several of them that depend on each other contradict one another in
-rounding. Rows of N that are bilateral are no inequalities at all; they become 0 ≤ 1. With strict bounds (`strict`) an
-edge without friction counts as a whole.
+rounding. Rows of N that are bilateral are no inequalities at all; they become 0 ≤ 1.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +24,6 @@ from solvers.inequality.compliance import Compliance
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import independent_rows
 from solvers.inner.problem import Centre, InnerSolution
-from solvers.strict.threshold import edge_rows, frictionless_edges
 
 Form = Literal["auto", "full", "condensed"]
 
@@ -43,7 +41,7 @@ class ProblemForm(Protocol):
     problem: FrictionQVI
 
     def threshold(self, threshold: Vector) -> Vector:
-        """The friction bound as the inner problem takes it: (m,), strict (3e,), Bernstein coefficients of e edges."""
+        """The friction bound as the inner problem takes it (m,)."""
         ...
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:
@@ -79,7 +77,7 @@ class Simplified:
             N = csc_array(diags_array(np.where(held, 0.0, 1.0)) @ qvi.N)
             N.eliminate_zeros()
             qvi = qvi.changed(N=N, n0=np.where(held, -1.0, qvi.n0), traces=None)
-        rows = np.repeat(frictionless_edges(qvi), edge_rows(qvi).count) if qvi.strict else qvi.frictionless
+        rows = qvi.frictionless
         if not rows.any():
             return cls(qvi, rows, np.zeros((0, 0)))
         E, Y = independent_rows(csc_array(qvi.T[rows]))
@@ -95,10 +93,7 @@ class Simplified:
 
     def threshold(self, threshold: Vector) -> Vector:
         """1 where the row is empty: a bound that is never reached."""
-        rows = self.rows
-        if self.problem.strict:
-            rows = np.repeat(rows[:: edge_rows(self.problem).count], 3)
-        return np.where(rows, 1.0, threshold)
+        return np.where(self.rows, 1.0, threshold)
 
     def restore(self, result: InnerSolution) -> InnerSolution:
         """Row multipliers of the original T from those of the equations: Eᵀ m_T = ν, of least norm."""
@@ -147,7 +142,6 @@ class CondensedForm:
         self.problem = FrictionQVI(
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],
             T=csc_array(self._V[m:]), t0=bonded[m:], mu=qvi.mu, W=qvi.W, bilateral=qvi.bilateral,
-            edges=qvi.edges, strict=qvi.strict,
         )  # fmt: skip
         self.threshold = simplified.threshold
 

@@ -10,11 +10,6 @@
 | the time is over, see `watch`                                      | time_limit                    |
 | the inner problem fails, or stays infeasible after restarts        | that of the inner problem     |
 
-With strict bounds (`strict`) s and g are affine on every edge, and g differs from |N z + n0| where that is no such
-function, see `strict.threshold`. From residuals below 1e-2 on Newton's method on the whole problem (`strict.newton`) is
-tried, whose result ends the iteration if its certificate passes; it is the last entry of the history then, with the
-certificate's accuracy as residual.
-
 residual = |g − s| / max(|g|, S) in the norm weighted by W, g = |N z(s) + n0| and S the certificate's scale of stress.
 The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so the residual is the error.
 """
@@ -22,7 +17,7 @@ The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -39,14 +34,10 @@ from solvers.fixed_point.anderson import Anderson
 from solvers.fixed_point.forms import Form, ProblemForm, make_form
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.guard import is_failure, one_line
-from solvers.inner.names import STRICT_DEFAULT
 from solvers.inner.problem import InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
 from solvers.solution.finish import Outcome, finish, no_outcome
 from solvers.solution.solution import Iteration, QVISolution
-from solvers.strict.cones import strict_contradiction
-from solvers.strict.newton import Newton
-from solvers.strict.threshold import affine_pressure, bound_at, strict_pressure, strict_threshold
 
 Variant = Literal["plain", "damped", "anderson"]
 
@@ -59,9 +50,8 @@ _CYCLE_MATCH = 1e-4  # of the residual
 _PROGRESS = 0.9
 _ROUND_OFF = 1e-13  # of the bonded pressure
 _BREAKS = 6
-_CLOSE, _CLOSER = 1e-2, 0.2  # residual at which Newton's method is tried for strict bounds, and share for another try
 _NOISE = 1e-4  # a cycle smaller than this is the inner solver's noise, not the map's
-_OTHER_INNER = "Take another inner solver, listed by solvers.available({}), or cells that are less thin."
+_OTHER_INNER = "Take another inner solver, listed by solvers.available(), or cells that are less thin."
 
 
 @dataclass(frozen=True)
@@ -121,8 +111,6 @@ class _State:
     progress: tuple[float, int] = (np.inf, 0)  # residual and number at the last substantial progress
     past: deque[Vector] = field(default_factory=lambda: deque(maxlen=_CYCLE_LENGTHS.stop))
     history: list[Iteration] = field(default_factory=list)
-    newton: Newton | None = None  # of strict problems
-    close: float = _CLOSE  # residual at which Newton's method is tried next
     recoveries: int = 0
     breaks: int = 0
     feasibility: Feasibility | None = None
@@ -172,11 +160,7 @@ def initial_pressure(qvi: FrictionQVI, initial: object) -> Vector:
 
 def _init(qvi: FrictionQVI, options: FixedPointOptions) -> _State:
     """Start: the given pressure or that of the bonded solution."""
-    if options.initial is None:
-        s = _start(qvi, qvi.bonded)
-    else:
-        s = initial_pressure(qvi, options.initial)
-        s = affine_pressure(qvi, s) if qvi.strict else s
+    s = qvi.pressure(qvi.bonded) if options.initial is None else initial_pressure(qvi, options.initial)
     accelerate = options.variant == "anderson"
     accelerator = Anderson(qvi.W, options.memory, options.damping) if accelerate else None
     return _State(s, accelerator, 1.0 if options.variant == "plain" else options.damping)
@@ -202,7 +186,7 @@ def _step(
             _recover(qvi, form, solver, state, result)
     else:
         state.inner = inner
-        g = _pressure(qvi, result.z)
+        g = np.abs(qvi.normal(result.z))
         residual = _residual(qvi, result.z, g, state.s)
         _record(qvi, state, result, residual, began, options)
         if residual < state.best_residual:
@@ -210,8 +194,6 @@ def _step(
         state.previous, state.feasible = result, state.s
         if residual <= tolerance and certify(qvi, result.z, result.m_N, result.m_T, result.nu, tolerance).passed:
             state.best, state.reason = result, Status.SOLVED
-            return
-        if qvi.strict and residual <= state.close and _refine(qvi, state, result, options, tolerance):
             return
         _check_progress(qvi, state, residual, number, options, tolerance)
         state.past.append(state.s)
@@ -222,11 +204,9 @@ def _step(
 
 def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _State) -> InnerSolution:
     """The inner problem about the last result; a back end that fails there gets one more try about the start."""
-    threshold = form.threshold(_bound(qvi, state.s))
+    threshold = form.threshold(qvi.threshold(state.s))
     centre = form.centre(state.inner, state.previous)
-    inner = (strict_contradiction if qvi.strict else contradiction)(form.problem, threshold, centre) or solver.solve(
-        threshold, centre, state.inner
-    )
+    inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
     if not _is_usable(inner) and state.inner is not None and not expired():
         inner = solver.solve(threshold, form.centre(None, None), None)
     claimed = inner.status is Status.INFEASIBLE and not expired()
@@ -235,8 +215,7 @@ def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state
 
 def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -> InnerSolution:
     """A back end's "infeasible", or a failure if Clarabel finds the solution that is said not to exist."""
-    name = STRICT_DEFAULT if form.problem.strict else "direct:clarabel"
-    witness = make_inner(name, form.problem, _CLAIM_TOLERANCE)
+    witness = make_inner("direct:clarabel", form.problem, _CLAIM_TOLERANCE)
     if not _is_usable(witness.solve(threshold, form.centre(None, None), None)):
         return inner
     message = f"{inner.message}; but Clarabel solves this problem"
@@ -245,33 +224,6 @@ def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -
 
 def _is_usable(inner: InnerSolution) -> bool:
     return inner.status.usable and inner.finite
-
-
-def _refine(
-    qvi: FrictionQVI, state: _State, result: InnerSolution, options: FixedPointOptions, tolerance: float
-) -> bool:
-    """Newton's method from an inner result, see `strict.newton`; whether it ends in a solution."""
-    began = time.perf_counter()
-    state.newton, state.close = state.newton or Newton(qvi), _CLOSER * state.close
-    if not state.newton.affordable:
-        return False
-    z, _ = state.newton.compliance.unknowns(np.concatenate([result.m_N, result.m_T]))  # in full form not that of result
-    scales = scales_at(qvi, z)
-    refined = state.newton.refine(z, result.m_N, result.m_T, scales["stress"] / scales["displacement"])
-    if refined is None:
-        return False
-    z, nu = state.newton.compliance.unknowns(np.concatenate([refined.m_N, refined.m_T]))
-    certificate = certify(qvi, z, refined.m_N, refined.m_T, nu, tolerance)
-    if not certificate.passed:
-        return False
-    state.best = replace(result, z=z, m_N=refined.m_N, m_T=refined.m_T, nu=nu)
-    state.reason = Status.SOLVED
-    entry = Iteration(
-        len(state.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, refined.steps,
-        time.perf_counter() - began,
-    )  # fmt: skip
-    _append(state, entry, options)
-    return True
 
 
 def _residual(qvi: FrictionQVI, z: Vector, g: Vector, s: Vector) -> float:
@@ -313,23 +265,7 @@ def _next(qvi: FrictionQVI, state: _State, g: Vector) -> Vector:
     else:
         s = (1.0 - state.damping) * state.s + state.damping * g
     scale = float(np.abs(qvi.normal(qvi.bonded)).max(initial=0.0))
-    s = np.where(s > _ROUND_OFF * scale, s, 0.0)
-    return affine_pressure(qvi, s) if qvi.strict else s
-
-
-def _pressure(qvi: FrictionQVI, z: Vector) -> Vector:
-    """The pressure at z (m,) that the next bound comes from, strict an affine function of each edge."""
-    return strict_pressure(qvi, qvi.normal(z)) if qvi.strict else np.abs(qvi.normal(z))
-
-
-def _start(qvi: FrictionQVI, z: Vector) -> Vector:
-    """The pressure at a z whose normal tractions may pull."""
-    return strict_pressure(qvi, qvi.normal(z)) if qvi.strict else qvi.pressure(z)
-
-
-def _bound(qvi: FrictionQVI, pressure: Vector) -> Vector:
-    """The bound of |σ_T| from a pressure (m,): (m,), strict its Bernstein coefficients (3e,)."""
-    return strict_threshold(qvi, pressure).coefficients.ravel() if qvi.strict else qvi.threshold(pressure)
+    return np.where(s > _ROUND_OFF * scale, s, 0.0)
 
 
 def _check_progress(
@@ -356,14 +292,14 @@ def _check_progress(
         state.reason = Status.STALLED
         state.message = f"residual {state.best_residual:.1e} was not reduced in {options.patience} iterations"
         if state.best is not None and state.best_residual <= tolerance:
-            _blame_inner(qvi, state, state.best.message)
+            _blame_inner(state, state.best.message)
 
 
-def _blame_inner(qvi: FrictionQVI, state: _State, said: str) -> None:
+def _blame_inner(state: _State, said: str) -> None:
     """What to say where the certificate fails at a fixed point: smaller loads or other steps are of no use then."""
     where = f"the fixed point has converged (residual {state.best_residual:.1e})"
     state.message = f"{where}, but the inner solver's answers are not accurate enough ({said})"
-    state.advice = _OTHER_INNER.format("'strict'" if qvi.strict else "")
+    state.advice = _OTHER_INNER
 
 
 def _break_cycle(state: _State, length: int, residual: float) -> None:
@@ -393,10 +329,9 @@ def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _S
     """
     state.recoveries += 1
     if state.recoveries == 1 and state.feasible is None:
-        nothing = np.zeros_like(_bound(qvi, state.s))
-        smooth = solver.solve(form.threshold(nothing), form.centre(None, None), None)
+        smooth = solver.solve(form.threshold(np.zeros(qvi.m)), form.centre(None, None), None)
         if _is_usable(smooth):
-            state.s = _start(qvi, form.expand(smooth).z)
+            state.s = qvi.pressure(form.expand(smooth).z)
             return
     if state.feasibility is None:
         state.feasibility = check_feasibility(qvi)
@@ -405,7 +340,7 @@ def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _S
     if start is None or not curable or state.recoveries > _RECOVERIES:
         state.reason, state.message = result.status, f"inner problem: {result.message}"
     elif state.feasible is None:
-        state.s = state.feasible = _pressure(qvi, start)
+        state.s = state.feasible = np.abs(qvi.normal(start))
     else:
         state.s = 0.5 * (state.s + state.feasible)
     if state.accelerator is not None:
@@ -415,7 +350,7 @@ def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _S
 
 def _outcome(qvi: FrictionQVI, state: _State) -> Outcome:
     result = state.best or no_result(qvi, Status.BACKEND_FAILED, "")
-    threshold = bound_at(qvi, result.z)
+    threshold = qvi.threshold(qvi.pressure(result.z))
     reason = state.reason or Status.STALLED
     return Outcome(
         reason, result.z, result.m_N, result.m_T, result.nu, threshold, state.history,

@@ -46,6 +46,11 @@ def stored(rows: Sparse | SparseRows) -> Rows:
     return rows.toarray() if are_few(*rows.shape) else csr_array(rows)
 
 
+def for_products(matrix: Sparse) -> Any:
+    """The matrix as products with vectors are taken with it: dense where it is small, else as it is."""
+    return matrix.toarray() if are_few(*matrix.shape) else matrix
+
+
 def dense(rows: Rows) -> Matrix:
     """The rows as a dense array."""
     return rows if isinstance(rows, np.ndarray) else np.asarray(rows.toarray())

@@ -57,12 +57,12 @@ class Compliance:
         qvi = self._qvi
         forces = self._rows.T @ m
         z = qvi.bonded - qvi.equality_system.solve(forces)[0]
-        correction, nu = qvi.equality_system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.A @ z)
+        correction, nu = qvi.equality_system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
         size = np.inf
         for _ in range(_CORRECTIONS):
             new = float(np.abs(self._rows @ correction).max(initial=0.0))
             if not new < 0.5 * size:
                 break
             z, size = z + correction, new
-            correction, nu = qvi.equality_system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.A @ z)
+            correction, nu = qvi.equality_system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
         return z, nu

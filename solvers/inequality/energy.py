@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from solvers.basics.types import Matrix, Sparse, SparseRows, Vector
+from solvers.basics.types import Matrix, SparseRows, Vector
 
 
 class EnergyRoot(Protocol):
@@ -34,14 +34,14 @@ class EnergyRoot(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Energy:
-    """K (n, n) and f (n,), with root and load (n,) or without, see `FrictionQVI`."""
+    """K (n, n), dense or sparse, and f (n,), with root and load (n,) or without, see `FrictionQVI`."""
 
-    K: Sparse
+    K: Any
     f: Vector
     root: EnergyRoot | None = None
     load: Vector | None = None
 
-    def serves(self, K: Sparse, f: Vector, root: EnergyRoot | None, load: Vector | None) -> bool:
+    def serves(self, K: Any, f: Vector, root: EnergyRoot | None, load: Vector | None) -> bool:
         """Whether this is the energy of such data: the very same matrices, and equal loads."""
         if K is not self.K or root is not self.root or not np.array_equal(f, self.f):
             return False

@@ -81,7 +81,7 @@ class Equilibrium:
         """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
         z, sizes = np.zeros(self._size), list[float]()
         for _ in range(_CORRECTIONS):
-            correction, _ = self.system.solve(-self._energy.gradient(z), self._b - self.system.A @ z)
+            correction, _ = self.system.solve(-self._energy.gradient(z), self._b - self.interface.frame.arrays[2] @ z)
             sizes.append(float(np.sqrt(abs(correction @ (self._energy.K @ correction)))))
             if len(sizes) > 1 and not sizes[-1] < 0.5 * sizes[-2]:
                 break

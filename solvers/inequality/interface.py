@@ -1,7 +1,7 @@
 """The unknowns that contact feels, and what no data of contact or loads changes there."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation
 from solvers.factorisation.base import State
-from solvers.inequality.blocks import Rows, scaled_columns, stacked_columns
+from solvers.inequality.blocks import Rows, for_products, scaled_columns, stacked_columns
 from solvers.inequality.energy import Energy
 from solvers.inequality.linear import EqualitySystem, columns_of, interface_of
 from solvers.inequality.traces import TraceCoordinates, trace_coordinates
@@ -46,6 +46,12 @@ class ContactFrame:
         return stacked_columns(*self._halves)
 
     @cached_property
+    def arrays(self) -> tuple[Any, Any, Any]:
+        """N, T and A as products with vectors are taken with them."""
+        N, T = map(for_products, self._halves)
+        return N, T, for_products(self.A)
+
+    @cached_property
     def touched(self) -> IntVector:
         """Γ: the columns in which rows of contact or equations have an entry, sorted."""
         return interface_of(self.contact_rows, self.A)
@@ -58,6 +64,16 @@ class ContactFrame:
     @cached_property
     def contacts(self) -> IntVector:
         """See `FrictionQVI.contacts`."""
+        N, T, _ = self.arrays
+        if isinstance(N, np.ndarray):
+            felt = (N != 0.0) | (T != 0.0)
+            linked, number = felt @ felt.T, np.arange(len(felt))
+            while True:  # every point takes the smallest number beside it, until none changes
+                least = np.where(linked, number, len(felt)).min(axis=1, initial=len(felt))
+                least = np.minimum(least, number)
+                if (least == number).all():
+                    return np.unique(number, return_inverse=True)[1].astype(np.int64)
+                number = least
         from scipy.sparse.csgraph import connected_components  # what only solves need is not loaded at the start
 
         rows, (m, n) = self.contact_rows, self._halves[0].shape

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
-from scipy.linalg.lapack import dpotrs
+from scipy.linalg import eigh
+from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.sparse import csc_array, csr_array
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation, FactorisationError
-from solvers.inequality.blocks import stored, transposed
+from solvers.inequality.blocks import Rows, are_few, dense, stored, transposed
 
 _REFINEMENTS = 2  # of the dense system, where there are equality rows
 _DEPENDENT = 1e-12  # directions in which equality rows are weaker than this repeat each other
@@ -40,14 +40,16 @@ class EqualitySystem:
         self.A = A
         self.factor = factor
         self.interface: IntVector = self.factor.interface
-        self.A_interface: Matrix = self.on_interface(A).toarray()
+        self.A_interface: Matrix = np.asarray(dense(self._near(A)))
 
-    def on_interface(self, rows: Sparse) -> Sparse:
+    def _near(self, rows: Sparse) -> Rows:
         """Columns Γ (j, k) of rows (j, n), the same arrays where there are no entries in others, as in contact rows."""
+        if are_few(*rows.shape):
+            return rows.toarray()[:, self.interface]
         if self._goes_beyond(rows):
-            return csc_array(rows[:, self.interface])
+            return stored(rows[:, self.interface])
         starts = np.append(rows.indptr[self.interface], rows.indptr[-1])
-        return csc_array((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface)))
+        return stored(csc_array((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface))))
 
     @property
     def schur(self) -> Matrix:
@@ -74,7 +76,7 @@ class EqualitySystem:
         if self._goes_beyond(rows):
             across = csr_array(rows)
             return lambda m: np.asarray(across @ self.solve(across.T @ m)[0])
-        near = stored(self.on_interface(rows))
+        near = self._near(rows)
         columns = transposed(near)
         return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
 
@@ -94,7 +96,7 @@ class _DenseSystem:
     S: Matrix
     A: Matrix
     rho: float
-    cholesky: tuple[Matrix, bool]
+    cholesky: Matrix
     relief: Matrix  # (S + ρ AᵀA)⁻¹ Aᵀ
     values: Vector
     vectors: Matrix  # eigenvectors of A relief that are not null
@@ -106,12 +108,16 @@ class _DenseSystem:
             square = A.T @ A
             rho = float(np.trace(S) / max(np.trace(square), np.finfo(float).tiny)) if len(S) else 0.0
             stiffened = S + rho * square
-        try:
-            cholesky = cho_factor(stiffened, lower=True) if len(S) else (S, True)
-        except LinAlgError as error:
-            raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite") from error
-        relief = cho_solve(cholesky, A.T) if len(S) else A.T
-        values, vectors = eigh(A @ relief) if len(A) else (np.zeros(0), np.zeros((0, 0)))
+        cholesky = stiffened
+        if len(S):
+            cholesky, info = dpotrf(stiffened, lower=1, clean=0)
+            if info:
+                raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite")
+        relief = A.T
+        values, vectors = np.zeros(0), np.zeros((0, 0))
+        if len(A):
+            relief = dpotrs(cholesky, A.T, lower=1)[0] if len(S) else A.T
+            values, vectors = eigh(A @ relief)
         kept = values > _DEPENDENT * values.max(initial=0.0)
         return cls(S, A, rho, cholesky, relief, values[kept], vectors[:, kept])
 
@@ -132,7 +138,7 @@ class _DenseSystem:
 
     def _inverse(self, g: Vector | Matrix) -> Vector | Matrix:
         """(S + ρ AᵀA)⁻¹ g; SciPy's `cho_solve` would take longer for its arguments than for small systems."""
-        return np.asarray(dpotrs(self.cholesky[0], g, lower=1)[0]) if g.size else g
+        return np.asarray(dpotrs(self.cholesky, g, lower=1)[0]) if g.size else g
 
 
 def interface_of(contact_rows: Sparse, A: Sparse) -> IntVector:

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy as np
 from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
-from solvers.factorisation.choice import Request, Structure, condensing_pays, make, make_unsymmetric
+from solvers.factorisation.choice import Request, condensing_pays, make, make_unsymmetric
 from solvers.factorisation.unsymmetric import Refactorisation
+from solvers.inequality.blocks import for_products
 from solvers.inequality.energy import Energy, EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
 from solvers.inequality.interface import ContactFrame, Interface
@@ -31,8 +33,6 @@ class Operator:
     K : (n, n) sparse
     root : `EnergyRoot`, optional
         Its R is factorised where K is not positive definite to working precision, or when `use_root` says so.
-    structure : optional
-        K as a tree of subdomains, see `factorisation.choice`.
     places : (n, 2), optional
         Where the unknowns are, see `FrictionQVI`.
 
@@ -42,10 +42,9 @@ class Operator:
         self,
         K: Sparse,
         root: EnergyRoot | None = None,
-        structure: Structure | None = None,
         places: Matrix | None = None,
     ) -> None:
-        self._K, self._root, self._structure, self._places = K, root, structure, places
+        self._K, self._root, self._places = K, root, places
         self._request = Request()
         self._rooted = False
         self._factor: Factorisation | None = None
@@ -56,7 +55,12 @@ class Operator:
 
     def __reduce__(self) -> tuple[type["Operator"], tuple[object, ...]]:
         """Copies and pickles of a problem factorise anew: factors live in the memory of a library."""
-        return Operator, (self._K, self._root, self._structure, self._places)
+        return Operator, (self._K, self._root, self._places)
+
+    @cached_property
+    def array(self) -> Any:
+        """K as products with vectors are taken with it."""
+        return for_products(self._K)
 
     @property
     def factor(self) -> Factorisation | None:
@@ -90,7 +94,7 @@ class Operator:
 
     def energy(self, problem: "FrictionQVI") -> Energy:
         """The energy of a problem, the same object for the next one if it has this energy too."""
-        data = (problem.K, problem.f, problem.root, problem.load)
+        data = (self.array, problem.f, problem.root, problem.load)
         if self._energy is None or not self._energy.serves(*data):
             self._energy = Energy(*data)
         return self._energy
@@ -152,7 +156,7 @@ class Operator:
     def _made(self, interface: IntVector) -> Factorisation:
         if not self._rooted:
             try:
-                return make(self._K, interface, self._structure, self._request)
+                return make(self._K, interface, self._request, self._places)
             except FactorisationError as error:
                 if error.reason != "singular" or self._root is None:
                     raise

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_array, issparse
@@ -15,9 +15,7 @@ from scipy.sparse import csc_array, issparse
 from solvers.basics.checks import real_array
 from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation.choice import Structure
 from solvers.inequality.blocks import absolute_product, by_columns
-from solvers.inequality.edges import EdgeRows
 from solvers.inequality.energy import Energy, EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
 from solvers.inequality.interface import ContactFrame, Interface
@@ -28,7 +26,18 @@ from solvers.inequality.traces import Traces
 __all__ = ["EnergyRoot", "FrictionQVI"]
 
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
-_NOT_POLYNOMIAL = 1e-8  # of the largest traction: what a row may differ from a polynomial on its edge
+
+
+class Arrays(NamedTuple):
+    """K (n, n), N and T (m, n) and A (p, n) of a problem as products with vectors are taken with them.
+
+    Dense where they are small: the overhead of a sparse product is more than a small product in all.
+    """
+
+    K: Any
+    N: Any
+    T: Any
+    A: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +67,11 @@ class FrictionQVI:
     cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
     bilateral : (m,) bool, optional; nowhere when not given
     traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
-    structure : function of the interface, optional; K as a tree of subdomains, see `factorisation.choice`
-    places : (n, 2), optional; where the unknowns are, in any unit: sparse Newton matrices are then eliminated by nested
-        dissection of these places instead of in an order that the library finds
-    edges : `EdgeRows`, optional; says that rows are points of edges, and of what degree σ_N and σ_T are there
-    strict : whether the bounds hold on whole edges instead of at their points, see `solvers.strict`
+    places : (n, 2), optional; where the unknowns are, in any unit: SuperLU then eliminates by nested dissection of
+        these places instead of in an order that it finds
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
-    shared : the `operator` of another problem with the same K, root, structure and places, optional; see `changed`
+    shared : the `operator` of another problem with the same K, root and places, optional; see `changed`
     operator : `Operator`, the factorisation of K and what is computed with it, made when it is first needed
 
     n = 0 is allowed: a statically determinate problem.
@@ -90,10 +96,7 @@ class FrictionQVI:
     cap: Vector = None  # type: ignore[assignment]
     bilateral: BoolVector = None  # type: ignore[assignment]
     traces: Traces | None = None
-    structure: Structure | None = None
     places: Matrix | None = None
-    edges: EdgeRows | None = None
-    strict: bool = False
     shared: InitVar[Operator | None] = None
     operator: Operator = field(init=False, repr=False)
 
@@ -116,15 +119,11 @@ class FrictionQVI:
         if shared is None:
             self._check_energy()
         _ = self._frame  # checks the traces
-        if self.edges is not None:
-            self.edges.grouped(self.W)
-        if self.strict:
-            self._check_edges()
 
     def _operator(self, shared: Operator | None) -> Operator:
         """The one to share, or a new one."""
         if shared is None:
-            return Operator(self.K, self.root, self.structure, self.places)
+            return Operator(self.K, self.root, self.places)
         if not shared.serves(self.K):
             raise InputError("shared", None, "share the operator of a problem with the same K")
         return shared
@@ -134,41 +133,8 @@ class FrictionQVI:
             if (getattr(self, one) is None) != (getattr(self, other) is None):
                 missing = one if getattr(self, one) is None else other
                 raise InputError(missing, None, f"give {one} and {other} together, or neither")
-        for name, kind in (("traces", Traces), ("edges", EdgeRows)):
-            if not isinstance(getattr(self, name), kind | None):
-                raise InputError(name, type(getattr(self, name)).__name__, f"give {kind.__name__}, or nothing")
-
-    def _check_edges(self) -> None:
-        """`InputError` unless tractions are polynomials on edges, tried at z = 0 and with a random vector."""
-        if self.edges is None:
-            raise InputError("edges", None, "strict admissibility needs EdgeRows, which say what points make an edge")
-        if not self.edges.affine_and_quadratic:
-            degrees = f"degrees {self.edges.normal_degree} and {self.edges.shear_degree}"
-            remedy = (
-                "strict admissibility by cones needs σ_N affine and σ_T quadratic on each edge: take Bernstein "
-                "coefficients as rows, which keep the law on whole edges with any inner solver"
-            )
-            raise InputError("edges", degrees, remedy)
-        v = np.random.default_rng(0).normal(size=self.n)
-        for name, fitted, rows, fixed in (
-            ("N", self.edges.ends, self.N, self.n0),
-            ("T", self.edges.bernstein, self.T, self.t0),
-        ):
-            values = rows @ v
-            size = max(float(absolute_product(rows, v).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
-            for part in (values, fixed):
-                error = float(np.abs(self.edges.at_points(fitted(part)) - part).max(initial=0.0))
-                if error > _NOT_POLYNOMIAL * size:
-                    remedy = (
-                        "strict admissibility needs σ_N affine and σ_T quadratic on each edge; a body potential or "
-                    )
-                    remedy += "pore pressure that is not affine along a contact is not possible: take an inner solver "
-                    remedy += "that is not strict"
-                    raise InputError(name, f"error {error:.1e}", remedy)
-
-    def strictly(self) -> FrictionQVI:
-        """The same problem with the bounds on whole edges; `InputError` if `edges` do not fit the rows."""
-        return self if self.strict else self.changed(strict=True)
+        if not isinstance(self.traces, Traces | None):
+            raise InputError("traces", type(self.traces).__name__, "give Traces, or nothing")
 
     def _columns(self, name: str) -> int:
         """Columns of the empty matrix that stands for a missing A."""
@@ -224,11 +190,11 @@ class FrictionQVI:
 
     def normal(self, z: Vector) -> Vector:
         """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
-        return np.asarray(self.N @ z + self.n0)
+        return np.asarray(self.arrays.N @ z + self.n0)
 
     def tangential(self, z: Vector) -> Vector:
         """Tangential traction σ_T = T z + t0 (m,)."""
-        return np.asarray(self.T @ z + self.t0)
+        return np.asarray(self.arrays.T @ z + self.t0)
 
     def pressure(self, z: Vector) -> Vector:
         """Contact pressure s = max(−(N z + n0), 0), where bilateral |N z + n0| (m,)."""
@@ -272,6 +238,11 @@ class FrictionQVI:
         """The energy as an object of its own, the same for problems that differ in friction alone."""
         return self.operator.energy(self)
 
+    @cached_property
+    def arrays(self) -> Arrays:
+        """K, N, T and A for products."""
+        return Arrays(self.operator.array, *self._frame.arrays)
+
     @property
     def contact_rows(self) -> Sparse:
         """[N; T] (2m, n)."""
@@ -291,7 +262,7 @@ class FrictionQVI:
         """(m,) a number for each contact: points hang together through the unknowns that their tractions feel."""
         return self._frame.contacts
 
-    @property
+    @cached_property
     def _frame(self) -> ContactFrame:
         return self.operator.frame(self)
 
@@ -301,7 +272,7 @@ class FrictionQVI:
         return self.operator.equilibrium(self).interface
 
     def changed(self, **changes: Any) -> FrictionQVI:
-        """The same problem with other fields, K, root, structure and places excepted; it shares the operator."""
+        """The same problem with other fields, K, root and places excepted; it shares the operator."""
         return replace(self, **{"shared": self.operator, **changes})
 
     @property

@@ -95,4 +95,4 @@ def _projections(
 
 def largest(vector: Vector) -> float:
     """Max |v|, 0 for no entries."""
-    return float(np.abs(vector).max(initial=0.0))
+    return float(np.maximum.reduce(np.abs(vector), initial=0.0))

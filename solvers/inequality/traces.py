@@ -114,10 +114,10 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
     if traces is None:
         spanned, chosen = spanning_rows(contact_rows)
         traces = Traces(contact_rows[chosen], csc_array(spanned))
-    columns, k = traces.rows[:, interface], len(interface)
-    if are_few(*columns.shape) and are_few(traces.interpolation.shape[0], k):
-        return _few_coordinates(columns.toarray(), traces.interpolation.toarray())
-    Y = csr_array(columns)
+    k = len(interface)
+    if are_few(*traces.rows.shape) and are_few(traces.interpolation.shape[0], k):
+        return _few_coordinates(traces.rows.toarray()[:, interface], traces.interpolation.toarray())
+    Y = csr_array(traces.rows[:, interface])
     found = echelon(Y)
     P = stored(_completed(Y[found.rows], found.free))
     factor = _factor(P)

@@ -63,7 +63,7 @@ def _pivot(table: Matrix, row: int, column: int) -> None:
     table[row] /= table[row, column]
     factors = table[:, column].copy()
     factors[row] = 0.0
-    table -= np.outer(factors, table[row])
+    table -= factors[:, None] * table[row]
     table[:, column] = 0.0
     table[row, column] = 1.0
 
@@ -71,12 +71,15 @@ def _pivot(table: Matrix, row: int, column: int) -> None:
 def _leaving_row(table: Matrix, basis: IntVector, entering: int) -> int | None:
     """The basic variable that reaches zero first, θ before others and large pivots before small; none: a ray."""
     column = table[:, entering]
-    rows = np.flatnonzero(column > _PIVOT * max(1.0, float(np.abs(column).max())))
-    if not len(rows):
+    falls = column > _PIVOT * max(1.0, float(np.maximum.reduce(np.abs(column))))
+    steps = np.full(len(column), np.inf)
+    np.divide(np.maximum(table[:, -1], 0.0), column, out=steps, where=falls)
+    least = float(np.minimum.reduce(steps))
+    if least == np.inf:
         return None
-    steps = np.maximum(table[rows, -1], 0.0) / column[rows]
-    least = float(steps.min())
-    tied = rows[steps <= least + _TIE * max(least, 1e-4)]
+    tied = (steps <= least + _TIE * max(least, 1e-4)).nonzero()[0]
+    if len(tied) == 1:
+        return int(tied[0])
     last = tied[basis[tied] == 2 * len(basis)]
     return int(last[0]) if len(last) else int(tied[np.argmax(column[tied])])
 

@@ -171,7 +171,7 @@ class _Run:
 
 def affordable(qvi: FrictionQVI) -> bool:
     """Whether the contact is small enough, and the law one of points."""
-    return 0 < qvi.m <= LARGEST and qvi.n > 0 and not qvi.strict
+    return 0 < qvi.m <= LARGEST and qvi.n > 0
 
 
 def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions | None = None) -> QVISolution:
@@ -197,12 +197,12 @@ def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions 
     return finish(qvi, run.best, "pivoting", "", tolerance)
 
 
-def other_ends(qvi: FrictionQVI, compliance: Compliance) -> Iterator[Vector]:
-    """Multipliers m (2m,) at the ends of two ways of another kind than a path through the interior.
+def other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Iterator[Vector]:
+    """Multipliers m (2m,) at the ends of ways of another kind than a path through the interior.
 
-    The first is that of this module, along the first direction. The second starts without friction and takes the bound
-    from the pressure found, as the fixed point does, a few times. Ways that end in a ray, or have signs to guess, are
-    left out; nothing is certified.
+    The first is that of this module, along the first direction. The second, for `both`, starts without friction and
+    takes the bound from the pressure found, as the fixed point does, a few times. Ways that end in a ray, or have signs
+    to guess, are left out; nothing is certified.
     """
     if (qvi.bilateral & (qvi.mu > 0.0)).any():
         return
@@ -212,7 +212,7 @@ def other_ends(qvi: FrictionQVI, compliance: Compliance) -> Iterator[Vector]:
     if vertex is not None:
         yield rows.F @ vertex.x
     bound = np.zeros(qvi.m)
-    for _ in range(_STEPS):
+    for _ in range(_STEPS if both else 0):
         rows, M, q = _posed(qvi, compliance, _Law.given(bound), -np.ones(qvi.m), stress, unit)
         vertex = solve_lcp(M, q, _direction(len(q), 0))
         if vertex is None:

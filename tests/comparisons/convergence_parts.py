@@ -12,8 +12,7 @@ import pytest
 
 from comparisons.cli import group
 from comparisons.lab import versions
-from comparisons.lab.study import Outcome, read_csv, read_study, writing
-from comparisons.lab.worker import of_return
+from comparisons.lab.study import Outcome, plain_result, read_csv, read_study, writing
 from qvi_contact.basics.terminal import run
 
 REPORTS = Path(__file__).parents[2] / "comparisons" / "reports"
@@ -44,7 +43,7 @@ def rows_of(study, path):
     task = resolve_name(study.task_name)
     with writing(path, study) as store:
         for case in study.cases:
-            store.append(case, Outcome(**of_return(task(case.values)), environment={**told, "memory_mib": None}))
+            store.append(case, Outcome("done", plain_result(task(case.values))), {**told, "memory_mib": None})
     return read_study(path).rows
 
 
@@ -55,10 +54,12 @@ def stored(study, path, known):
     with writing(path, study) as store:
         for case in study.cases:
             row = found.get(_values(case.values))
-            late = Outcome("timeout", "more than 1 s", environment=environment)
-            store.append(case, late if row is None else Outcome(
-                row.status, row.reason, row.result, row.certificate, row.seconds, row.load_average, row.environment
-            ))  # fmt: skip
+            if row is None:
+                store.append(case, Outcome("timeout", None, "more than 1 s"), environment)
+                continue
+            value = dict(row.result) | ({} if row.certificate is None else {"certificate": row.certificate})
+            outcome = Outcome(row.status, value, row.reason, row.seconds, row.load_average)
+            store.append(case, outcome, row.environment)
     return read_study(path).rows
 
 

@@ -11,11 +11,19 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from comparisons.exchange import programs_of, standard_problems
+from comparisons.exchange import (
+    load_qvi,
+    local_problem,
+    programs_of,
+    read_fclib,
+    solve_local,
+    standard_problems,
+    state_of,
+    write_fclib,
+)
 from qvi_contact import discretize, load_problem, solve
 from qvi_contact.gallery import compressed_plate
 from solvers import solve_qvi
-from solvers.exchange import load_qvi, local_problem, read_fclib, solve_local, state_of, write_fclib
 from tests.comparisons.convergence_parts import command, refused
 
 pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")

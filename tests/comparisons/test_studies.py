@@ -22,7 +22,7 @@ from comparisons.peers.pin import pin_study
 from tests.comparisons.conftest import outlines
 from tests.comparisons.convergence_parts import REPORTS, command, refused, report_of, rows_of, stored, study_of
 
-SOLVERS = ("qp:quadprog", "direct:osqp", "condensed")
+SOLVERS = ("qp:osqp", "qp:quadprog", "condensed")
 MISSING = ("ngsolve", "getfem")
 BENCHMARK = ("benchmark", "benchmark-graded", "benchmark-loops")
 

@@ -17,7 +17,7 @@ from qvi_contact import InputError
 from tests.comparisons.conftest import outlines
 from tests.comparisons.convergence_parts import REPORTS, command, report_of
 
-SHOWN = {"rings": "[m]", "corner-rates": "[length]", "wedge": "[length]", "examples/gravity_dam": "[m]"}
+SHOWN = {"rings": "[m]", "corner-rates": "[length]", "wedge": "[length]"}
 """Problems whose bodies are drawn, and the unit of their axes: two files in other units, two without."""
 PASSING = room.absolute("a number", 1.0, 1.0, 1e-3, "by hand", room.Proof(passed=True, text="by hand"))
 REASON = "ZeroDivisionError: the mesh has no <cells> | none"
@@ -222,7 +222,7 @@ class TestPictures:
 
     def test_every_benchmark_has_both_pictures(self):
         """But for the conservation of forces, which is about the others. Few cells keep a body's picture small."""
-        own = {*room.CHAPTERS["benchmarks"], "wedge", "oblique-block", "examples/gravity_dam"} - {"conservation"}
+        own = {*room.CHAPTERS["benchmarks"], "wedge", "oblique-block"} - {"conservation"}
         assert own == set(room.EXHIBITS)
         assert own <= {*room.CHAPTERS["benchmarks"], *room.CHAPTERS["limits"], *room.CHAPTERS["examples"]}
         assert max(each.posed().mesh.cell_count for each in room.EXHIBITS.values()) <= 140

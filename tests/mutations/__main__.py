@@ -30,8 +30,8 @@ NUMERICAL: Final = (
 )  # fmt: skip
 """Rooms whose mutations are drawn three times as often."""
 RETIRING: Final = (
-    "bogner_fox_schmit", "strict", "exchange", "levels", "dissection", "rectangle", "rectilinear", "hermite.py",
-    "grids.py", "lines.py", "cluster", "sweep_stream", "direct_osqp", "cholmod", "comparisons/lab",
+    "bogner_fox_schmit", "exchange", "levels", "dissection", "rectangle", "rectilinear", "hermite.py",
+    "grids.py", "lines.py", "cluster", "sweep_stream", "comparisons/lab",
     "comparisons/scaling", "sequences", "benchmark/systems", "inequality/edges", "threshold",
 )  # fmt: skip
 """Files of subjects that go, of which nothing is drawn."""

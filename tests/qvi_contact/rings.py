@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from qvi_contact import RectilinearMesh, TriangleMesh
+from qvi_contact import TriangleMesh
 
 INNER, OUTER, NU = 1.0, 2.0, 0.3
 A = INNER**2 / (OUTER**2 - INNER**2)
@@ -41,4 +41,4 @@ def holed(divisions, places, low, high):
     body = np.ones(x.shape, dtype=bool)
     for a, b in places:
         body &= np.maximum(np.abs(x - a), np.abs(y - b)) > 0.5
-    return RectilinearMesh(*lines, body)
+    return TriangleMesh.grid(*lines, body)

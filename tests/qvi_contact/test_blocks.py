@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, RectilinearMesh, discretize, limit_load_factor, solve
+from qvi_contact import InputError, TriangleMesh, discretize, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope, masonry_wall, press_fit, rings
 from qvi_contact.limit import Relations
 from qvi_contact.mechanism import find_mechanism
@@ -121,10 +121,12 @@ def test_a_wall_close_to_its_limit_takes_few_iterations_either_way(system):
 
 def test_each_bed_is_a_contact():
     """Their points have no unknown in common; head joints connect those of a masonry wall."""
-    mesh = RectilinearMesh.rectangle((4, 9), 1.0, 3.0).with_joint("a", "horizontal", 1.0)
+    mesh = TriangleMesh.rectangle((4, 9), 1.0, 3.0).with_joint("a", lambda _, y: np.isclose(y, 1.0))
     contacts = [Contact(name, 0.6) for name in ("bottom", "a", "b")]
     loads = [Traction("left", 1.0, 0.0), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]
-    wall = ContactProblem(mesh.with_joint("b", "horizontal", 2.0), Material(1e3, 0.2), [*contacts, *loads])
+    wall = ContactProblem(
+        mesh.with_joint("b", lambda _, y: np.isclose(y, 2.0)), Material(1e3, 0.2), [*contacts, *loads]
+    )
     contacts = discretize(wall).qvi.contacts
     assert set(np.bincount(contacts)) == {len(contacts) // 3}
     assert set(discretize(masonry_wall(2, 2, ())).qvi.contacts) == {0}
@@ -132,8 +134,10 @@ def test_each_bed_is_a_contact():
 
 def crossing(law="unilateral"):
     """Four blocks whose joints cross at a point, on rectangles; a plate driven by force above."""
-    mesh = RectilinearMesh.rectangle((4, 4), 2.0, 2.0)
-    mesh = mesh.with_joint("upright", "vertical", 1.0).with_joint("level", "horizontal", 1.0)
+    mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0)
+    mesh = mesh.with_joint("upright", lambda x, _: np.isclose(x, 1.0)).with_joint(
+        "level", lambda _, y: np.isclose(y, 1.0)
+    )
     press = RigidPlate(force_y=-1.0, moment=0.1)
     loads = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
     joints = [Contact(name, 0.5) for name in ("upright", "level", "bottom")]
@@ -153,7 +157,7 @@ PROBLEMS = {
     "crossing joints": crossing(),
     "one plate tied to two blocks": crossing("tied"),
     "symmetry": ContactProblem(
-        RectilinearMesh.rectangle((3, 3)),
+        TriangleMesh.rectangle((3, 3)),
         Material(1.0, 0.3),
         [Contact("bottom", 0.3), Symmetry("left"), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)],
     ),

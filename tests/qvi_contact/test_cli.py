@@ -15,7 +15,7 @@ from qvi_contact.command import group
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from solvers import available
-from solvers.factorisation import LEVELS, SHARED, available_backends
+from solvers.factorisation import DENSE, available_backends
 from solvers.solve import METHODS
 from tests.effort import examples
 from tests.qvi_contact.broken_files import mutated
@@ -89,7 +89,7 @@ def test_methods(shell):
     status, out, err = shell("methods", "--json")
     assert (status, err) == (0, "")
     known = json.loads(out)
-    others = {SHARED: "uniform rectangles of one material", LEVELS: "a few hundred unknowns"}
+    others = {DENSE: "up to 500 unknowns"}
     assert known["factorisation"] == {**others, **available_backends()}
     assert (known["methods"], known["inner"]) == (list(METHODS), list(available()))
     listed = shell("methods")[1].split()
@@ -280,7 +280,7 @@ def test_options_override_the_file(shell, plate):
     ("command", "option", "begun", "expected"),
     [
         ("solve", "--method", "", {"condensed", "fixed-point", "pivoting", "uzawa"}),
-        ("solve", "--factorisation", "s", {"shared-subdomains", "superlu"}),
+        ("solve", "--factorisation", "s", {"superlu"}),
         ("refine", "--inner", "direct:cl", {"direct:clarabel"}),
     ],
 )

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import RectilinearMesh, discretize, solve, solve_companion
+from qvi_contact import TriangleMesh, discretize, solve, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
 from qvi_contact.solution import posed
@@ -80,7 +80,7 @@ def free(*sides):
 
 
 def on_lines(*conditions, joints=(), **options):
-    mesh = RectilinearMesh([0.0, 0.3, 0.8, 1.5], [0.0, 0.3, 0.7, 1.0])
+    mesh = TriangleMesh.grid([0.0, 0.3, 0.8, 1.5], [0.0, 0.3, 0.7, 1.0])
     for joint in joints:
         mesh = mesh.with_joint(*joint)
     return ContactProblem(mesh, STEEL, [*conditions], **options)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactState, InputError, Material, RectilinearMesh, exact, solve
+from qvi_contact import Contact, ContactState, InputError, Material, TriangleMesh, exact, solve
 from qvi_contact.gallery import SSNV128_DISPLACEMENTS, compressed_plate, sliding_block, ssnv128, stick_slip_block
 from qvi_contact.solution import STATE_TOLERANCE, contact_states
 from solvers import Status
@@ -98,7 +98,7 @@ def test_sliding_block(cells):
 def test_gap_and_slip_over_an_obstacle_that_is_not_reached(side, friction):
     """Tension along x: g − u_N and u_T − w for an obstacle that is a sloping line, moved along the contact."""
     state = exact.uniform(MATERIAL, xx=30.0)
-    mesh = RectilinearMesh.rectangle((4, 2), 2.0, 1.0, grading=0.7)
+    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0, grading=0.7)
     contact = Contact(
         side, friction=friction, gap=lambda x, y: 0.05 + 0.02 * x + 0 * y, offset=lambda x, y: 0.01 - 0.03 * x + 0 * y
     )

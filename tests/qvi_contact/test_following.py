@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, RectilinearMesh, discretize, solve
+from qvi_contact import InputError, TriangleMesh, discretize, solve
 from qvi_contact.discretization import Rows, solve_conditions, walk
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import (
@@ -91,7 +91,7 @@ def test_root_is_a_square_root_of_the_energy(grading):
 
 def test_both_ways_to_the_load_vector_agree():
     """Assembled loads f, and load − Rᵀr₀ through element stresses, with body force, obstacle and displacement."""
-    mesh = RectilinearMesh.rectangle((4, 3), 2.0, 1.0, grading=0.8)
+    mesh = TriangleMesh.rectangle((4, 3), 2.0, 1.0, grading=0.8)
     sides = [
         Contact("bottom", friction=0.3, gap=Polynomial([[0.0], [1e-3]]), offset=1e-3),
         Displacement("left", x=0.0, y=Polynomial([[0.0, 2e-3]])),
@@ -108,7 +108,7 @@ VECTORS = ("f", "load", "n0", "t0", "mu", "W", "b", "cohesion", "cap")
 
 def block(friction=0.3, shear=0.0, push=-1.0, gap=0.0, weight=0.0, force=-3.0, law="unilateral", poisson=0.2):
     """A block on the ground, pressed by a plate, with a shear on its right side that the ground's corner shares."""
-    mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+    mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
     limits = (0.0, 0.0) if law == "tied" else (friction, 0.1)
     ground = Contact("bottom", limits[0], gap, 0.1 * gap, "ground", limits[1], law=law)
     plate = Contact("top", friction, name="plate", plate=RigidPlate(force_y=force))
@@ -198,7 +198,7 @@ def test_one_factorisation_and_one_schur_complement_serve_the_sequence():
 
 
 def test_a_problem_on_another_mesh_is_refused():
-    finer = replace(block(), mesh=RectilinearMesh.rectangle((4, 2), 2.0, 1.0))
+    finer = replace(block(), mesh=TriangleMesh.rectangle((4, 2), 2.0, 1.0))
     for problem, options in ((block(), {"element": "bfs"}), (finer, {})):
         with pytest.raises(InputError) as caught:
             posed(problem, before=posed(block()), **options)

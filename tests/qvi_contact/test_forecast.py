@@ -54,7 +54,7 @@ class TestWork:
 
     @pytest.mark.parametrize("degree", [3, 4, 5])
     def test_the_law_is_near_what_is_counted(self, degree):
-        K = csc_array(discretize(compressed_plate(0.2, (50, 50)).triangulated(), degree=degree).qvi.K)
+        K = csc_array(discretize(compressed_plate(0.2, (50, 50)), degree=degree).qvi.K)
         law, counted = Work.by_law(K.shape[0], K.nnz), Work.counted(K, NOTHING)
         assert law.entries == pytest.approx(counted.entries, rel=0.35)
         assert 0.4 < law.operations / counted.operations < 2.5
@@ -69,9 +69,9 @@ class TestForecast:
 
     def test_faster_back_ends_are_forecast_so(self):
         work = Work.by_law(10**6, 3 * 10**7)
-        pardiso, cholmod, superlu = (Forecast.of(work, name) for name in ("pardiso", "cholmod", "superlu"))
-        assert pardiso.seconds < cholmod.seconds < 0.3 * superlu.seconds
-        assert pardiso.bytes < cholmod.bytes < 0.3 * superlu.bytes
+        pardiso, superlu = (Forecast.of(work, name) for name in ("pardiso", "superlu"))
+        assert pardiso.seconds < 0.3 * superlu.seconds
+        assert pardiso.bytes < 0.3 * superlu.bytes
 
     def test_threads_share_operations_and_the_interface_is_dense(self):
         work = Work.by_law(10**6, 3 * 10**7)
@@ -151,7 +151,7 @@ class TestLimits:
 @pytest.mark.usefixtures("clock")
 @pytest.mark.skipif("pardiso" not in available_backends(), reason="names the library that is missing")
 def test_a_solve_that_cannot_end_in_time_says_so_at_once():
-    plate = compressed_plate(0.2, (60, 60)).triangulated()
+    plate = compressed_plate(0.2, (60, 60))
     result = solve(plate, time_limit=0.05, factorisation="superlu")
     assert (result.status, result.iterations) == (Status.TIME_LIMIT, 0)
     assert "factorisation='pardiso'" in result.message

@@ -20,7 +20,7 @@ from qvi_contact.basics import Units
 from qvi_contact.export import field_arrays, write_npz
 from qvi_contact.files import Archive, digest
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.mesh import RectilinearMesh
+from qvi_contact.mesh import TriangleMesh
 from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Region, RigidPlate, Traction
 from qvi_contact.solution import ContactResult
 from qvi_contact.verification import (
@@ -79,7 +79,7 @@ def test_a_refinement_has_a_row_a_round():
     found = refine(PLATE, target=3e-4)
     table = found.to_frame()
     assert list(table["unknowns"]) == [each.unknowns for each in found.rounds]
-    assert list(table["cells"]) == [each.cells[0] for each in found.rounds]
+    assert list(table["cells"]) == [each.cells for each in found.rounds]
     assert table["estimate"].iloc[-1] == found.estimate
 
 
@@ -141,9 +141,7 @@ def test_resultants_of_prescribed_tractions():
     """Met though the load is no polynomial; missed by 1 % where the particular stress is 1 % too large."""
     top = Traction("top", x=lambda x, y: np.sin(3.0 * x) + 0.0 * y, y=lambda x, y: -10.0 * np.exp(x) + 0.0 * y)
     sides = [Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
-    problem = ContactProblem(
-        RectilinearMesh.rectangle((3, 2)), Material(1e3, 0.3), [Contact("bottom", 0.5), top, *sides]
-    )
+    problem = ContactProblem(TriangleMesh.rectangle((3, 2)), Material(1e3, 0.3), [Contact("bottom", 0.5), top, *sides])
     result = solve(problem)
     assert result.traction_misfit > 1e-3
     assert missed_tractions(result) < 1e-12
@@ -170,7 +168,7 @@ def forged(path, entries):
 def stack(push):
     """Two blocks of different materials on each other, a plate driven by force."""
     plate = RigidPlate(force_x=push, force_y=-10.0)
-    mesh = RectilinearMesh.rectangle((3, 4), width=1.0, height=2.0).with_joint("joint", "horizontal", at=1.0)
+    mesh = TriangleMesh.rectangle((3, 4), width=1.0, height=2.0).with_joint("joint", lambda _, y: np.isclose(y, 1.0))
     contacts = [
         Contact("bottom", friction=Expression("0.2 + 0.1 * x"), cohesion=0.01, name="ground"),
         Contact("joint", friction=0.3, law="bilateral"),
@@ -185,7 +183,7 @@ def stack(push):
 def result():
     """The second step of a history on triangles, with slip before it, a plate driven by force, a joint, a region."""
     steps = [stack(2.0), stack(2.2)]
-    history = solve_history(steps, element="hct", degree=3)
+    history = solve_history(steps, degree=3)
     assert history.status == "solved"
     assert np.abs(history.steps[0].contacts["plate"].slip).max() > 1e-5
     return history.steps[-1]
@@ -218,7 +216,7 @@ def test_what_is_read_is_what_was_written(result, path):
 
 def test_unknowns_are_read_from_where_they_count(tmp_path):
     """Small cells in two places: read from elsewhere, unknowns load as solved, with other stresses."""
-    plate = compressed_plate(0.2, (2, 2)).triangulated()
+    plate = compressed_plate(0.2, (2, 2))
     problem = replace(plate, mesh=plate.mesh.graded([(1.0, 1.0), (0.5, 1.0)], 11))
     write_npz(tmp_path / "a.npz", solve(problem, degree=3, method="condensed"))
     entries = dict(Archive(tmp_path / "a.npz").arrays)
@@ -255,7 +253,7 @@ def test_results_without_these_entries_are_those_of_rectangles(tmp_path):
     """As version 0.1 wrote them."""
     write_npz(tmp_path / "a.npz", solve(compressed_plate(0.2, (2, 2))))
     old = {k: v for k, v in Archive(tmp_path / "a.npz").arrays.items() if k not in ("degree", "contact_rows")}
-    assert fails(forged(tmp_path / "b.npz", old)) == set()
+    assert "rectangles" in fails(forged(tmp_path / "b.npz", old))
 
 
 def test_a_mesh_file_is_never_asked_for_by_a_result(entries, tmp_path):

@@ -20,8 +20,8 @@ from qvi_contact import (
     InputError,
     Material,
     Polynomial,
-    RectilinearMesh,
     Traction,
+    TriangleMesh,
     save_problem,
     solve,
     solve_history,
@@ -29,7 +29,6 @@ from qvi_contact import (
 from qvi_contact.cli import group
 from qvi_contact.command import step_tables
 from qvi_contact.files import OWN, write_archive
-from qvi_contact.mesh import TriangleMesh
 from qvi_contact.plots import history_figure
 from qvi_contact.problem import Expression, RigidPlate
 from qvi_contact.solution import loop_area
@@ -47,7 +46,7 @@ def ramp(*corners, steps):
 
 def sheared_layer(displacement, cells=(3, 2), grading=1.0, offset=0.0):
     """A layer in uniform shear on a rough base: elastic until |σ_xy| = μp, then sliding; u_y = −p y/E on the sides."""
-    mesh = RectilinearMesh.rectangle(cells, WIDTH, HEIGHT, grading=grading)
+    mesh = TriangleMesh.rectangle(cells, WIDTH, HEIGHT, grading=grading)
     sides = [
         condition
         for side in ("left", "right")
@@ -99,7 +98,7 @@ def test_closed_loop_repeats_and_its_area_is_the_energy_lost():
 
 def pressed_block(offset, cells=(6, 4), poisson=0.3):
     """A block under a rough plate that moves sideways: parts slip, parts stick."""
-    mesh = RectilinearMesh.rectangle(cells, WIDTH, HEIGHT)
+    mesh = TriangleMesh.rectangle(cells, WIDTH, HEIGHT)
     free = [Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     plate = Contact("top", FRICTION, gap=-0.01, offset=offset, name="plate")
     return ContactProblem(mesh, Material(YOUNG, poisson), [plate, Displacement("bottom", x=0.0, y=0.0), *free])
@@ -147,7 +146,7 @@ def test_plate_driven_by_force_reports_its_own_motion():
 
 def test_stops_at_the_first_step_without_an_answer():
     def dragged(shear):
-        mesh = RectilinearMesh.rectangle((3, 2), WIDTH, HEIGHT)
+        mesh = TriangleMesh.rectangle((3, 2), WIDTH, HEIGHT)
         sides = [Traction("left", x=0.0, y=-shear), Traction("right", x=0.0, y=shear)]
         load = Traction("top", x=shear, y=-PRESSURE)
         return ContactProblem(mesh, Material(YOUNG, 0.3), [Contact("bottom", FRICTION, name="base"), load, *sides])
@@ -173,7 +172,7 @@ def test_bad_steps_are_refused():
 
 def dragged_block(u, shift=0.0):
     """A block pressed on rough ground and moved by its right side, the ground by `shift`."""
-    mesh = RectilinearMesh.rectangle((4, 2), WIDTH, HEIGHT)
+    mesh = TriangleMesh.rectangle((4, 2), WIDTH, HEIGHT)
     sides = [Traction("top", x=0.0, y=-10.0), Traction("left", x=0.0, y=0.0), Displacement("right", x=u, y=0.0)]
     ground = Contact("bottom", FRICTION, offset=shift, name="ground")
     return ContactProblem(mesh, Material(YOUNG, 0.0), [ground, *sides])
@@ -236,7 +235,7 @@ def test_a_step_at_rest_does_not_set_the_units():
     """Steel under its own weight from rest: stresses of 1e-8 E are as exact as alone."""
 
     def weighed(gravity):
-        mesh = RectilinearMesh.rectangle((4, 4), 0.1, 0.1)
+        mesh = TriangleMesh.rectangle((4, 4), 0.1, 0.1)
         free = [Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0), Traction("top", x=0.0, y=0.0)]
         ground = Contact("bottom", 0.1, gap=Polynomial([[0.0], [0.0], [1e-9]]), name="ground")
         return ContactProblem(mesh, Material(2.1e11, 0.3), [ground, *free], Polynomial([[0.0, 7850.0 * gravity]]))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, RectilinearMesh, TriangleMesh, solve_history
+from qvi_contact import InputError, TriangleMesh, solve_history
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.solution import loop_area
 from tests.qvi_contact.states import difference, solved
@@ -53,7 +53,7 @@ class TestClosedJoints:
     """A joint that is pressed everywhere and does not slip is not there."""
 
     def test_friction_holds_it(self, joints):
-        mesh = RectilinearMesh(X, Y)
+        mesh = TriangleMesh.grid(X, Y)
         body = solved(squeezed(mesh))
         stress = body.gauss_stress()[2]
         assert stress[..., :2].max() < 0.0  # pressed along every line
@@ -66,7 +66,7 @@ class TestClosedJoints:
             assert not (line.state == 0).any()
 
     def test_tied(self, joints):
-        mesh = RectilinearMesh(X, Y)
+        mesh = TriangleMesh.grid(X, Y)
         contacts = [Contact.tied(name) for name, *_ in joints]
         regions = [Region(FOAM, x=(0.3, 1.5), y=(0.4, 0.7))]
         body = solved(squeezed(mesh, regions=regions))
@@ -84,7 +84,7 @@ class TestOneDimension:
         first, second = Material(self.E1, self.NU1), Material(self.E2, self.NU2)
         along, across = [0.0, 0.2, 0.4, 0.7, 1.0], [0.0, 0.5, 1.0, 1.5]
         names = ("bottom", "top", "left", "right") if direction == "horizontal" else ("left", "right", "bottom", "top")
-        mesh = RectilinearMesh(*((across, along) if direction == "horizontal" else (along, across)))
+        mesh = TriangleMesh.grid(*((across, along) if direction == "horizontal" else (along, across)))
         mesh = mesh.with_joint("joint", direction, self.SPLIT)
         near, far, middle, free = names
         bounds = {"y" if direction == "horizontal" else "x": (self.SPLIT, self.LENGTH)}
@@ -149,7 +149,7 @@ class TestOneDimension:
 class TestRefused:
     """What is no joint, or no use of one."""
 
-    MESH = RectilinearMesh(X, Y).with_joint("joint", "horizontal", 0.4)
+    MESH = TriangleMesh.grid(X, Y).with_joint("joint", lambda _, y: np.isclose(y, 0.4))
 
     @pytest.mark.parametrize("other", [("horizontal", 0.4, 0.3, 0.8), ("horizontal", 0.4)])
     def test_overlapping_joints(self, other):
@@ -158,7 +158,7 @@ class TestRefused:
             squeezed(mesh, [Contact("joint", 0.1), Contact("other", 0.1)])
 
     def test_overlapping_joints_one_of_which_is_not_used(self):
-        mesh = self.MESH.with_joint("other", "horizontal", 0.4)
+        mesh = self.MESH.with_joint("other", lambda _, y: np.isclose(y, 0.4))
         assert solved(squeezed(mesh, [Contact("joint", 20.0)])).contacts.keys() == {"joint"}
 
     @pytest.mark.parametrize(
@@ -223,8 +223,12 @@ class TestTransformed:
     @staticmethod
     def wall(linear, along, rows):
         """Pressed by the roof, which also moves by 2e-3 along what was x; `along` is its sign on the tangent."""
-        grid = RectilinearMesh(X, Y).with_joint("bed", "horizontal", 0.4).with_joint("head", "vertical", 0.8, 0.4, 1.0)
-        mesh = TriangleMesh.of_rectangles(grid)
+        grid = (
+            TriangleMesh.grid(X, Y)
+            .with_joint("bed", lambda _, y: np.isclose(y, 0.4))
+            .with_joint("head", lambda x, y: np.isclose(x, 0.8) & (y > 0.4) & (y < 1.0))
+        )
+        mesh = grid
         middle = mesh.vertices[mesh.cells].mean(axis=1)
         mesh = mesh.with_region("soft", np.flatnonzero((middle[:, 0] > 0.8) & (middle[:, 1] > 0.4)))
         conditions = [
@@ -277,7 +281,7 @@ class TestTransformed:
 @ROWS
 def test_joint_that_ends_at_contacts(rows):
     """Between two rough plates, symmetric about the joint: no shear on it, and the half body's solution."""
-    half = TriangleMesh.of_rectangles(RectilinearMesh([0.0, 0.3, 0.7, 1.0], [0.0, 0.5, 1.0]))
+    half = TriangleMesh.grid([0.0, 0.3, 0.7, 1.0], [0.0, 0.5, 1.0])
     count = len(half.vertices)
     axis = half.vertices[:, 0] == 0.0
     twin = np.where(axis, np.arange(count), count + np.cumsum(~axis) - 1)
@@ -301,7 +305,7 @@ def test_joint_that_ends_at_contacts(rows):
 def test_a_cycle_of_partial_slip_settles_and_loses_its_area():
     """Where corners slip freely, as on triangles, locked slip settles turn by turn; then the loop repeats."""
     path = 0.01 * np.concatenate([[0.0, 0.5], *7 * ([1.0, 0.0, -1.0, 0.0],), [1.0]])
-    mesh = RectilinearMesh.rectangle((3, 1), 2.0, 1.0)
+    mesh = TriangleMesh.rectangle((3, 1), 2.0, 1.0)
     rest = [Displacement("bottom", x=0.0, y=0.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
     plates = [Contact("top", 0.3, gap=-0.01, offset=offset, name="plate") for offset in path]
     history = solve_history([ContactProblem(mesh, STEEL, [plate, *rest]) for plate in plates], degree=DEGREE)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from qvi_contact import InputError, RectilinearMesh, SolveError, solve
+from qvi_contact import InputError, SolveError, TriangleMesh, solve
 from qvi_contact.gallery import masonry_wall
 from qvi_contact.limit import limit_load, limit_load_factor
 from qvi_contact.mechanism import find_mechanism
@@ -23,12 +23,12 @@ SIDES = {"top": 1.0, "right": 1.0, "left": -1.0}
 
 
 MESHES = {
-    "one cell": RectilinearMesh.rectangle((1, 1), 2.0, 1.0),
-    "uniform": RectilinearMesh.rectangle((6, 4), 2.0, 1.0),
-    "graded": RectilinearMesh.rectangle((5, 5), 2.0, 1.0, grading=0.5),
-    "flat": RectilinearMesh.rectangle((6, 2), 30.0, 1.0),
-    "millimetres": RectilinearMesh.rectangle((3, 3), 2e3, 1e3, origin=(1e5, -1e5)),
-    "fine": RectilinearMesh.rectangle((16, 12), 2.0, 1.0),
+    "one cell": TriangleMesh.rectangle((1, 1), 2.0, 1.0),
+    "uniform": TriangleMesh.rectangle((6, 4), 2.0, 1.0),
+    "graded": TriangleMesh.rectangle((5, 5), 2.0, 1.0, grading=0.5),
+    "flat": TriangleMesh.rectangle((6, 2), 30.0, 1.0),
+    "millimetres": TriangleMesh.rectangle((3, 3), 2e3, 1e3, origin=(1e5, -1e5)),
+    "fine": TriangleMesh.rectangle((16, 12), 2.0, 1.0),
 }
 
 
@@ -91,8 +91,10 @@ def stack(mesh, frictions, joints, weight=0.0):
 class TestStack:
     """The weakest joint decides, weight included: μ_i (p + γ (h − y_i)) in pure shear."""
 
-    MESH = RectilinearMesh([0.0, 0.7, 2.0], [0.0, 0.25, 0.5, 0.75, 1.0]).with_joint("low", "horizontal", 0.25)
-    MESH = MESH.with_joint("high", "horizontal", 0.75)
+    MESH = TriangleMesh.grid([0.0, 0.7, 2.0], [0.0, 0.25, 0.5, 0.75, 1.0]).with_joint(
+        "low", lambda _, y: np.isclose(y, 0.25)
+    )
+    MESH = MESH.with_joint("high", lambda _, y: np.isclose(y, 0.75))
 
     @pytest.mark.parametrize(
         ("frictions", "factor", "name"),
@@ -148,7 +150,7 @@ class TestKindsOfLoads:
 
         Gravity (γ_x, 0) acts along the base; the sides carry what makes σ_xy linear in height.
         """
-        mesh = RectilinearMesh.rectangle((3, 4), 2.0, 1.0)
+        mesh = TriangleMesh.rectangle((3, 4), 2.0, 1.0)
         # φ = −γ x is the potential of b = γ e_x; σ_xx = 0, σ_xy = γ (h − y) carries it down to the base
         conditions = [
             Contact("bottom", 0.4, name="slope"),
@@ -219,7 +221,7 @@ def linprog(monkeypatch):
 def test_the_linear_program_gets_what_is_left(linprog):
     """300 seconds at most, less with a limit; that there was too little time is not taken for a load."""
     linprog.instead = lambda *_: 1
-    problem = dragged(RectilinearMesh.rectangle((2, 2)), 10.0, 1.0, Contact("bottom", 0.5))
+    problem = dragged(TriangleMesh.rectangle((2, 2)), 10.0, 1.0, Contact("bottom", 0.5))
     for seconds in (None, 20.0):
         with pytest.raises(SolveError, match="time limit"):
             limit_load_factor(problem, ["shear"], time_limit=seconds)
@@ -301,10 +303,10 @@ def test_several_named_loads_of_a_column_against_its_resultants(seed):
     """Loads of different sizes, some of which cancel in part: what blocks of a column carry by statics alone."""
     rng = np.random.default_rng(seed)
     heights, friction = [0.0, 1.0], float(rng.uniform(0.1, 0.8))
-    mesh = RectilinearMesh([0.0, 1.0], [0.0, 1.0, 2.0])
+    mesh = TriangleMesh.grid([0.0, 1.0], [0.0, 1.0, 2.0])
     for side, level in product(("left", "right"), (0, 1)):
         mesh = mesh.with_edges(f"{side} {level}", side, level, level + 1.0)
-    mesh = mesh.with_joint("joint", "horizontal", 1.0)
+    mesh = mesh.with_joint("joint", lambda _, y: np.isclose(y, 1.0))
     forces = {"top": (rng.uniform(-3.0, 3.0), -10.0, 0.5, 2.0)}
     for level in (0, 1):
         push = rng.uniform(-4.0, 4.0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, RectilinearMesh, TriangleMesh, exact, solve_companion
+from qvi_contact import InputError, TriangleMesh, exact, solve_companion
 from qvi_contact.element import compliance_roots
 from qvi_contact.gallery import cantilever, compressed_plate, problem_from_state
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
@@ -16,7 +16,7 @@ SOFT, STIFF = Material(100.0, 0.0), Material(400.0, 0.0)
 
 def test_layers_in_series_and_side_by_side():
     """Without lateral strain, springs: in series the compliances add, side by side the stiffnesses."""
-    mesh = RectilinearMesh([0.0, 0.5, 1.0], [0.0, 0.25, 1.0])
+    mesh = TriangleMesh.grid([0.0, 0.5, 1.0], [0.0, 0.25, 1.0])
     squeezed = [
         Symmetry("left"), Symmetry("bottom"), Traction("right", x=0, y=0), Contact("top", friction=0.3, gap=-0.1),
     ]  # fmt: skip
@@ -30,7 +30,7 @@ def test_layers_in_series_and_side_by_side():
 
 def test_one_material_in_pieces_is_one_material():
     material = Material(1000.0, 0.3)
-    mesh = RectilinearMesh.rectangle((4, 3), 2.0, 1.0, origin=(0.0, -0.5), grading=0.8)
+    mesh = TriangleMesh.rectangle((4, 3), 2.0, 1.0, origin=(0.0, -0.5), grading=0.8)
     state = exact.gravity_column(material, 5.0, 0.5)
     problem = exact.problem_from_state(state, mesh, material, dict.fromkeys(("bottom", "right", "top", "left"), "uu"))
     pieces = ContactProblem(
@@ -51,7 +51,7 @@ def test_one_material_in_pieces_is_one_material():
     ],
 )
 def test_bad_regions_are_refused(regions, field):
-    mesh = RectilinearMesh.rectangle((2, 2))
+    mesh = TriangleMesh.rectangle((2, 2))
     conditions = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0, y=0), Traction("top", x=0, y=0)]
     with pytest.raises(InputError) as caught:
         ContactProblem(mesh, SOFT, conditions, regions=regions)
@@ -68,7 +68,7 @@ class TestIncompressible:
         """σ = −(p + ρ g (h − y)) I has no energy at all."""
         sides = [Traction("top", 0.0, -2.0), Symmetry("left"), Contact("right", 0.3), Contact("bottom", 0.3)]
         weight = {"body_potential": lambda _, y: 3.0 * y}
-        result = solved(ContactProblem(RectilinearMesh.rectangle((3, 3)), RUBBER, sides, **weight), degree=4)
+        result = solved(ContactProblem(TriangleMesh.rectangle((3, 3)), RUBBER, sides, **weight), degree=4)
         _, y, stress = result.gauss_stress()
         assert stress == pytest.approx((3.0 * y - 5.0)[..., None] * [1.0, 1.0, 0.0], abs=1e-8)
         assert abs(result.energies.strain) < 1e-12
@@ -82,7 +82,7 @@ class TestIncompressible:
 
     def test_a_compressible_part(self):
         """It knows the pressure: a closed box half filled with it."""
-        mesh = RectilinearMesh.rectangle((4, 2), 2.0, 1.0)
+        mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
         sides = [*map(Symmetry, ("left", "bottom", "top")), Displacement("right", x=-1e-3), Traction("right", y=0.0)]
         soft = Region(Material(500.0, 0.2, "strain"), x=(1.0, 2.0))
         c = soft.material.compliance
@@ -91,7 +91,7 @@ class TestIncompressible:
         assert result.resultant("right").x == pytest.approx(-1e-3 * modulus, rel=1e-9)
 
     def test_bending_is_exact(self):
-        mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0, origin=(0.0, -0.5))
+        mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0, origin=(0.0, -0.5))
         state = cantilever(RUBBER, 3.0, -0.375)
         kinds = dict(zip(("bottom", "right", "top", "left"), ("tt", "uu", "tt", "uu"), strict=True))
         x, y, stress = solved(problem_from_state(state, mesh, RUBBER, kinds), degree=4).gauss_stress()

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from qvi_contact import InputError, discretize, refine, save_problem, solve, solve_history, solve_sweep, stream_sweep
+from qvi_contact import InputError, discretize, refine, save_problem, solve, solve_history, solve_sweep
 from qvi_contact.basics import Units
 from qvi_contact.bracket import bracket, outside_scope
 from qvi_contact.cli import group
@@ -107,7 +107,7 @@ def test_force_of_a_tied_pin_lies_between_its_bounds():
 
 def test_two_pins_at_once():
     """One moved, one driven: equilibrium, and the second moved as it was gives the first state again."""
-    mesh = TriangleMesh.of_rectangles(holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5)))
+    mesh = holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5))
     for number, at in enumerate((0.0, 2.0)):
         mesh = mesh.with_edges(f"hole {number}", lambda x, y, at=at: np.maximum(np.abs(x - at), np.abs(y)) < 0.6)
     mesh = mesh.with_edges("rest", lambda x, y: np.maximum(np.abs(x - 1.0) - 1.0, np.abs(y)) > 1.4)
@@ -194,7 +194,7 @@ class TestPinsOfASeries:
     def test_a_store(self, tmp_path):
         problem = pinned(self.problem().contacts[0], Contact("outside", 0.0, law="tied"), ROUND)
         asked = (problem, "friction", [0.0, 0.3])
-        stored = stream_sweep(*asked, tmp_path / "a.sqlite", degree=3).to_frame()
+        stored = solve_sweep(*asked, store=tmp_path / "a.sqlite", degree=3).to_frame()
         assert stored.equals(solve_sweep(*asked, degree=3).to_frame())
         assert stored["moment"].isna().tolist() == [False, True] * 2
 
@@ -323,7 +323,7 @@ class TestWhatIsNotDetermined:
 
 
 TWO_HOLES = (
-    TriangleMesh.of_rectangles(holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5)))
+    holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5))
     .with_edges("hole", lambda x, y: np.maximum(np.abs(x), np.abs(y)) < 0.6)
     .with_edges("outside", lambda x, y: np.maximum(np.abs(x), np.abs(y)) > 0.6)
 )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, RectilinearMesh, solve
+from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status, certify
 from tests.covering import every_pair
@@ -15,7 +15,7 @@ from tests.qvi_contact.states import difference, solved
 STEEL = Material(1000.0, 0.3)
 
 
-MESH = RectilinearMesh([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
+MESH = TriangleMesh.grid([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
 
 
 def moved(contact, x=0.0, y=0.0, rotation=0.0, pivot=(0.0, 0.0), sign=1.0, normal="y"):
@@ -120,7 +120,7 @@ def test_two_plates_and_their_balance():
 
 def column(plate, friction=0.0, material=STEEL, scale=1.0, shift=(0.0, 0.0)):
     """A plate on a column that stands on a smooth ground; closed form: p = F/w, motion = F h/(E w)."""
-    mesh = RectilinearMesh(shift[0] + scale * MESH.x, shift[1] + scale * MESH.y)
+    mesh = TriangleMesh.grid(shift[0] + scale * MESH.x, shift[1] + scale * MESH.y)
     conditions = [
         Symmetry("left"),
         Symmetry("bottom"),
@@ -143,7 +143,7 @@ class TestColumn:
 
     def test_rotation_under_an_eccentric_force(self):
         """On a bilateral plate: bending by M about the middle, slope 12 M h/(E w³) of the straight column."""
-        mesh = RectilinearMesh(MESH.x - 1.0, MESH.y)
+        mesh = TriangleMesh.grid(MESH.x - 1.0, MESH.y)
         moment, free = 3.0, [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
         plate = Contact("top", 0.0, law="bilateral", plate=RigidPlate(force_y=-30.0, moment=moment), name="plate")
         result = solved(ContactProblem(mesh, STEEL, [Symmetry("bottom"), *free, plate]))
@@ -289,7 +289,7 @@ def test_small_displacements_under_a_driven_plate_are_as_exact_as_large_ones(pla
     """The law is positively homogeneous: forces over U, whatever the unit of stress."""
 
     def force(displacement):
-        mesh = RectilinearMesh.rectangle((3, 3))
+        mesh = TriangleMesh.rectangle((3, 3))
         sides = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)]
         top = Contact("top", 0.3, gap=-displacement, name="plate", plate=plate)
         return solved(ContactProblem(mesh, STEEL, [*sides, top])).contacts["plate"].normal_force / displacement
@@ -303,7 +303,7 @@ def test_small_displacements_under_a_driven_plate_are_as_exact_as_large_ones(pla
     ("pivot", "shift", "tolerance"), [((0, 0), 1e3, 1e-7), ((1e5, 1e5), 0.0, 1e-7), ((1e7, 0), 0.0, 1e-6)]
 )
 def test_a_far_pivot_is_as_good_as_a_near_one(pivot, shift, tolerance):
-    mesh = RectilinearMesh.rectangle((4, 4), origin=(shift, shift))
+    mesh = TriangleMesh.rectangle((4, 4), origin=(shift, shift))
     held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     tilted = Contact("top", 0.3, gap=lambda x, y: -1e-3 - 2e-4 * (x - shift - 0.5) + 0 * y, offset=3e-4, name="plate")
     line = solved(ContactProblem(mesh, STEEL, [*held, tilted])).contacts["plate"]
@@ -320,7 +320,7 @@ def test_a_far_pivot_is_as_good_as_a_near_one(pivot, shift, tolerance):
 
 
 def test_a_wrong_motion_of_a_plate_is_no_solution():
-    mesh = RectilinearMesh.rectangle((3, 3))
+    mesh = TriangleMesh.rectangle((3, 3))
     held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     plate = RigidPlate(force_y=-10.0)
     solution = solved(ContactProblem(mesh, STEEL, [*held, Contact("top", 0.3, plate=plate)])).solution
@@ -330,7 +330,11 @@ def test_a_wrong_motion_of_a_plate_is_no_solution():
 
 
 def test_a_small_force_counts_beside_a_large_one():
-    mesh = RectilinearMesh.rectangle((4, 3)).with_edges("one", "top", stop=0.5).with_edges("other", "top", start=0.5)
+    mesh = (
+        TriangleMesh.rectangle((4, 3))
+        .with_edges("one", lambda x, y: (x < 0.5) & (y == 1.0))
+        .with_edges("other", lambda x, y: (x > 0.5) & (y == 1.0))
+    )
     held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     forces = {"one": -100.0, "other": -1e-4}
     plates = [Contact(name, 0.3, plate=RigidPlate(force_y=force)) for name, force in forces.items()]

@@ -13,7 +13,6 @@ from qvi_contact import (
     ContactProblem,
     Displacement,
     Material,
-    RectilinearMesh,
     Region,
     RigidPlate,
     Symmetry,
@@ -182,8 +181,9 @@ def _bowl(x, y):
 
 def laden():
     """A block with everything a problem may have."""
-    mesh = RectilinearMesh.rectangle((4, 4), 2.0, 2.0).with_joint("bed", "horizontal", 1.0)
-    mesh = mesh.with_edges("press", "top", stop=1.0).with_edges("lid", "top", start=1.0)
+    mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0).with_joint("bed", lambda _, y: np.isclose(y, 1.0))
+    mesh = mesh.with_edges("press", lambda x, y: (x < 1.0) & (y == 2.0))
+    mesh = mesh.with_edges("lid", lambda x, y: (x > 1.0) & (y == 2.0))
     conditions = [
         Traction("left", x=lambda x, y: 5.0 * y + 0 * x, y=0.0),
         Traction("right", x=2.0),
@@ -231,7 +231,7 @@ def test_holes_and_every_kind_of_support():
     """Nothing breaks, and the words stay inside the picture."""
     active = np.ones((3, 3), dtype=bool)
     active[1, 1] = False
-    mesh = RectilinearMesh([0, 1, 2, 3], [0, 1, 2, 3], active)
+    mesh = TriangleMesh.grid([0, 1, 2, 3], [0, 1, 2, 3], active)
     outer = {"low": ("bottom", 0.0), "high": ("top", 3.0), "west": ("left", 0.0), "east": ("right", 3.0)}
     inner = {"roof": ("bottom", 2.0), "floor": ("top", 1.0), "wall": ("left", 2.0), "pane": ("right", 1.0)}
     for name, (side, at) in (outer | inner).items():

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, LimitFactor, RectilinearMesh, RefinementStatus, TriangleMesh, refine
+from qvi_contact import InputError, LimitFactor, RefinementStatus, TriangleMesh, refine
 from qvi_contact.problem import Contact, ContactProblem, Material, Traction
 from tests.test_examples import example
 
@@ -33,7 +33,7 @@ def triangles():
 
 
 def grid():
-    return wall(RectilinearMesh.rectangle((2, 4), 1.0, 4.0))
+    return wall(TriangleMesh.rectangle((2, 4), 1.0, 4.0))
 
 
 def wedge(friction=0.3):
@@ -48,7 +48,8 @@ def wedge(friction=0.3):
 def dry_stone_wall(friction):
     """Three courses of two blocks, 30 on the top, weight 24, the top course pushed from the left."""
     problem = example("dry_stone_wall").problem.on_lines([0.0, 1.0, 1.5, 3.0], [0.0, 1.0, 2.0, 3.0])
-    mesh = problem.mesh.with_edges("pushed", "left", start=2.0).with_edges("below", "left", stop=2.0)
+    mesh = problem.mesh.with_edges("pushed", lambda x, y: (x == 0.0) & (y > 2.0))
+    mesh = mesh.with_edges("below", lambda x, y: (x == 0.0) & (y < 2.0))
     others = [replace(each, friction=friction) if isinstance(each, Contact) else each for each in problem.conditions]
     loads = [Traction("pushed", 1.0, 0.0, name="push"), Traction("below", 0.0, 0.0)]
     return replace(problem, mesh=mesh, conditions=[*loads, *(each for each in others if each.edges != "left")])

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import ContactState, InputError, RectilinearMesh, discretize, solve
+from qvi_contact import ContactState, InputError, TriangleMesh, discretize, solve
 from qvi_contact.discretization import REACH
 from qvi_contact.export import write_npz
 from qvi_contact.files import load_result
@@ -31,7 +31,7 @@ def beside_an_obstacle(gap):
         Contact("right", friction=0.3, gap=gap),
         Contact("top", friction=0.3, gap=-1e-3),
     ]
-    return solve(ContactProblem(RectilinearMesh.rectangle((6, 6)), Material(2.09e5, 0.3), conditions))
+    return solve(ContactProblem(TriangleMesh.rectangle((6, 6)), Material(2.09e5, 0.3), conditions))
 
 
 @pytest.mark.parametrize("gap", [1.0, 1000.0])
@@ -49,7 +49,7 @@ def test_an_obstacle_far_away_does_not_swamp_the_contact(gap):
 @pytest.mark.parametrize("side", [1e5, 1e7])
 def test_a_large_stress_elsewhere_does_not_hide_an_error_in_the_contact(side):
     """ν = 0: side pressure and contact pressure, here 1, do not feel each other."""
-    mesh = RectilinearMesh.rectangle((6, 4), grading=0.9)
+    mesh = TriangleMesh.rectangle((6, 4), grading=0.9)
     conditions = [
         Symmetry("left"),
         Symmetry("bottom"),
@@ -69,8 +69,8 @@ def drawn_along(pressure, degree=None, rows=None):
         Traction("right", 1.0, 0.0),
         Symmetry("left"),
     ]
-    problem = ContactProblem(RectilinearMesh.rectangle((4, 4)), Material(1.0, 0.0), conditions)
-    return solve(problem.triangulated(), degree=degree, contact_rows=rows) if degree else solve(problem)
+    problem = ContactProblem(TriangleMesh.rectangle((4, 4)), Material(1.0, 0.0), conditions)
+    return solve(problem, degree=degree, contact_rows=rows) if degree else solve(problem)
 
 
 @pytest.mark.parametrize(("degree", "rows"), [(None, None), (4, "gauss"), (4, "bernstein"), (5, "bernstein")])
@@ -103,7 +103,7 @@ def test_large_slip_is_solved(translation):
 
 def rectangle(bottom, *others, cells=(2, 2), size=(2.0, 2.0)):
     """A rectangle with this contact, and free where nothing else is said."""
-    mesh = RectilinearMesh(*(np.linspace(0.0, length, n + 1) for length, n in zip(size, cells, strict=True)))
+    mesh = TriangleMesh.grid(*(np.linspace(0.0, length, n + 1) for length, n in zip(size, cells, strict=True)))
     said = {condition.edges for condition in (bottom, *others)}
     free = [Traction(side, 0.0, 0.0) for side in ("bottom", "right", "top", "left") if side not in said]
     return ContactProblem(mesh, STEEL, [bottom, *others, *free])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from qvi_contact import InputError, RectilinearMesh, SolveError, limit_load_factor, refine, solve, solve_history
+from qvi_contact import InputError, SolveError, TriangleMesh, limit_load_factor, refine, solve, solve_history
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Material, Traction
 from solvers import Status
@@ -29,7 +29,7 @@ def test_bad_starts_are_refused(initial):
         solve(compressed_plate(0.2), initial=initial)
 
 
-@pytest.mark.parametrize("problem", [None, "plate", RectilinearMesh.rectangle((1, 1))])
+@pytest.mark.parametrize("problem", [None, "plate", TriangleMesh.rectangle((1, 1))])
 def test_what_is_not_a_problem_is_refused(problem):
     with pytest.raises(InputError, match="problem"):
         solve(problem)
@@ -42,7 +42,7 @@ def test_what_is_not_a_problem_is_refused(problem):
 )  # fmt: skip
 def test_pairs_are_pairs(arguments, field):
     with pytest.raises(InputError) as caught:
-        RectilinearMesh.rectangle(**arguments)
+        TriangleMesh.rectangle(**arguments)
     assert caught.value.field == field
 
 
@@ -51,7 +51,11 @@ def test_no_warning_escapes_from_a_diverging_outer_iteration():
     lines = np.linspace(0.0, 3.0, 10)
     active = np.ones((9, 9), dtype=bool)
     active[3:, 3:] = False
-    mesh = RectilinearMesh(lines, lines, active).with_edges("roof", "top", at=3.0).with_edges("step", "top", at=1.0)
+    mesh = (
+        TriangleMesh.grid(lines, lines, active)
+        .with_edges("roof", lambda _, y: np.isclose(y, 3.0))
+        .with_edges("step", lambda _, y: np.isclose(y, 1.0))
+    )
     conditions = [
         Contact("bottom", friction=0.3), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0),
         Traction("step", x=0.0, y=0.0), Traction("roof", x=14.5, y=-50.0),
@@ -114,7 +118,7 @@ def block(drag):
     """A block on a contact that cannot open, and whose friction carries 0.3, dragged."""
     loads = [Traction("top", x=drag, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     ground = Contact("bottom", 0.3, law="bilateral", name="ground")
-    return ContactProblem(RectilinearMesh.rectangle((4, 2), 2.0, 1.0), Material(1e3, 0.2), [ground, *loads])
+    return ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1e3, 0.2), [ground, *loads])
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ from qvi_contact import (
     Displacement,
     InputError,
     Material,
-    RectilinearMesh,
     Traction,
+    TriangleMesh,
     solve,
     solve_sweep,
 )
@@ -27,7 +27,7 @@ from solvers import Status
 
 def pushed(shear=0.1, friction=0.3):
     """A block pressed on the ground, and pushed to the side by its upper and right side."""
-    mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+    mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
     sides = [Traction("left", x=0.0, y=-shear), Traction("right", x=0.0, y=shear)]
     top = [Traction("top", x=shear, y=-1.0, name="push")]
     return ContactProblem(mesh, Material(1e3, 0.2), [Contact("bottom", friction, name="base"), *top, *sides])
@@ -71,7 +71,7 @@ def test_starts_near_the_answer_are_kept_and_others_tried_ever_more_seldom():
     """A punch whose contact grows with each value."""
     sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
     punch = Contact("top", 0.3, lambda x, y: 0.02 * (x - 1.0) ** 2 + 0.0 * y)
-    mesh = RectilinearMesh.rectangle((6, 2), 2.0, 1.0)
+    mesh = TriangleMesh.rectangle((6, 2), 2.0, 1.0)
     layer = ContactProblem(mesh, Material(1e3, 0.3), [punch, Displacement("bottom", x=0.0, y=0.0), *sides])
     depths = -0.001 * np.array([1.0, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0])
     warm, cold = (solve_sweep(layer, "gap", depths, warm_start=warm) for warm in (True, False))

@@ -7,15 +7,13 @@ import re
 import signal
 import subprocess
 import sys
-import time
-from contextlib import closing, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import click
 import pytest
 
 from qvi_contact import InputError, SolveError, solve
-from qvi_contact.basics import Crew
 from qvi_contact.command import solving
 from qvi_contact.gallery import compressed_plate
 from solvers.basics import Progress, tell
@@ -231,70 +229,3 @@ def test_handlers_of_signals_are_kept_in_any_thread_and_not_only_those_of_python
     assert done.stdout == "['SIGTERM']\n", done
     assert done.returncode == -signal.SIGSEGV
     assert "Segmentation fault" in done.stderr  # of faulthandler
-
-
-def slept(seconds):
-    """Tell which process it is, and sleep."""
-    print(os.getpid(), flush=True)
-    time.sleep(seconds)
-    return os.getpid()
-
-
-def ended(_order):
-    """Take the process with it."""
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def halved(number):
-    """Half of it, if it is even."""
-    if number % 2:
-        raise InputError("number", number, "give an even one")
-    return number // 2
-
-
-def alive(number):
-    """Whether there is such a process, and it is no zombie."""
-    try:
-        state = Path(f"/proc/{number}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
-
-
-def test_a_process_that_is_lost():
-    with pytest.raises(SolveError, match="worker process"):
-        list(Crew(1).spread(ended, lambda _: [1]))
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="tells processes by /proc")
-def test_processes_end_with_the_one_that_is_killed():
-    script = "from tests.qvi_contact.test_terminal import *\nlist(Crew(1).spread(slept, lambda _: [60.0]))"
-    with subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        worker = int(process.stdout.readline())
-        assert alive(worker)
-        os.kill(process.pid, signal.SIGKILL)
-    end = time.monotonic() + 10.0
-    while alive(worker) and time.monotonic() < end:
-        time.sleep(0.05)
-    assert not alive(worker)
-
-
-def test_processes_end_with_what_they_are_for():
-    began = time.monotonic()
-    with closing(Crew(2).spread(slept, lambda _: [0.0, 60.0])) as found:
-        worker = next(found)
-    assert time.monotonic() - began < 30.0
-    assert not alive(worker)
-
-
-def test_a_cluster_does_the_same_until_its_scheduler_is_lost():
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
-    ) as cluster:
-        crew, seen = Crew(dask=cluster.scheduler_address), []
-        assert sorted(crew.spread(halved, lambda size: seen.append(size) or range(0, 40, 2))) == list(range(20))
-        assert seen == [2]
-        with pytest.raises(InputError) as caught:
-            list(crew.spread(halved, lambda _: [1]))
-        assert caught.value.field == "number"

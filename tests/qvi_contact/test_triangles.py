@@ -55,7 +55,7 @@ def error(result, state):
 
 def plate(friction, mesh):
     """The quarter plate on a mesh of the unit square."""
-    problem = compressed_plate(0.0 if friction == "stick" else friction, cells=(1, 1)).triangulated()
+    problem = compressed_plate(0.0 if friction == "stick" else friction, cells=(1, 1))
     conditions = list(problem.conditions)
     if friction == "stick":
         top = next(c for c in conditions if isinstance(c, Contact))
@@ -65,7 +65,7 @@ def plate(friction, mesh):
 
 @cache
 def plate_result(cells, degree, rows="bernstein"):
-    return solved(compressed_plate(0.2, cells=(cells, cells)).triangulated(), 1e-8, degree=degree, contact_rows=rows)
+    return solved(compressed_plate(0.2, cells=(cells, cells)), 1e-8, degree=degree, contact_rows=rows)
 
 
 class TestPlate:
@@ -121,7 +121,7 @@ class TestPlate:
         angle = -75.0
         mesh = TriangleMesh.rectangle((4, 4))
         mesh = TriangleMesh(turned(mesh.vertices, angle), mesh.cells, mesh.edge_sets)
-        problem = replace(compressed_plate(0.2, cells=(4, 4)).triangulated(), mesh=mesh)
+        problem = replace(compressed_plate(0.2, cells=(4, 4)), mesh=mesh)
         straight, oblique = plate_result(4, 4), solved(problem, 1e-8, degree=4)
         assert oblique.contacts["plate"].normal_force == pytest.approx(
             straight.contacts["plate"].normal_force, rel=1e-10
@@ -145,9 +145,7 @@ class TestPlate:
         ids=str,
     )
     def test_every_method(self, options):
-        result = solved(
-            compressed_plate(0.2, cells=(4, 4)).triangulated(), **{"tolerance": 1e-8, "degree": 4, **options}
-        )
+        result = solved(compressed_plate(0.2, cells=(4, 4)), **{"tolerance": 1e-8, "degree": 4, **options})
         at_points = options.get("method") == "uzawa" or "contact_rows" in options
         reference = plate_result(4, 4, "gauss" if at_points else "bernstein").contacts["plate"].normal_force
         assert result.contacts["plate"].normal_force == pytest.approx(reference, rel=1e-7)
@@ -183,7 +181,7 @@ def test_states_of_the_degree_are_found_to_rounding(state, sides):
 @pytest.mark.parametrize(("degree", "rows"), [(3, "bernstein"), (4, "gauss"), (5, "bernstein")])
 def test_full_slip(degree, rows):
     problem, state = sliding_block((3, 2))
-    result = solved(problem.triangulated(), degree=degree, contact_rows=rows)
+    result = solved(problem, degree=degree, contact_rows=rows)
     base = result.contacts["base"]
     assert error(result, state) < 1e-11
     assert np.abs(np.abs(base.tangential_stress) + 0.3 * base.normal_stress).max() < 1e-12 * 100.0
@@ -290,7 +288,7 @@ def test_a_normal_support_on_a_slanted_edge():
 )
 def test_wrong_options(options, told):
     with pytest.raises(InputError, match=told):
-        solve(compressed_plate(0.2, cells=(2, 2)).triangulated(), **options)
+        solve(compressed_plate(0.2, cells=(2, 2)), **options)
 
 
 @pytest.mark.parametrize("length", [1e3, 1e4, 1e6])

@@ -87,7 +87,6 @@ def with_constant_tractions(qvi: FrictionQVI, more: int = 193) -> FrictionQVI:
 LIBRARIES = {
     "qp:clarabel": ("qpsolvers", "solve_problem"),
     "direct:clarabel": ("clarabel", "DefaultSolver"),
-    "direct:osqp": ("osqp:OSQP", "solve"),
     "socp:clarabel": ("cvxpy:Problem", "solve"),
 }
 """Where an inner solver calls its library; of Clarabel it keeps an object."""

@@ -60,7 +60,7 @@ def test_infeasible_bound_is_said_to_be_infeasible(name):
     assert result.status in (Status.INFEASIBLE, Status.STALLED, Status.BACKEND_FAILED, Status.MAX_ITERATIONS)
 
 
-@pytest.mark.parametrize("name", ["direct:clarabel", "direct:osqp", "socp:clarabel"])
+@pytest.mark.parametrize("name", ["direct:clarabel", "socp:clarabel"])
 def test_kept_alive_solvers_forget_the_last_bound(name):
     qvi = random_problem(5)
     solver = make_inner(name, qvi, 1e-11)
@@ -188,7 +188,7 @@ def test_cancellation_and_time_outs_go_on(back_end, name, error):
     assert caught.value is error
 
 
-@pytest.mark.parametrize("name", ["qp:clarabel", "direct:clarabel", "direct:osqp"])
+@pytest.mark.parametrize("name", ["qp:clarabel", "direct:clarabel"])
 def test_a_back_end_that_returns_nothing(back_end, name):
     qvi = random_problem(0)
     back_end(name, lambda _: None)

@@ -52,7 +52,7 @@ def test_wrong_length(name):
     ("name", "value"),
     [("K", np.triu(np.ones((3, 3)))), ("K", -np.eye(3)), ("K", "stiff"), ("K", None), ("K", [[10**400]]),
      ("N", np.ones(3)), ("N", np.ones((2, 4))), ("f", "load"), ("mu", [0.3, -1e-300]),
-     ("W", [1.0, 0.0]), ("W", [1.0, -1.0]), ("traces", {}), ("edges", np.zeros(4)), ("cohesion", [-1.0, 0.0]),
+     ("W", [1.0, 0.0]), ("W", [1.0, -1.0]), ("traces", {}), ("cohesion", [-1.0, 0.0]),
      ("cohesion", [np.inf, 0.0]), ("cap", [-1.0, 1.0]), ("cap", [np.nan, 1.0]), ("cap", [1.0] * 3),
      ("bilateral", [1, 0]), ("bilateral", [True]), ("places", np.zeros((1, 2))), ("places", np.zeros(6)),
      ("places", np.full((3, 2), np.nan)), ("places", "here")],
@@ -135,10 +135,26 @@ def test_wrong_options(name, value):
     assert caught.value.field == name
 
 
+@pytest.mark.parametrize(
+    ("given", "instead"),
+    [({"inner": "strict:clarabel"}, "direct:clarabel"), ({"inner": "strict-direct:clarabel"}, "direct:clarabel"),
+     ({"inner": "direct:osqp"}, "qp:osqp"), ({"factorisation": "cholmod"}, "superlu"),
+     ({"factorisation": "shared-subdomains"}, "factorisation"), ({"factorisation": "levels"}, "dense")],
+    ids=lambda each: next(iter(each.values())) if isinstance(each, dict) else "",
+)  # fmt: skip
+def test_retired_names_are_refused_with_what_takes_their_place(given, instead):
+    (field,) = given
+    with pytest.raises(SolverUnavailableError) as caught:
+        solve_qvi(random_problem(0), **given)
+    assert caught.value.field == field
+    assert "retired" in caught.value.remedy
+    assert instead in caught.value.remedy
+
+
 def test_options_of_other_methods_are_refused_and_names_listed():
     for options, field in (
         ({"method": "fixed-point", "omega_T": 0.1}, "omega_T"), ({"method": "uzawa", "memory": 3}, "memory"),
-        ({"inner": "strict:clarabel"}, "edges"), ({"speed": 3}, "speed"),
+        ({"speed": 3}, "speed"),
     ):  # fmt: skip
         with pytest.raises(InputError) as caught:
             solve_qvi(random_problem(0), **options)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Symmetry, Traction
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Symmetry, Traction, TriangleMesh
 from qvi_contact.discretization import discretize
 from qvi_contact.gallery import compressed_plate
 from solvers import InputError, Status, solve_qvi
@@ -16,7 +16,7 @@ from tests.solvers.conftest import one_contact, random_problem
 
 def slipping(offset, law="unilateral", cap=None):
     """A block pressed by a rough plate that moves sideways: parts slip, parts stick."""
-    mesh = RectilinearMesh.rectangle((8, 4), 2.0, 1.0)
+    mesh = TriangleMesh.rectangle((8, 4), 2.0, 1.0)
     free = [Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     plate = Contact("top", 0.3, -0.01, offset, "plate", law=law, shear_limit=cap)
     return ContactProblem(mesh, Material(1e3, 0.3), [plate, Displacement("bottom", x=0.0, y=0.0), *free])
@@ -131,7 +131,7 @@ class TestContact:
         assert found.z == pytest.approx(other.z, abs=1e-6 * np.abs(other.z).max())
 
     def test_bilateral_points_that_pull_and_slip(self):
-        mesh = RectilinearMesh(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 1.0, 3))
+        mesh = TriangleMesh.grid(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 1.0, 3))
         bend = Traction("top", 0.3, lambda x, _: 1.0 - x)
         conditions = [Contact("bottom", 0.05, law="bilateral", cohesion=0.02), bend, Traction("left", 0.0, 0.0)]
         qvi = discretize(ContactProblem(mesh, Material(1e3, 0.3), [*conditions, Symmetry("right")])).qvi
@@ -143,7 +143,7 @@ class TestContact:
         assert (np.abs(shear - qvi.threshold(np.abs(normal))) < 1e-9).any()
 
     def test_cap(self):
-        mesh = RectilinearMesh(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 1.0, 3))
+        mesh = TriangleMesh.grid(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 1.0, 3))
         conditions = [
             Contact("bottom", 0.5, cohesion=0.02, shear_limit=0.1), Displacement("top", 1e-3, -1e-3),
             Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0),

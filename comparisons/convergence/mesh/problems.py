@@ -1,47 +1,39 @@
-"""The problems of the study: how they are meshed, what is known about their answers, and which orders to expect."""
+"""The problems of the study: bodies, where their stresses are singular, and what is known of their answers.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+All bodies are rectangles. On equal cells errors are ruled by the singularity where a contact ends in a corner. In a
+wedge 0 ≤ θ ≤ π/2 whose face θ = π/2 is free, Φ = r^(λ+1) F(θ) with
+
+    F = a cos(λ+1)θ + b sin(λ+1)θ + c cos(λ−1)θ + d sin(λ−1)θ
+
+gives σ_θθ = λ(λ+1) r^(λ−1) F, σ_rθ = −λ r^(λ−1) F′, and with κ = (3 − ν)/(1 + ν) in plane stress and 3 − 4ν in plane
+strain
+
+    2G u_r = r^λ (−(λ+1) F + (κ+1)(c cos(λ−1)θ + d sin(λ−1)θ)),
+    2G u_θ = r^λ (−F′ + (κ+1)(c sin(λ−1)θ − d cos(λ−1)θ)).
+
+On the face θ = 0 a flat rigid body either holds the wedge (u_r = u_θ = 0) or lets it slip towards the corner, u_θ = 0
+and σ_rθ = μ σ_θθ. λ is the smallest exponent in (½, 1] for which a, b, c, d are not all zero; stresses behave like
+r^(λ−1). Source: M. L. Williams, J. Appl. Mech. 19 (1952); J. R. Barber, Elasticity, chapter 11, for the displacements.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from scipy.optimize import brentq
 
-from comparisons.convergence.mesh.corner import exponent
-from comparisons.convergence.mesh.tractions import Field, quadrature
-from comparisons.settled import SETTLED, UNCERTAINTY
-from comparisons.verification.chapters.ssnv128 import TANGENTIAL_FORCE
-from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction
+from comparisons.settled import LIMITS, LIMITS_SOURCE, TRANSITIONS
+from qvi_contact import Contact, ContactProblem, Material, Symmetry, Traction, TriangleMesh
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.exact import ExactState
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.problem.conditions import Condition
 
-FORCE, ENERGY, TRACTIONS = "force", "energy", "tractions"
-"""What all problems are measured by; each may have ends of zones besides."""
-
-_PUSH: Final = 1e-3
+_SAMPLES: Final = 400
+_PUSH: Final = 1e-3  # of the punch [mm]
+_RADIUS: Final = 800.0  # of the punch [mm]
 _STICKING: Final = 0.25  # from here on the plate sticks everywhere
-_PLATE: Final = "GetFEM and NGSolve, agreeing"
-_WIDTH, _HEIGHT, _RADIUS = 4.0, 2.0, 800.0  # of the punch [mm]
-_BLOCK: Final[dict[str, Any]] = {"transition": 1.0, "slip": 0.02, "pressure_drop": 40.0}
-
-
-@dataclass(frozen=True)
-class Known:
-    """A value known from elsewhere: `uncertainty` ≥ 0 in its own unit, 0 for closed forms."""
-
-    value: float
-    uncertainty: float
-    source: str
-
-
-@dataclass(frozen=True)
-class Expected:
-    """Order in h to expect on uniform meshes, and why."""
-
-    order: float
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -51,17 +43,16 @@ class Problem:
     Attributes
     ----------
     name, title : word for tables and options, words for headings
-    contact : name of its contact, which is horizontal
-    force : "normal_force" or "tangential_force", the one that is not given by balance alone
-    units : of stress and length
-    uniform : number of cells along the contact → the problem on equal cells
-    lines : number of cells along the contact → grid lines x, y of cells that shrink towards the places where stresses
-        are singular; None if there are none
-    start : cells along the contact where adaptive meshes start
-    known : force, energy (−J*, the complementary energy with the sign of the potential energy) or the kind of a zone's
-        end → value
-    tractions : exact ones on the contact, if they are known
-    expected : force, energy, tractions → order
+    contact : name of its contact
+    force : "normal_force" or "tangential_force", the one that balance alone does not give
+    size : of the rectangle [length]
+    coarse : cells along x and y of the coarsest mesh
+    singular : points where stresses are singular or a zone of the contact ends [length]
+    stated : the problem on any mesh
+    known : the force and its uncertainty, where it is known from elsewhere
+    source : where from
+    order : of the force on equal cells of the paper's element, by the strongest singularity; None where it is not known
+    sticks : whether the contact sticks everywhere: triangles of any degree have this order too then
 
     """
 
@@ -69,47 +60,63 @@ class Problem:
     title: str
     contact: str
     force: str
-    units: tuple[str, str]
-    uniform: Callable[[int], ContactProblem]
-    lines: Callable[[int], tuple[FloatArray, FloatArray]] | None
-    start: int = 4
-    known: Mapping[str, Known] = field(default_factory=dict)
-    tractions: Field | None = None
-    expected: Mapping[str, Expected] = field(default_factory=dict)
+    size: tuple[float, float]
+    coarse: tuple[int, int]
+    singular: Sequence[tuple[float, float]]
+    stated: Callable[[], ContactProblem]
+    known: tuple[float, float] | None = None
+    source: str = ""
+    order: float | None = None
+    sticks: bool = False
 
-    def graded(self, cells: int) -> ContactProblem:
-        """The problem on `lines`."""
-        assert self.lines is not None
-        return self.uniform(2).on_lines(*self.lines(cells))
+    def equal(self, times: int) -> ContactProblem:
+        """The problem on equal cells, so many times as many each way as on the coarsest mesh."""
+        across, up = self.coarse
+        return replace(self.stated(), mesh=TriangleMesh.rectangle((times * across, times * up), *self.size))
 
-
-def towards(start: float, stop: float, cells: int, power: float) -> FloatArray:
-    """Grid lines (cells + 1,) with stop − x ~ (1 − i/cells)^power: cells shrink towards `stop`."""
-    lines = stop - (stop - start) * (1.0 - np.arange(cells + 1) / cells) ** power
-    return np.concatenate([[start], lines[1:-1], [stop]])
-
-
-def _around(start: float, place: float, stop: float, cells: int, power: float) -> FloatArray:
-    """Grid lines whose cells shrink towards a place in between, shared out by the lengths of the two sides."""
-    left = min(max(round(cells * (place - start) / (stop - start)), cells // 4), cells - cells // 4)
-    right = -towards(-stop, -place, cells - left, power)[::-1]
-    return np.concatenate([towards(start, place, left, power), right[1:]])
+    def graded(self, depth: int) -> ContactProblem:
+        """The problem on twice the coarsest mesh, whose triangles at singular points are halved again and again."""
+        problem = self.equal(2)
+        assert isinstance(problem.mesh, TriangleMesh)
+        return replace(problem, mesh=problem.mesh.graded(self.singular, depth))
 
 
-def _towards_corner(cells: int) -> tuple[FloatArray, FloatArray]:
-    lines = towards(0.0, 1.0, cells, 3.0)
-    return lines, lines
+def exponent(poisson: float, friction: float | None = None, plane: str = "stress") -> float:
+    """λ for a coefficient of friction μ ≥ 0, or where the wedge is held (None)."""
+    kappa = (3.0 - poisson) / (1.0 + poisson) if plane == "stress" else 3.0 - 4.0 * poisson
+    if friction == 0.0:
+        return 1.0  # uniform pressure
+
+    def determinant(power: float) -> float:
+        return float(np.linalg.det(_conditions(power, kappa, friction)))
+
+    samples = np.linspace(0.5, 1.0 - 1e-6, _SAMPLES)
+    values = [determinant(power) for power in samples]
+    first = next((k for k in range(_SAMPLES - 1) if values[k] * values[k + 1] <= 0.0), None)
+    if first is None:
+        return 1.0  # no singularity: uniform stress
+    return float(brentq(determinant, samples[first], samples[first + 1], xtol=1e-13))
 
 
-def _square_lines(cells: int) -> tuple[FloatArray, FloatArray]:
-    return _around(0.0, 3.28e-3, 0.04, cells, 2.0), 0.04 - towards(0.0, 0.04, cells, 2.0)[::-1]
+def _conditions(power: float, kappa: float, friction: float | None) -> FloatArray:
+    """Rows of the conditions on both faces, columns a, b, c, d."""
+
+    def shape(angle: float) -> tuple[FloatArray, FloatArray]:  # F and F′
+        outer, inner = power + 1.0, power - 1.0
+        value = [np.cos(outer * angle), np.sin(outer * angle), np.cos(inner * angle), np.sin(inner * angle)]
+        slope = [-outer * value[1], outer * value[0], -inner * value[3], inner * value[2]]
+        return np.array(value), np.array(slope)
+
+    (value, slope), (far, far_slope) = shape(0.0), shape(np.pi / 2.0)
+    across = -slope - (kappa + 1.0) * np.array([0.0, 0.0, 0.0, 1.0])  # u_θ
+    if friction is None:
+        along = -(power + 1.0) * value + (kappa + 1.0) * np.array([0.0, 0.0, 1.0, 0.0])  # u_r
+    else:
+        along = -slope - friction * (power + 1.0) * value
+    return np.stack([across, along, far, far_slope])
 
 
-def _punch_lines(end: float, cells: int) -> tuple[FloatArray, FloatArray]:
-    return _around(0.0, end, _WIDTH, cells, 2.0), towards(0.0, _HEIGHT, cells // 2, 2.0)
-
-
-def punch(friction: float, cells: int) -> ContactProblem:
+def punch(friction: float) -> ContactProblem:
     """Right half of a block on a smooth foundation, pressed by a rigid punch of parabolic shape.
 
     [0, 4] × [0, 2] mm, steel in plane strain, symmetry on x = 0 and y = 0, x = 4 mm free. The punch goes down by 1e-3
@@ -119,120 +126,49 @@ def punch(friction: float, cells: int) -> ContactProblem:
     def gap(x: FloatArray, y: FloatArray) -> FloatArray:
         return -_PUSH + x**2 / (2.0 * _RADIUS) + 0.0 * y
 
-    mesh = RectilinearMesh.rectangle((cells, max(cells // 2, 1)), _WIDTH, _HEIGHT)
     contact = (
         Contact("top", friction=friction, gap=gap, name="punch")
         if friction
         else Contact.frictionless("top", gap=gap, name="punch")
     )
     sides: list[Condition] = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)]
-    return ContactProblem(mesh, Material(2.1e5, 0.3, "strain"), [*sides, contact])
+    return ContactProblem(TriangleMesh.rectangle((2, 1), 4.0, 2.0), Material(2.1e5, 0.3, "strain"), [*sides, contact])
 
 
-def _block(cells: int) -> ContactProblem:
-    """Odd numbers of cells: the change from stick to slip is never on a grid line."""
-    return stick_slip_block((cells + 1 - cells % 2, max(cells // 2, 1)), **_BLOCK)[0]
-
-
-def _exact_block() -> tuple[Mapping[str, Known], Field]:
-    """Forces, energy and tractions of the block in closed form; integrals by quadrature of polynomials."""
-    problem, state = stick_slip_block(**_BLOCK)
-
-    def exact(s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        stress = state.stress(s, 0.0 * s)
-        return np.asarray(stress[1]), np.asarray(-stress[2])
-
-    places = np.array([0.0, _BLOCK["transition"], 2.0])
-    s, weights = quadrature(places)
-    _, tangential = exact(s)
-    energy = _load(problem, state, places) - _strain(problem, state)
-    forces = {"force": float((weights * tangential).sum()), "energy": energy, "stick ends": _BLOCK["transition"]}
-    source = "closed form, gallery.stick_slip_block"
-    return {name: Known(value, 0.0, source) for name, value in forces.items()}, exact
-
-
-def _strain(problem: ContactProblem, state: ExactState) -> float:
-    """½ ∫ cσ:σ over the block [0, 2] × [0, 1]."""
-    (x, wx), (y, wy) = quadrature(np.array([0.0, 2.0])), quadrature(np.array([0.0, 1.0]))
-    stress = state.stress(*np.meshgrid(x.ravel(), y.ravel(), indexing="ij"))
-    density = np.einsum("iab,ij,jab->ab", stress, problem.material.compliance, stress)
-    return float(0.5 * wx.ravel() @ density @ wy.ravel())
-
-
-def _load(problem: ContactProblem, state: ExactState, places: FloatArray) -> float:
-    """∫ U·σn over the right side and ∫ g σ_N + w σ_T over the base."""
-    y, weights = quadrature(np.array([0.0, 1.0]))
-    x = np.full_like(y, 2.0)
-    (u, v), stress = state.displacement(x, y), state.stress(x, y)
-    side = float((weights * (u * stress[0] + v * stress[2])).sum())
-    s, weights = quadrature(places)
-    zero, stress, (base,) = 0.0 * s, state.stress(s, 0.0 * s), problem.contacts
-    gap, offset = (data(s, zero) if callable(data) else data + zero for data in (base.gap, base.offset))
-    return side + float((weights * (gap * stress[1] - offset * stress[2])).sum())
-
-
-_ROOT: Final = "pressure ~ √r where contact ends"
-_ROOT_LIKE: Final = {FORCE: Expected(3.0, _ROOT), ENERGY: Expected(3.0, _ROOT), TRACTIONS: Expected(1.0, _ROOT)}
-_SMOOTH: Final = {"tractions": Expected(2.0, "linear σ_N for a quadratic one")}
-
-
-def _corner(friction: float) -> dict[str, Expected]:
-    """Orders of the plate on equal cells, from the exponent λ of its free corner.
-
-    Where the contact sticks, the squared error of the stresses, and with it energy and force, fall like h^2λ, the
-    tractions in L² like h^(λ−½). Where it slips, Φ_xy of the corner node is zero and |σ_T| = μ|σ_N| beside it: the last
-    edge misses friction ~ h^(λ−1) h in the work on a slip that is not zero there, which makes h^λ.
-    """
-    if friction == 0.0:
-        return {}
-    sticks = friction >= _STICKING
-    power = exponent(0.3, None if sticks else friction)
-    reason = f"Williams: σ ~ r^−{1.0 - power:.3f} at the free corner{'' if sticks else ', where friction is missed'}"
-    work = Expected(2.0 * power if sticks else power, reason)
-    return {"force": work, "energy": work, "tractions": Expected(power - 0.5, reason)}
+def _block() -> ContactProblem:
+    return stick_slip_block((4, 2), transition=1.0, slip=0.02, pressure_drop=40.0)[0]
 
 
 def _plate(friction: float) -> Problem:
-    what = {0.0: " (frictionless)", 1.0: " (sticks everywhere)"}.get(friction, "")
+    """The plate, with the order of the paper's element on equal cells, from the exponent λ of its free corner.
+
+    Where the contact sticks, the squared error of the stresses, and with it energy and force, fall like h^2λ. Where it
+    slips, Φ_xy of the corner node is zero and |σ_T| = μ|σ_N| beside it: the last edge misses friction ~ h^(λ−1) h in
+    the work on a slip that is not zero there, which makes h^λ.
+    """
+    sticks = friction >= _STICKING
+    power = exponent(0.3, None if sticks else friction)
+    ends = [(1.0, 1.0), *([] if sticks else [(TRANSITIONS[friction], 1.0)])]
+    title = f"The plate, μ = {friction:g}{' (sticks everywhere)' if sticks else ''}"
     return Problem(
-        f"plate {friction:g}", f"The plate, μ = {friction:g}{what}", "plate", "normal_force", ("MPa", "length"),
-        lambda cells: compressed_plate(friction, (cells, cells)), _towards_corner, known=_known_plate(friction),
-        expected=_corner(friction),
+        f"plate {friction:g}", title, "plate", "normal_force", (1.0, 1.0), (2, 2), ends,
+        lambda: compressed_plate(friction), LIMITS[friction], LIMITS_SOURCE,
+        2.0 * power if sticks else power, sticks,
     )  # fmt: skip
 
 
-def _known_plate(friction: float) -> dict[str, Known]:
-    if friction == 0.0:
-        exact = "closed form, E U"
-        return {"force": Known(209.0, 0.0, exact), "energy": Known(209.0 * _PUSH / 2.0, 0.0, exact)}
-    force = Known(SETTLED[friction], UNCERTAINTY, _PLATE)
-    if friction < 1.0:
-        return {"force": force}
-    half = _PUSH / 2.0  # nothing is lost in friction: J(u) = ½ P U
-    return {"force": force, "energy": Known(half * force.value, half * force.uncertainty, f"½ P U; {_PLATE}")}
+_ALL: Final = [
+    *map(_plate, LIMITS),
+    Problem("ssnv128", "SSNV128: opens, slips and sticks", "base", "tangential_force", (0.04, 0.04), (4, 4),
+            [(0.0, 0.0), (3.28e-3, 0.0), (2.984e-2, 0.0)], lambda: ssnv128((2, 2))),
+    Problem("punch smooth", "Parabolic punch, frictionless: closed and open", "punch", "normal_force", (4.0, 2.0),
+            (4, 2), [(0.985, 2.0)], partial(punch, 0.0)),
+    Problem("punch rough", "Parabolic punch, μ = 0.3: sticks, slips and opens", "punch", "normal_force", (4.0, 2.0),
+            (4, 2), [(0.97, 2.0)], partial(punch, 0.3)),
+    # the change from stick to slip, x = 1, is on no vertex of equal cells; ∫ 3a x² dx with a = 30/(3·2²) over [0, 2]
+    Problem("block", "Block with an exact solution: sticks and slips", "base", "tangential_force", (2.0, 1.0), (3, 2),
+            [(1.0, 0.0)], _block, (20.0, 0.0), "closed form, `gallery.stick_slip_block`"),
+]  # fmt: skip
 
-
-def _all() -> dict[str, Problem]:
-    block, tractions = _exact_block()
-    model = "biquadratic displacement elements with nodal contact"
-    base = {
-        "force": Known(TANGENTIAL_FORCE, 5.0, model),
-        "contact begins": Known(3.28e-3, 1e-5, model),
-        "stick begins": Known(2.984e-2, 1e-5, model),
-    }
-    found = [
-        *map(_plate, (0.0, 0.05, 0.1, 0.15, 0.2, 1.0)),
-        Problem("ssnv128", "SSNV128: opens, slips and sticks", "base", "tangential_force", ("Pa", "m"),
-                lambda cells: ssnv128((cells, cells)), _square_lines, 8, base),
-        Problem("punch smooth", "Parabolic punch, frictionless: closed and open", "punch", "normal_force",
-                ("MPa", "mm"), partial(punch, 0.0), partial(_punch_lines, 0.985), 8, expected=_ROOT_LIKE),
-        Problem("punch rough", "Parabolic punch, μ = 0.3: sticks, slips and opens", "punch", "normal_force",
-                ("MPa", "mm"), partial(punch, 0.3), partial(_punch_lines, 0.97), 8),
-        Problem("block", "Block with an exact solution: sticks and slips", "base", "tangential_force",
-                ("MPa", "length"), _block, None, 4, block, tractions, _SMOOTH),
-    ]  # fmt: skip
-    return {problem.name: problem for problem in found}
-
-
-PROBLEMS: Final = _all()
+PROBLEMS: Final = {problem.name: problem for problem in _ALL}
 """Name → problem."""

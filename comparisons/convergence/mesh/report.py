@@ -1,22 +1,186 @@
-"""The report on convergence in the mesh and its tables, from the stored rows alone."""
+"""The report on convergence in the mesh: its numbers, tables and figure, from the stored rows alone."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from pandas import DataFrame, concat
+from pandas import DataFrame, to_numeric
 
-from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, meshes_of, slug
-from comparisons.convergence.mesh.figures import figures
-from comparisons.convergence.mesh.measures import CLOSED, brackets_of, costs_of, models_of, values_of
-from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
-from comparisons.convergence.mesh.references import end_of
-from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, EQUILIBRIUM, GRADED, STRICT, UNIFORM
+from comparisons.convergence.mesh.problems import PROBLEMS
+from comparisons.convergence.mesh.study import ADAPTIVE, EQUAL, GRADED, PAPER, SEQUENCES, TOLERANCE
 from comparisons.lab.report import Document, environment_grids, render
-from comparisons.lab.report.numbers import NOTHING, fixed, scientific, seconds, significant
-from comparisons.lab.study import Row
-from comparisons.lab.tables import Form, Grid, grid_of
+from comparisons.lab.report.drawing import LOOKS, drawn, grid, legend_below, panelled
+from comparisons.lab.report.numbers import fixed, scientific, seconds, significant, span
+from comparisons.lab.study import DONE, Row
+from comparisons.lab.tables import Form
+from qvi_contact.plots.style import GREY
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FLOOR: Final = 1e-8
+"""Relative errors that the accuracy of the solves leaves."""
+
+TARGETS: Final = (1e-4, 1e-5, 1e-6)
+"""Relative errors of the force whose cost is told."""
+
+TARGET: Final = 1e-5
+"""That of which sentences tell."""
+
+_USUAL: Final = 4  # the degree that `solve` takes
+_NUMBERS: Final = ("force", "energy", "unknowns", "cells", "h", "seconds", "lower", "upper", "strain", "estimate")
+_CASE: Final = ("problem", "sequence", "degree", "size")
+_REFERENCE_DEGREE: Final = 8
+_ROUNDING: Final = 1e-9  # relative, of bounds beside a reference
+
+
+def meshes_of(rows: Sequence[Row]) -> DataFrame:
+    """One line a mesh, in the order of the rows.
+
+    The columns are those of the case and of the record, see `study.run`, and solved, error (relative, of the force),
+    least (what the reference's uncertainty and the solves leave), meant, whether the error is above that.
+    """
+    lines = [
+        {**{name: row.case[name] for name in _CASE}, **record}
+        for row in rows
+        for record in (row.result["meshes"] if row.status == DONE else [{"status": row.status, "message": row.reason}])
+    ]
+    meshes = DataFrame(lines, columns=[*_CASE, "status", "message", "guaranteed", "force_bounds", *_NUMBERS])
+    meshes[list(_NUMBERS)] = meshes[list(_NUMBERS)].apply(to_numeric)
+    meshes["solved"] = meshes.status == "solved"
+    known = references_of(meshes).set_index("problem")
+    value, uncertainty = meshes.problem.map(known.value), meshes.problem.map(known.uncertainty)
+    error = (meshes.force / value - 1.0).abs()
+    least = (uncertainty / value).clip(lower=FLOOR)
+    return meshes.assign(error=error, least=least, meant=error > least)
+
+
+def references_of(meshes: DataFrame) -> DataFrame:
+    """One line a problem: the force, its uncertainty and its source; from elsewhere, or of our finest graded meshes."""
+    lines = []
+    for name in meshes.problem.unique():
+        problem = PROBLEMS[name]
+        if problem.known is not None:
+            value, uncertainty = problem.known
+            lines.append((name, value, uncertainty, problem.source))
+            continue
+        graded = meshes[(meshes.problem == name) & (meshes.sequence == GRADED) & meshes.solved]
+        finest = graded[graded.degree == min(_REFERENCE_DEGREE, graded.degree.max())].tail(2)
+        if len(finest) == 2:
+            before, last = finest.force
+            source = (
+                f"graded {finest.cells.iloc[-1]:.0f} triangles of degree {finest.degree.iloc[-1]}; ± the mesh before"
+            )
+            lines.append((name, last, abs(last - before), source))
+    return DataFrame(lines, columns=["problem", "value", "uncertainty", "source"])
+
+
+def cost(points: DataFrame, target: float) -> float:
+    """The least number of unknowns from which on all errors stay within the target.
+
+    NaN without errors, infinite if even the last one does not. An error that a finer mesh does not confirm is small by
+    chance and does not count.
+    """
+    found = float("inf") if len(points) else float("nan")
+    for unknowns, error in sorted(zip(points.unknowns, points.error, strict=True), reverse=True):
+        if error > target:
+            break
+        found = float(unknowns)
+    return found
+
+
+def fitted_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
+    """Slope of log e over log h by least squares over the last three meshes whose error is not NaN.
+
+    NaN with fewer: two meshes make a straight line of anything.
+    """
+    pairs = np.array([sizes, errors], dtype=float)
+    h, e = np.log(pairs[:, ~np.isnan(pairs[1])][:, -3:])
+    return float(np.polynomial.polynomial.polyfit(h - h.mean(), e, 1)[1]) if len(h) == 3 else float("nan")
+
+
+def _curves(meshes: DataFrame) -> dict[tuple[str, str, int], DataFrame]:
+    """Solved meshes with an error by problem, sequence and degree."""
+    shown = meshes[meshes.solved & meshes.error.notna()]
+    return {key: found for key, found in shown.groupby(["problem", "sequence", "degree"], sort=False)}
+
+
+def costs_of(meshes: DataFrame) -> DataFrame:
+    """One line a problem and target that its reference can tell: unknowns by sequence, and the degree that is best."""
+    curves, lines = _curves(meshes), []
+    for problem, found in meshes.groupby("problem", sort=False):
+        for target in TARGETS:
+            if not target >= found.least.max():
+                continue
+            costs = {key[1:]: cost(curve, target) for key, curve in curves.items() if key[0] == problem}
+            graded = {degree: value for (sequence, degree), value in costs.items() if sequence == GRADED}
+            best = min(graded, key=lambda degree: graded[degree], default=0)
+            lines.append({
+                "problem": problem, "target": target, PAPER: costs.get((PAPER, 3)), EQUAL: costs.get((EQUAL, _USUAL)),
+                GRADED: graded.get(best), "degree": best if graded.get(best, np.inf) < np.inf else None,
+                ADAPTIVE: next((value for (sequence, _), value in costs.items() if sequence == ADAPTIVE), None),
+                **{f"degree {degree}": value for degree, value in graded.items()},
+            })  # fmt: skip
+    named = ["problem", "target", PAPER, EQUAL, GRADED, "degree", ADAPTIVE]
+    degrees = [f"degree {degree}" for degree in sorted(meshes.degree[meshes.sequence == GRADED].unique())]
+    return DataFrame(lines, columns=[*named, *degrees]).astype(dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), float))
+
+
+def orders_of(meshes: DataFrame) -> DataFrame:
+    """One line a problem and kind of equal cells: the observed order of the force, and the expected one."""
+    lines = [
+        {"problem": problem, "sequence": sequence, "degree": degree,
+         "expected": PROBLEMS[problem].order if sequence == PAPER or PROBLEMS[problem].sticks else None,
+         "fitted": fitted_order(curve.h, curve.error.where(curve.meant))}
+        for (problem, sequence, degree), curve in _curves(meshes).items() if sequence in (EQUAL, PAPER)
+    ]  # fmt: skip
+    return DataFrame(lines, columns=["problem", "sequence", "degree", "fitted", "expected"]).astype({"expected": float})
+
+
+def brackets_of(meshes: DataFrame) -> DataFrame:
+    """One line a problem: brackets of the energy, how many are guaranteed, the closest gap, and bounds of the force.
+
+    Of those with bounds of the force it is told how many enclose the reference from elsewhere.
+    """
+    tried = meshes[meshes.solved & meshes.lower.notna() & meshes.upper.notna()]
+    known, lines = references_of(meshes).set_index("problem"), []
+    for problem, found in tried.groupby("problem", sort=False):
+        gap = (found.upper - found.lower) / found.strain
+        bounded = found[found.force_bounds.notna()]
+        value, slack = known.value[problem], known.uncertainty[problem] + _ROUNDING * known.value[problem]
+        inside = [
+            low - slack <= value <= high + slack
+            for low, high in (sorted(map(abs, each)) for each in bounded.force_bounds)
+        ]
+        lines.append((problem, len(found), int((found.guaranteed == True).sum()), gap.min(), len(inside), sum(inside)))  # noqa: E712
+    return DataFrame(lines, columns=["problem", "number", "guaranteed", "gap", "bounded", "inside"])
+
+
+def values_of(meshes: DataFrame) -> dict[str, Any]:
+    """The numbers of the report's sentences."""
+    costs, orders, brackets = costs_of(meshes), orders_of(meshes), brackets_of(meshes)
+    chosen = costs[costs.target == TARGET]
+    plates = chosen[chosen[PAPER].notna()]
+    missed = plates[plates[PAPER] == np.inf]
+    known = orders[orders.expected.notna() & orders.fitted.notna()]
+    usual = known[(known.sequence == EQUAL)]
+    by_degree = {name: chosen[name].replace(np.inf, np.nan) for name in chosen if name.startswith("degree ")}
+    reached = {name: int(found.notna().sum()) for name, found in by_degree.items()}
+    return {
+        "target": TARGET, "problems": meshes.problem.nunique(), "judged": len(chosen), "plates": len(plates),
+        "paper_missed": len(missed), "paper_most": meshes.unknowns[meshes.sequence == PAPER].max(),
+        "plate_graded": span(plates[GRADED]), "equal_missed": int((chosen[EQUAL] == np.inf).sum()),
+        "graded": span(chosen[GRADED]), "graded_missed": int((chosen[GRADED] == np.inf).sum()),
+        "adaptive": span(chosen[ADAPTIVE]), "adaptive_missed": int((chosen[ADAPTIVE] == np.inf).sum()),
+        "orders": span(usual.fitted), "expected": span(usual.expected), "usual": _USUAL,
+        "paper_orders": span(known.fitted[known.sequence == PAPER]),
+        "paper_expected": span(known.expected[known.sequence == PAPER]),
+        "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()), "tolerance": TOLERANCE,
+        "brackets": int(brackets.number.sum()), "guaranteed": int(brackets.guaranteed.sum()),
+        "bounded": int(brackets.bounded.sum()), "inside": int(brackets.inside.sum()),
+        "closest": brackets.gap[brackets.gap > _ROUNDING].min(), "sequences": SEQUENCES,
+    }  # fmt: skip
 
 
 def _known(form: Form) -> Form:
@@ -24,148 +188,69 @@ def _known(form: Form) -> Form:
     return lambda value: "" if value is None or value != value else form(value)
 
 
-_NINE: Final = _known(partial(significant, digits=9))
-_ORDER: Final = _known(lambda order: f"{round(order, 2) + 0.0:.2f}")
-
-
-def tables_of(overview: Overview) -> dict[str, DataFrame | Grid]:
-    """The tables by name."""
-    meshes = dict(iter(_with_models(overview).groupby("problem")))
-    single = {f"meshes-{slug(each)}": _meshes(overview, each, meshes[each.name]) for each in overview.problems}
-    costs, exact = costs_of(overview), [problem.name for problem in overview.exact]
-    return {
-        "costs": costs.assign(times=list(map(_times, costs.low, costs.high))), "brackets": brackets_of(overview),
-        "models": models_of(overview), "zones": DataFrame(_zones(overview)),
-        "references": DataFrame(_references(overview)), "failures": failures(overview),
-        "orders": overview.orders[~overview.orders.problem.isin(exact)], **single,
-    }  # fmt: skip
-
-
 def _cost(unknowns: float) -> str:
     return "not reached" if unknowns == float("inf") else f"{unknowns:.0f}"
 
 
-def _times(low: float, high: float) -> str:
-    """A number that is known as well as an `advantage` is."""
-    if low != low:
-        return ""
-    least = significant(low, 2)
-    return f"> {least}" if high != high else f"{least} to {significant(high, 2)}"
-
-
-_BOUNDS: Final = ("lower", "upper", "gap", "guaranteed", "bracketed")
-_ERRORS: Final = {FORCE: "its error", ENERGY: "energy error", TRACTIONS: "tractions' error"}
-_OWN: Final = {True: "these models", False: "elsewhere"}
-
-
-def _gap(gap: float) -> str:
-    return "closed" if gap < CLOSED else scientific(gap)
-
-
-def _change(change: float) -> str:
-    return "0" if abs(change) < CLOSED else scientific(change)
-
-
+_NINE: Final = _known(partial(significant, digits=10))
 FORMS: Final[dict[str, Form]] = {
-    "target": partial(scientific, digits=1), **dict.fromkeys(NAMES, _known(_cost)), "own": _OWN.__getitem__,
-    "gap": _gap, "change": _known(_change), "sequence": NAMES.__getitem__, "last": _ORDER, "fitted": _ORDER,
-    "expected": _known("{:.3g}".format), "unknowns": fixed(".0f"), "seconds": seconds,
-    **dict.fromkeys(("force", f"force {STRICT}", f"force {COMPANION}", "lower", "upper"), _NINE),
-    **dict.fromkeys((f"error of {name}" for name in _ERRORS), _known(str)),
+    "target": partial(scientific, digits=1), **dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), _known(_cost)),
+    **dict.fromkeys((f"degree {degree}" for degree in range(3, 13)), _known(_cost)),
+    **dict.fromkeys(("fitted", "expected"), _known("{:.2f}".format)), "degree": _known(fixed(".0f")),
+    **dict.fromkeys(("unknowns", "cells"), fixed(".0f")), "seconds": seconds, "error": _known(scientific),
+    **dict.fromkeys(("force", "lower", "upper", "value"), _NINE), "gap": scientific, "uncertainty": scientific,
 }  # fmt: skip
 """Column of a table → how its values read."""
 
 
-def _zones(overview: Overview) -> Iterator[dict[str, str]]:
-    """Where zones end, and how far off the finest equal cells are."""
-    for problem in overview.problems:
-        for kind in ends_among(overview.references[problem.name]):
-            place, points = overview.references[problem.name][kind], overview.curve(problem, kind, UNIFORM)
-            equal = overview.of(problem, UNIFORM)
-            missed = [cells for cells, ends in zip(equal.cells, equal.ends, strict=True) if end_of(ends, kind) is None]
-            cells, off = NOTHING, ""
-            if len(points):
-                last = points.iloc[-1]
-                cells = last.cells
-                off = scientific(last.error * place.unit) if last.meant else "within the uncertainty"
-                off = "gave the value" if place.sequence == UNIFORM else off
-            yield {
-                "problem": problem.name, "end": kind, "at x": significant(place.value, 4),
-                "uncertainty": scientific(place.uncertainty) if place.uncertainty else "exact",
-                "unit": problem.units[1], "finest equal cells": cells, "are off by": off,
-                "not shown on": ", ".join(missed) if len(points) else "all",
-            }  # fmt: skip
-
-
-def _references(overview: Overview) -> Iterator[dict[str, str]]:
-    """What errors are taken against."""
-    for problem in overview.problems:
-        for measure, known in overview.references[problem.name].items():
-            yield {
-                "problem": problem.name, "measure": measure,
-                "value": "a function" if measure == TRACTIONS else significant(known.value, 9),
-                "relative uncertainty": scientific(known.uncertainty / known.unit), "source": known.source,
-            }  # fmt: skip
-
-
-def _with_models(overview: Overview) -> DataFrame:
-    """Every mesh with stresses: its errors as texts, and what other models gave on the same mesh."""
-    solved, errors = overview.meshes[overview.meshes.solved], overview.errors
-    texts = [scientific(error) if meant else f"({scientific(error)})"
-             for error, meant in zip(errors.error, errors.meant, strict=True)]  # fmt: skip
-    told = errors.assign(text=texts).pivot(index="mesh", columns="measure", values="text").add_prefix("error of ")
-    usual = solved.model == np.where(solved.sequence == APART, BRACKET, EQUILIBRIUM)
-    meshes, place = solved[usual & solved.sequence.isin([*NAMES])].join(told), ["problem", "sequence", "size"]
-    for model in (STRICT, COMPANION, BRACKET):
-        same = solved[(solved.model == model) & solved.sequence.isin([UNIFORM, GRADED])]
-        meshes = meshes.join(same.set_index(place)[["force", *_BOUNDS]].add_suffix(f" {model}"), on=place)
-    for name in _BOUNDS:
-        meshes[name] = meshes[name].where(meshes.sequence == APART, meshes[f"{name} {BRACKET}"])
-    return meshes.assign(kind=[_kind(mesh) for mesh in meshes.itertuples()])
-
-
-def _meshes(overview: Overview, problem: Problem, meshes: DataFrame) -> Grid:
-    """Those of a problem, with the ends of its zones."""
-    stress, length = problem.units
-    ends = ends_among(overview.references[problem.name])
-    meshes = meshes.assign(**{end: [_end(each, end) for each in meshes.ends] for end in ends})
-    headings = {
-        "sequence": "meshes", "cells": "cells", "unknowns": "unknowns", "force": f"force [{stress} {length}]",
-        **{f"error of {name}": heading for name, heading in _ERRORS.items()},
-        **{end: f"{end} at [{length}]" for end in ends},
-        f"force {STRICT}": "force, law on whole edges", f"force {COMPANION}": "force by displacements",
-        "lower": "lower energy", "upper": "upper energy", "kind": "bounds", "seconds": "time",
+def tables_of(meshes: DataFrame) -> dict[str, DataFrame]:
+    """The tables by name."""
+    failed = meshes[~meshes.solved]
+    return {
+        "costs": costs_of(meshes), "orders": orders_of(meshes), "brackets": brackets_of(meshes),
+        "degrees": costs_of(meshes), "references": references_of(meshes), "failures": failed, "meshes": meshes,
     }  # fmt: skip
-    return grid_of(meshes.reindex(columns=list(headings)), headings, FORMS)
 
 
-def _kind(mesh: Any) -> str:
-    if mesh.bracketed != True:  # noqa: E712 - nothing where that model was not run on this mesh
-        return ""
-    return "one is missing" if mesh.gap != mesh.gap else "guaranteed" if mesh.guaranteed else "indicator"
+_LINES: Final[Sequence[tuple[str, Callable[[DataFrame], DataFrame]]]] = (
+    ("the paper's element, equal cells", lambda found: found[found.sequence == PAPER]),
+    ("degree 4, equal cells", lambda found: found[(found.sequence == EQUAL) & (found.degree == _USUAL)]),
+    ("degree 8, equal cells", lambda found: found[(found.sequence == EQUAL) & (found.degree == 8)]),
+    ("degree 4, graded", lambda found: found[(found.sequence == GRADED) & (found.degree == _USUAL)]),
+    ("degree 6, graded", lambda found: found[(found.sequence == GRADED) & (found.degree == 6)]),
+    ("adaptive", lambda found: found[found.sequence == ADAPTIVE]),
+)
+"""Curves of the figure."""
 
 
-def _end(ends: Any, kind: str) -> str:
-    end = end_of(ends, kind)
-    if end is None:
-        return ""
-    other = "" if end["extrapolated"] is None else f"; {significant(end['extrapolated'], 4)}"
-    return f"{significant(end['position'], 4)}{other}"
-
-
-def failures(overview: Overview) -> DataFrame:
-    """Meshes without a certified answer, and bounds that are missing."""
-    meshes = overview.meshes
-    open_ = meshes[meshes.solved & (meshes.model == BRACKET) & meshes.gap.isna()]
-    open_ = open_.assign(status="bound missing", message=open_.reasons.map(" ".join))
-    return concat([meshes[~meshes.solved], open_]).rename(columns={"sequence": "meshes"})
+def _picture(meshes: DataFrame) -> "Figure":
+    """Errors of the force against unknowns, a panel for each problem."""
+    shown = meshes[meshes.solved & (meshes.error > 0.0)]
+    groups = list(shown.groupby("problem", sort=False))
+    figure, panels = panelled(len(groups), 9.0, 2.6, 0.9)
+    for axes, (name, found) in zip(panels, groups, strict=True):
+        axes.set(xscale="log", yscale="log", xlabel="unknowns [-]", ylabel="relative error of the force [-]")
+        axes.minorticks_off()
+        grid(axes)
+        for (label, chosen), (colour, marker, line) in zip(_LINES, LOOKS, strict=False):
+            points = chosen(found)
+            if len(points):
+                axes.plot(points.unknowns, points.error, color=colour, marker=marker, linestyle=line, markersize=4,
+                          linewidth=1.1, label=label)  # fmt: skip
+        least = found.least.max()
+        bottom = min(found.error.min(), least) / 3.0
+        axes.axhspan(bottom, least, color=GREY, alpha=0.2, linewidth=0)
+        axes.set_ylim(bottom=bottom)
+        axes.set_title(PROBLEMS[str(name)].title, fontsize=9)
+    legend_below(figure, 3)
+    return figure
 
 
 def report(rows: Sequence[Row], quick: bool = False) -> Document:
     """The report; the same rows give the same report."""
-    overview = Overview(meshes_of(rows))
-    return render(
-        "comparisons.convergence.mesh", "convergence-mesh-quick" if quick else "convergence-mesh",
-        {"quick": quick, **values_of(overview)}, tables_of(overview), figures(overview), environment_grids(rows),
-        forms=FORMS,
-    )  # fmt: skip
+    meshes = meshes_of(rows)
+    name = "convergence-mesh-quick" if quick else "convergence-mesh"
+    figures = {"errors": drawn("errors", partial(_picture, meshes))}
+    values = {"quick": quick, **values_of(meshes)}
+    settings = environment_grids(rows)
+    return render("comparisons.convergence.mesh", name, values, tables_of(meshes), figures, settings, forms=FORMS)

@@ -97,7 +97,7 @@ def study(quick: bool) -> Study:
 
 def study_of(name: str, meshes: Meshes, loops: Sequence[str] = tuple(LOOPS)) -> Study:
     """The study on these problems, meshes and frictions, by these loops."""
-    return Study.of(name, 1, run, _cases(meshes, loops))
+    return Study.of(name, 2, run, _cases(meshes, loops))
 
 
 def _cases(meshes: Meshes, loops: Sequence[str]) -> Iterator[dict[str, Any]]:

@@ -129,7 +129,7 @@ def study(quick: bool) -> Study:
 
 def study_of(name: str, extent: Extent) -> Study:
     """The study of this extent."""
-    return Study.of(name, 2, run, _cases(extent))
+    return Study.of(name, 3, run, _cases(extent))
 
 
 def _cases(extent: Extent) -> Iterator[dict[str, Any]]:

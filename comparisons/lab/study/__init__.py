@@ -11,10 +11,9 @@ An interrupted study goes on where it stopped. Whatever happens to a case is a r
 
 from comparisons.lab.study.declaration import Case, Study
 from comparisons.lab.study.options import RunOptions, study_options
-from comparisons.lab.study.rows import Row, StoredStudy, frame_of, largest_of, read_csv, write_csv
+from comparisons.lab.study.rows import DONE, Row, StoredStudy, frame_of, largest_of, read_csv, read_study, write_csv
 from comparisons.lab.study.runner import StudyRun, run_study
-from comparisons.lab.study.store import read_study
-from comparisons.lab.worker.outcome import DONE, FAILURES, Outcome
+from qvi_contact.runs.processes import FAILURES, Outcome
 from solvers.basics.front import front
 
 __all__ = [
@@ -39,7 +38,8 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "rows": ("finite_json",),
-        "store": ("writing",),
+        "declaration": ("case_key", "differences", "plain"),
+        "rows": ("finite_json", "finished_keys", "writing"),
+        "runner": ("plain_result",),
     },
 )

@@ -1,6 +1,11 @@
-"""A study as data: what is varied, which cases that makes, and a key for each that stays the same for ever."""
+"""A study as data: what is varied, which cases that makes, and a key for each that stays the same for ever.
+
+Its values are *plain*: None, booleans, integers, floats, texts, and lists and named mappings of these. They mean the
+same in this process, in another one, on a cluster and in a file.
+"""
 
 import hashlib
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +15,6 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from comparisons.lab.machine import PACKAGES
-from comparisons.lab.worker.plain import canonical, plain
 from qvi_contact.errors import InputError
 
 Values = Mapping[str, Any]
@@ -23,6 +27,10 @@ OWN_NAMES: Final = frozenset({
 """Names of a row's own columns, which no factor can have."""
 
 _TASK: Final = re.compile(r"[\w.]+:\w+")
+_SHOWN: Final = 3
+"""Values of a factor that are told; more are counted."""
+
+_LONG: Final = 40
 
 
 @dataclass(frozen=True)
@@ -195,3 +203,92 @@ def _levels(name: str, values: tuple[Any, ...]) -> tuple[Any, ...]:
     if len(set(texts)) < len(texts):
         raise InputError(field, values, "give each value once")
     return found
+
+
+def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """What is different in the declaration of a store ("there") and the one of a command ("here"), in one line.
+
+    Both are of the form of `Study.declaration`. Factors come first, as they are what options change.
+    """
+    one, other = ({**dict(each["factors"]), "repeats of each": [each["repeats"]], "seed": [each["seed"]]}
+                  for each in (there, here))  # fmt: skip
+    found = [f"{name}: {told}" for name in {**one, **other} if (told := _told(one.get(name, []), other.get(name, [])))]
+    if not found and list(one) != list(other):
+        return "the factors in another order"
+    return "; ".join(found) or f"other combinations: {there['cases']} there, {here['cases']} here"
+
+
+def _told(there: Sequence[Any], here: Sequence[Any]) -> str:
+    """How the values of a factor differ; empty if they do not."""
+    one, other = (list(map(canonical, values)) for values in (there, here))
+    sides = ((one, other, "there"), (other, one, "here"))
+    only = [f"{_listed(lacking)} only {side}" for own, others, side in sides
+            if (lacking := [text for text in own if text not in others])]  # fmt: skip
+    return ", ".join(only) or ("" if one == other else "the same values in another order")
+
+
+def _listed(texts: Sequence[str]) -> str:
+    more = len(texts) - _SHOWN
+    shown = (text if len(text) <= _LONG else text[: _LONG - 1] + "…" for text in texts[:_SHOWN])
+    return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
+
+
+def plain(value: Any, name: str) -> Any:
+    """The same value in `dict`, `list` and Python's own scalars; `name` says where it stands.
+
+    Sequences become lists, NumPy's scalars Python's, members of enumerations their values.
+
+    Raises
+    ------
+    TypeError
+        If something in it is not plain; the message says what, and where.
+
+    """
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, str):
+        return _text(value, name)
+    if isinstance(value, int | float):
+        return int(value) if isinstance(value, int) else float(value)
+    if isinstance(value, list | tuple):
+        return [plain(item, f"{name}[{index}]") for index, item in enumerate(value)]
+    if isinstance(value, Mapping):
+        return {_key(key, name): plain(item, f"{name}.{key}") for key, item in value.items()}
+    return _scalar(value, name)
+
+
+def _text(value: str, name: str) -> str:
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise TypeError(f"{name} is a text with half a character") from None
+    return str.__str__(value)
+
+
+def _key(key: Any, name: str) -> str:
+    if not isinstance(key, str):
+        raise TypeError(f"{name} has a key of type {type(key).__name__}, not a text")
+    return _text(key, name)
+
+
+def _scalar(value: Any, name: str) -> Any:
+    """The value of a scalar of NumPy."""
+    if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):
+        item = value.item()
+        if type(item) is not type(value):
+            return plain(item, name)
+    raise TypeError(f"{name} is of type {type(value).__name__}, not a plain value")
+
+
+def canonical(value: Any, finite: bool = False) -> str:
+    """JSON of a plain value, the same for every order of the entries of mappings.
+
+    Numbers keep their kind (1, 1.0 and true are three texts) and all their digits.
+
+    Raises
+    ------
+    ValueError
+        If `finite` and there is an infinite number or NaN in it.
+
+    """
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=not finite)

@@ -11,8 +11,8 @@ from click.core import ParameterSource
 
 from comparisons.lab.options import COUNT, FiniteRange
 from comparisons.lab.study.declaration import Study
+from comparisons.lab.study.rows import finished_keys
 from comparisons.lab.study.runner import StudyRun, run_study
-from comparisons.lab.study.store import finished_keys
 from qvi_contact.basics.writing import writable_folder
 from qvi_contact.errors import InputError
 

@@ -1,21 +1,33 @@
-"""Rows of a study as they are read back: objects, a frame, CSV."""
+"""Rows of a study: in the file that keeps them, as objects, as a frame, as CSV.
+
+The store is an SQLite file, one transaction for each row, see `runs.database`.
+"""
 
 import csv
 import gzip
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.lab.worker.outcome import DONE
+from comparisons.lab.study.declaration import Case, Study, canonical, differences, same_study
 from qvi_contact.basics.writing import replacing
+from qvi_contact.errors import InputError
+from qvi_contact.runs.database import Database
+from qvi_contact.runs.processes import Outcome
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
+
+DONE: Final = "done"
+"""Status of a row with a result; all others are in `qvi_contact.runs.FAILURES`."""
 
 ENVIRONMENT: Final = ("threads", "timeout_seconds", "memory_mib", "machine", "versions")
 """Entries of a row's environment, in the order of their columns."""
@@ -29,10 +41,15 @@ _OWN: Final = frozenset({
 class Row:
     """What became of one case, as it is stored.
 
-    Position, key and case are those of `declaration.Case`; what is not listed is of `outcome.Outcome`.
+    Position, key and case are those of `declaration.Case`, status, reason, seconds and load_average those of
+    `qvi_contact.runs.Outcome`.
 
     Attributes
     ----------
+    result : Mapping
+        What the task returned, without its entry "certificate"; empty if it failed.
+    certificate : object
+        That entry, None if there was none.
     finished : str
         Date and time, UTC.
     environment : Mapping
@@ -125,7 +142,7 @@ def read_csv(path: str | Path) -> tuple[Row, ...]:
     content = Path(path).read_bytes()
     text = (gzip.decompress(content) if Path(path).suffix == ".gz" else content).decode()
     lines, value = csv.DictReader(io.StringIO(text, newline="")), cache(_value)
-    return tuple(_row({name: value(cell) for name, cell in line.items() if cell}) for line in lines)
+    return tuple(_unflat({name: value(cell) for name, cell in line.items() if cell}) for line in lines)
 
 
 def _cell(value: Any) -> str:
@@ -141,7 +158,7 @@ def _value(cell: str) -> Any:
         return cell
 
 
-def _row(flat: Mapping[str, Any]) -> Row:
+def _unflat(flat: Mapping[str, Any]) -> Row:
     """The row of which this is the `flat`."""
     parts: dict[str, Any] = {"result": {}, "certificate": {}, "environment": {}, "case": {}}
     for name, value in flat.items():
@@ -164,3 +181,148 @@ def finite_json(value: Any, null: bool = False) -> Any:
     if isinstance(value, Mapping):
         return {name: finite_json(item, null) for name, item in value.items()}
     return [finite_json(item, null) for item in value] if isinstance(value, list | tuple) else value
+
+
+_TABLES: Final = (
+    "CREATE TABLE study (declaration TEXT NOT NULL, began TEXT NOT NULL)",
+    "CREATE TABLE environments (number INTEGER PRIMARY KEY, content TEXT NOT NULL UNIQUE)",
+    """CREATE TABLE "rows" (
+        position INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, "case" TEXT NOT NULL, status TEXT NOT NULL,
+        reason TEXT NOT NULL, result TEXT NOT NULL, certificate TEXT NOT NULL, seconds REAL NOT NULL,
+        finished TEXT NOT NULL, load_average REAL, environment INTEGER NOT NULL REFERENCES environments
+    )""",
+)
+_DATABASE: Final = Database("the store of a study", 0x51564953, 1, _TABLES, '"rows"')  # "QVIS"
+
+_READ: Final = """
+    SELECT position, key, "case", status, reason, result, certificate, seconds, finished, load_average, content
+    FROM "rows" JOIN environments ON environment = number ORDER BY position
+"""
+_WRITE: Final = """
+    INSERT INTO "rows" SELECT ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, number FROM environments WHERE content = ?
+"""
+
+
+def read_study(path: str | Path) -> StoredStudy:
+    """Declaration and rows of a store, which may belong to a run that goes on.
+
+    Raises
+    ------
+    InputError
+        If there is no such store, or it is damaged or of another version.
+
+    """
+    with _DATABASE.opened(Path(path)) as connection:
+        declaration = _declaration(connection, Path(path))
+        try:
+            rows = tuple(_row(values) for values in connection.execute(_READ))
+        except ValueError as error:
+            raise _DATABASE.damaged(Path(path)) from error
+        return StoredStudy(declaration, rows)
+
+
+def finished_keys(path: Path, study: Study) -> set[str]:
+    """Keys of the rows that a store has of this study; none if there is no store.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is not a store of this study.
+
+    """
+    if not path.exists():
+        return set()
+    with _DATABASE.opened(path) as connection:
+        keys = _keys(connection)
+        if keys:  # without rows it is nobody's
+            _refuse_other(connection, path, study)
+        return keys
+
+
+class Store:
+    """A store that rows are appended to, see `writing`."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self.path = path
+        self._connection = connection
+
+    def keys(self) -> set[str]:
+        """Keys of the rows that are there."""
+        with _DATABASE.explained(self.path):
+            return _keys(self._connection)
+
+    def append(self, case: Case, outcome: Outcome, environment: Mapping[str, Any]) -> None:
+        """Write a row; when this returns, it is on disk.
+
+        The value of an outcome is the result, a mapping, in which the entry "certificate" is kept apart.
+
+        Raises
+        ------
+        InputError
+            If that fails, or the row was there; the store is as it was.
+
+        """
+        surroundings, result = canonical(environment), dict(outcome.value or {})
+        certificate = result.pop("certificate", None)
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        values = (
+            case.position, case.key, json.dumps(case.values), outcome.status, outcome.reason,
+            json.dumps(result), json.dumps(certificate), outcome.seconds, now, outcome.load_average, surroundings,
+        )  # fmt: skip
+        with _DATABASE.explained(self.path), self._connection:
+            self._connection.execute("INSERT OR IGNORE INTO environments (content) VALUES (?)", (surroundings,))
+            self._connection.execute(_WRITE, values)
+
+
+@contextmanager
+def writing(path: Path, study: Study) -> Iterator[Store]:
+    """Open a store for appending, made if it is missing, and keep all other runs away from it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, is in use, damaged, or not a store of this study.
+
+    """
+    with _DATABASE.writing(path, lambda empty: _declare(empty, study)) as connection:
+        _refuse_other(connection, path, study)
+        yield Store(path, connection)
+
+
+def _refuse_other(connection: sqlite3.Connection, path: Path, study: Study) -> None:
+    """Refuse the store of another study."""
+    found = _declaration(connection, path)
+    wanted = study.declaration()
+    if same_study(found, wanted):
+        return
+    names = [f"{each['name']} (version {each['version']})" for each in (found, wanted)]
+    same = names[0] == names[1]
+    other = f"{names[0]} with other settings ({differences(found, wanted)})" if same else names[0]
+    raise InputError("store", str(path), f"belongs to the study {other}: give another file")
+
+
+def _declaration(connection: sqlite3.Connection, path: Path) -> dict[str, Any]:
+    """What the store says of its study."""
+    try:
+        ((text,),) = connection.execute("SELECT declaration FROM study")
+        declaration: dict[str, Any] = json.loads(text)
+    except ValueError as error:
+        raise _DATABASE.damaged(path) from error
+    return declaration
+
+
+def _declare(connection: sqlite3.Connection, study: Study) -> None:
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    connection.execute("INSERT INTO study VALUES (?, ?)", (canonical(study.declaration()), now))
+
+
+def _keys(connection: sqlite3.Connection) -> set[str]:
+    return {key for (key,) in connection.execute('SELECT key FROM "rows"')}
+
+
+def _row(values: tuple[Any, ...]) -> Row:
+    position, key, case, status, reason, result, certificate, seconds, finished, load, environment = values
+    return Row(
+        position, key, json.loads(case), status, reason, json.loads(result), json.loads(certificate), seconds,
+        finished, load, json.loads(environment),
+    )  # fmt: skip

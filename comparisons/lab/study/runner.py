@@ -1,19 +1,22 @@
 """Running a study: what is missing in the store is done, and written row by row."""
 
-from collections import Counter
-from collections.abc import Generator, Sequence
+import pickle
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+from comparisons.lab.machine import machine, versions
 from comparisons.lab.progress import progress
-from comparisons.lab.study import cluster, pool
-from comparisons.lab.study.children import Terms
-from comparisons.lab.study.declaration import Case, Study
-from comparisons.lab.study.store import finished_keys, writing
-from comparisons.lab.worker.outcome import CRAMPED, REFUSED, Outcome
-from qvi_contact.basics.cluster import check
+from comparisons.lab.study.declaration import Study, canonical, plain
+from comparisons.lab.study.rows import finished_keys, writing
 from qvi_contact.errors import InputError
+from qvi_contact.runs.cluster import Workers
+from qvi_contact.runs.processes import Limits, NotLoadedError
 
 
 @dataclass
@@ -73,7 +76,7 @@ def run_study(
     workers : int
         Worker processes on this machine.
     dask : str, optional
-        Address of the scheduler of a Dask cluster to run on instead; see `cluster`.
+        Address of the scheduler of a Dask cluster to run on instead.
     timeout : float, optional
         Seconds a case may take, without the imports of the task's module.
     memory : int, optional
@@ -95,49 +98,69 @@ def run_study(
         cluster cannot be reached. Rows that were finished are in the store.
 
     """
-    _check(workers, timeout, memory, threads)
-    run = StudyRun(study, Path(store_path))
-    run.before = len(finished_keys(run.store, study))
-    if not run.complete:
-        if dask is not None:
-            check(dask)
-        terms = Terms(study.task_name, study.packages, threads, timeout, memory, study.fresh)
-        try:
-            _do(run, terms, workers, dask, progress)
-        except KeyboardInterrupt:
-            run.interrupted = True
-            run.before = len(finished_keys(run.store, study)) - run.statuses.total()  # a row may be in, and not counted
-    return run
-
-
-def _check(workers: int, timeout: float | None, memory: int | None, threads: int) -> None:
     for name, value in (("workers", workers), ("timeout", timeout), ("memory", memory), ("threads", threads)):
         if value is not None and not value > 0:
             raise InputError(name, value, "give a number above 0")
+    run = StudyRun(study, Path(store_path))
+    run.before = len(finished_keys(run.store, study))
+    if not run.complete:
+        shared = Workers(workers, dask)
+        try:
+            _do(run, shared, Limits(timeout, memory, threads, study.fresh), progress)
+        except KeyboardInterrupt:
+            run.interrupted = True
+            run.before = len(finished_keys(run.store, study)) - run.statuses.total()  # a row may be in, and not counted
+        except NotLoadedError as error:
+            if error.cramped:
+                remedy = f"is too little (MiB) to load {study.task_name}: give more, or no limit"
+                raise InputError("memory", memory, remedy) from error
+            raise InputError("Study.task", study.task_name, f"cannot be loaded: {error.reason}") from error
+    return run
 
 
-def _do(run: StudyRun, terms: Terms, workers: int, dask: str | None, shown: bool) -> None:
-    with writing(run.store, run.study) as store:
+def _do(run: StudyRun, workers: Workers, limits: Limits, shown: bool) -> None:
+    study, job = run.study, pickle.dumps(partial(opened, run.study.task_name, run.study.packages))
+    terms = {"threads": limits.threads, "timeout_seconds": limits.seconds, "memory_mib": limits.memory}
+    with writing(run.store, study) as store:
         finished = store.keys()
         run.before = len(finished)
-        pending = [case for case in run.study.cases if case.key not in finished]
+        pending = {case.position: case for case in study.cases if case.key not in finished}
         with (
-            progress(run.study.name, len(run.study.cases), run.before, shown=shown) as advance,
-            closing(_outcomes(terms, pending, workers, dask)) as outcomes,
+            progress(study.name, len(study.cases), run.before, shown=shown) as advance,
+            workers.ready(job, limits) as (_, outcomes),
+            closing(outcomes(deque((place, dict(case.values)) for place, case in pending.items()))) as found,
         ):
-            for case, outcome in outcomes:
-                _check_loaded(terms, outcome)
-                store.append(case, outcome)
+            for (place, _), outcome in found:
+                about = outcome.about or {"machine": None, "versions": {}}  # of a worker that a cluster has lost
+                store.append(pending[place], outcome, {**about, **terms})
                 run.statuses[outcome.status] += 1
                 advance()
 
 
-def _check_loaded(terms: Terms, outcome: Outcome) -> None:
-    if outcome.status == CRAMPED:
-        raise InputError("memory", terms.memory, f"is too little (MiB) to load {terms.task}: give more, or no limit")
-    if outcome.status == REFUSED:
-        raise InputError("Study.task", terms.task, outcome.reason)
+def opened(task: str, packages: tuple[str, ...]) -> tuple[dict[str, Any], Callable[[Any], dict[str, Any]]]:
+    """What a worker process of a study does: machine and versions, and the function that does a case."""
+    module, _, name = task.partition(":")
+    function = getattr(import_module(module), name)
+    if not callable(function):
+        raise TypeError(f"{name} is of type {type(function).__name__}, not a function")
+
+    def done(order: tuple[int, dict[str, Any]]) -> dict[str, Any]:
+        return plain_result(function(order[1]))
+
+    return {"machine": machine(), "versions": versions(packages)}, done
 
 
-def _outcomes(terms: Terms, cases: Sequence[Case], workers: int, dask: str | None) -> Generator[pool.Done]:
-    return pool.outcomes(terms, cases, workers) if dask is None else cluster.outcomes(terms, cases, dask)
+def plain_result(returned: object) -> dict[str, Any]:
+    """What a task returned, in plain values. Infinite numbers and NaN are plain: a residual may well be infinite.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no mapping of plain values.
+
+    """
+    if not isinstance(returned, Mapping):
+        raise TypeError(f"the task returned {type(returned).__name__}, not a mapping")
+    result: dict[str, Any] = plain(returned, "result")
+    canonical(result)
+    return result

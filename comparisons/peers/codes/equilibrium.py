@@ -10,10 +10,11 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from qvi_contact.discretization.families import ElementName
+
     from qvi_contact import ContactProblem
     from qvi_contact.bracket import Bracket
     from qvi_contact.bracket.slip import SlipBounds
-    from qvi_contact.discretization.families import ElementName
 
 TOLERANCE: Final = 1e-8
 """That the certificate must confirm."""

@@ -1,18 +1,17 @@
 """Chapter on published problems of several bodies: rings, a press fit, pins in holes, the corner of a block."""
 
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Final
 
 import numpy as np
 
 from comparisons.verification import balance
 from comparisons.verification.chapters import rollers
-from comparisons.verification.chapters.examples import file_problem
 from comparisons.verification.chapters.limits import oblique
 from comparisons.verification.chapters.rollers import persson
 from comparisons.verification.elements import QUINTIC, TRIANGLES, Chapter, Element
 from comparisons.verification.exhibits import MM, SI, Curve, Graph, shown
+from comparisons.verification.known import read_example
 from comparisons.verification.measures import angles, degrees, mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
 from comparisons.verification.row import Kind, Row, absolute, at_least, relative
@@ -238,16 +237,16 @@ _IN_BALANCE: Final[dict[str, Callable[[], ContactProblem]]] = {
     "sliding block": lambda: block_corner(0.3, 2),
     "cylinder on block": lambda: cylinder_on_block(0.01, 4, 2),
     "half discs": lambda: half_discs(0.01, 4, 2),
-    "wedge": partial(file_problem, "wedge"),
+    "wedge": lambda: read_example("wedge").problem,
     "oblique block": lambda: oblique(0.99),
-    "gravity dam": partial(file_problem, "gravity_dam"),
-    "column under its weight": partial(file_problem, "gravity_column"),
-    "dry-stone wall": partial(file_problem, "dry_stone_wall"),
-    "SSNV128": partial(file_problem, "ssnv128"),
-    "compressed plate": partial(file_problem, "compressed_plate"),
-    "lug": partial(file_problem, "lug"),
-    "masonry wall": partial(file_problem, "masonry_wall"),
-    "jointed slope": partial(file_problem, "jointed_slope"),
+    "gravity dam": lambda: read_example("gravity_dam").problem,
+    "column under its weight": lambda: read_example("gravity_column").problem,
+    "dry-stone wall": lambda: read_example("dry_stone_wall").problem,
+    "SSNV128": lambda: read_example("ssnv128").problem,
+    "compressed plate": lambda: read_example("compressed_plate").problem,
+    "lug": lambda: read_example("lug").problem,
+    "masonry wall": lambda: read_example("masonry_wall").problem,
+    "jointed slope": lambda: read_example("jointed_slope").problem,
 }
 """Name → a published benchmark, or a problem file with weight or a pin."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.tractions import places_along
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult
@@ -88,7 +88,7 @@ def _rounded(values: FloatArray) -> list[float | None]:
     return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
-def _segments(mesh: Mesh, edges: Edges, companion: "CompanionResult | None") -> dict[str, Any]:
+def _segments(mesh: TriangleMesh, edges: Edges, companion: "CompanionResult | None") -> dict[str, Any]:
     """Both ends of the two halves of edges, x and y of each, and their displacements in the first cell beside."""
     points = np.stack(mesh.points_along(edges, np.array([0.0, 0.5, 1.0])), axis=-1)
     moved = None

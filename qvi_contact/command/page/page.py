@@ -28,6 +28,7 @@ from qvi_contact.command.refine_line import headings, rows, trust
 from qvi_contact.command.report import STATES, plate_headings
 from qvi_contact.command.second_model import SecondModel
 from qvi_contact.command.series import Series
+from qvi_contact.discretization.space import FAMILY
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.plots.figures import problem_figure, result_figure
 from qvi_contact.plots.inline import inline_svg, svg_text
@@ -179,7 +180,7 @@ def _settings(result: ContactResult) -> list[tuple[str, str]]:
     """How the answer was computed, and by what."""
     solution, space, qvi = result.solution, result.discretization.space, result.discretization.qvi
     used = {
-        "element": f"{space.family}, degree {space.degree}",
+        "element": f"{FAMILY}, degree {space.degree}",
         "mesh": repr(result.problem.mesh)[1:-1],
         "unknowns": f"{qvi.n}, and {qvi.m} contact points",
         "method": " ".join(filter(None, [solution.method, solution.inner])),

@@ -12,11 +12,11 @@ from qvi_contact import (
     Displacement,
     Material,
     QVIError,
-    RectilinearMesh,
     Region,
     RigidPlate,
     Symmetry,
     Traction,
+    TriangleMesh,
     solve,
 )
 from qvi_contact.bracket import Bracket, BracketKind, bracket
@@ -39,7 +39,7 @@ def square(*conditions, cells=(4, 4), material=SOFT, potential=0.0):
     """A unit square; sides without a condition are free."""
     ruled = {condition.edges for condition in conditions}
     rest = [side for side in SIDES if side not in ruled]
-    return ContactProblem(RectilinearMesh.rectangle(cells), material, [*conditions, *free(*rest)], potential)
+    return ContactProblem(TriangleMesh.rectangle(cells), material, [*conditions, *free(*rest)], potential)
 
 
 def pressed(bound, cells=(4, 4)):
@@ -147,7 +147,7 @@ class TestForces:
     @pytest.mark.parametrize("axis", ["horizontal", "vertical"])
     def test_joint(self, axis):
         ends = ("bottom", "top") if axis == "horizontal" else ("left", "right")
-        mesh = RectilinearMesh.rectangle((2, 2)).with_joint("joint", axis, 0.5)
+        mesh = TriangleMesh.rectangle((2, 2)).with_joint("joint", axis, 0.5)
         outer = [Displacement(end, 0.0, 0.0) for end in ends]
         outer += free(*(side for side in SIDES if side not in ends))
         for joint, kind in (
@@ -237,10 +237,10 @@ def generated(seed):
     x, y = (np.append(0.0, np.cumsum(rng.uniform(0.2, 1.0, rng.integers(2, 4)))) for _ in range(2))
     active = np.ones((len(y) - 1, len(x) - 1), dtype=bool)
     active[1:, 1:] = rng.random() < 0.6
-    mesh = RectilinearMesh(x, y, active)
+    mesh = TriangleMesh.grid(x, y, active)
     joints = ["joint"] if rng.random() < 0.5 else []
     if joints:
-        mesh = mesh.with_joint("joint", "horizontal", y[1])
+        mesh = mesh.with_joint("joint", lambda _, at: np.isclose(at, y[1]))
 
     def contact(edges):
         gap, offset = rng.choice([0.0, -1.0, 0.5], 2) * U
@@ -292,7 +292,7 @@ def test_meshes_and_degrees_agree():
 
 def test_shear_that_cannot_be():
     """Between free sides and below a frictionless plate, σ_T on the joint is a quadratic without ends or mean."""
-    mesh = RectilinearMesh([0.0, 1.0], [0.0, 1.0, 2.0]).with_joint("joint", "horizontal", 1.0)
+    mesh = TriangleMesh.grid([0.0, 1.0], [0.0, 1.0, 2.0]).with_joint("joint", lambda _, y: np.isclose(y, 1.0))
     plate = Contact.frictionless("top", gap=lambda x, y: 4.0 * U * x - U + 0.0 * y)
     conditions = [Displacement("bottom", 0.0, 0.0), *free("left", "right"), plate, Contact.tresca("joint", 0.05)]
     found = solve(ContactProblem(mesh, SOFT, conditions)).bracket

@@ -98,7 +98,7 @@ def test_bounds_solve_their_quadratics():
 
 def clamped_plate(friction):
     """The plate with its bottom clamped and its left side free."""
-    problem = compressed_plate(friction).triangulated()
+    problem = compressed_plate(friction)
     free = [Traction("left", x=0.0, y=0.0), Displacement("bottom", x=0.0, y=0.0), *problem.conditions[2:]]
     return replace(problem, conditions=free)
 
@@ -109,7 +109,7 @@ class TestNorms:
     def test_the_plate(self):
         """The constant of a square under symmetry, from β ≥ sin(π/8): T1 to T3 hold for μ < 0.533."""
         assert rectangle_constant(0.3, np.sin(np.pi / 8.0), 1.0, 2.0 / np.pi) == pytest.approx(3.75079, rel=1e-5)
-        found = friction_norm(compressed_plate(0.2).triangulated(), PLATE)
+        found = friction_norm(compressed_plate(0.2), PLATE)
         assert found.proved
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
 
@@ -123,7 +123,7 @@ class TestNorms:
         ],
     )
     def test_finite_elements_stay_below(self, problem, name):
-        problem = problem.triangulated()
+        problem = problem
         for sense in (1, -1):
             proved = rectangle_norm(problem, {name: sense})
             assert 0.0 < computed_norm(problem, {name: sense}) < proved
@@ -156,7 +156,7 @@ def quotient(problem, degree):
 @cache
 def chain(friction, degree=4, rounds=5):
     """Results of the plate on meshes bisected where the bound says so."""
-    problem, found = compressed_plate(friction, (1, 1)).triangulated(), []
+    problem, found = compressed_plate(friction, (1, 1)), []
     for _ in range(rounds):
         found.append(solve(problem, degree=degree, tolerance=1e-10))
         problem = replace(problem, mesh=problem.mesh.refined(bulk(found[-1].bracket.slip.cells)))
@@ -292,13 +292,13 @@ class TestScope:
         assert found.gap > 0.0
 
     def test_too_much_friction_bounds_nothing(self):
-        result = solve(compressed_plate(1.5, (2, 2)).triangulated())
+        result = solve(compressed_plate(1.5, (2, 2)))
         found = result.bracket.slip
         assert found.error == np.inf
         assert found.norm.value > 2.0
 
     def test_where_the_proved_norm_is_too_large_the_bound_is_an_estimate(self):
-        found = solve(compressed_plate(0.6, (2, 2)).triangulated()).bracket.slip
+        found = solve(compressed_plate(0.6, (2, 2))).bracket.slip
         assert found.kind == "estimated"
         assert 0.8 < found.norm.value < 0.9
         assert found.error < np.inf
@@ -333,7 +333,7 @@ class TestForces:
 
     def test_loads_balance(self):
         """Where equilibrium alone gives the normal force the bounds meet in it, with cohesion too."""
-        problem = ssnv128((2, 2), friction=0.3).triangulated()
+        problem = ssnv128((2, 2), friction=0.3)
         for posed, force in ((problem, 2.0e6), (with_law(problem, cohesion=1e6), 2.0e6)):
             found = solve(posed, degree=4).bracket.slip
             bounds = found.forces["base.normal_force"]
@@ -363,7 +363,7 @@ class TestOtherBodies:
     @pytest.mark.parametrize(("friction", "kind"), [(0.3, "guaranteed"), (1.0, "estimated")])
     def test_ssnv128(self, friction, kind):
         """Balance gives the normal force; with μ = 1 the plate opens, slips and sticks."""
-        found = solve(ssnv128((4, 4), friction=friction).triangulated(), degree=4).bracket.slip
+        found = solve(ssnv128((4, 4), friction=friction), degree=4).bracket.slip
         assert found.kind == kind
         assert found.relative_error < 0.05
         force = found.forces["base.normal_force"]

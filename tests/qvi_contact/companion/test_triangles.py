@@ -76,7 +76,7 @@ def test_orders(degree):
 
 def test_turned_as_a_whole():
     """Fields turn with the body, forces on the plate stay."""
-    problem = compressed_plate(0.2, (3, 3)).triangulated()
+    problem = compressed_plate(0.2, (3, 3))
     straight = companion_of(problem, degree=3)
     slanted = companion_of(replace(problem, mesh=oblique(problem.mesh)), degree=3)
     points = np.column_stack(inside(problem.mesh))
@@ -168,7 +168,7 @@ def test_supports_in_three_directions_at_one_corner():
 
 def test_a_plate_driven_by_force_on_a_slanted_side():
     """It moves as far as it must be pushed for that force."""
-    problem = compressed_plate(0.4, (2, 2)).triangulated()
+    problem = compressed_plate(0.4, (2, 2))
     tilted_plate = replace(problem, mesh=oblique(problem.mesh))
     pushed = companion_of(tilted_plate, degree=3)
     line = pushed.contacts["plate"]
@@ -188,7 +188,7 @@ def test_a_plate_driven_by_force_on_a_slanted_side():
 
 def test_full_slip_with_a_given_bound():
     problem, state = sliding_block((3, 2))
-    problem = problem.triangulated()
+    problem = problem
     for columns in (1, 5):  # a constant, as a polynomial of any degree
         companion = companion_of(problem, bounds={"base": np.full((3, columns), 30.0)}, degree=2)
         assert companion.reasons == ()

@@ -1,0 +1,168 @@
+"""A `FrictionQVI`, and its solution if there is one, as one NumPy archive (.npz).
+
+    format, version                  "qvi_contact.FrictionQVI", 1
+    f, N, n0, …, bilateral           fields of `FrictionQVI`; matrix X by columns: X_data, X_indices, X_indptr, X_shape
+    traces_rows, …_interpolation     `Traces`, if there are any
+    solution_z, …                    vectors of `QVISolution`; solution_record: its words and numbers as JSON
+
+Everything of (D2) is kept to the last bit. Lost are what only code can express: `root` and `load` (an energy evaluated
+without the rounding inside K: on fine meshes the certificate of a problem read back is that of K alone, and looser),
+`structure` and `places` (only the speed of factorisations), and of a solution its history. Nothing is pickled: reading
+a file never runs code. A solution that is read is certified again, on the problem as read, and is no longer "solved"
+if that fails.
+"""
+
+import json
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from comparisons.exchange.files import unreadable
+from solvers.basics.archives import open_regular, read_arrays
+from solvers.basics.files import replacing
+from solvers.basics.status import Status
+from solvers.basics.types import Sparse
+from solvers.certificate.certificate import certify
+from solvers.errors import InputError
+from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.traces import Traces
+from solvers.solution.solution import QVISolution
+
+FORMAT = "qvi_contact.FrictionQVI"
+VERSION = 1
+
+_KIND = "an .npz file written by save_qvi"
+_MATRICES = ("K", "N", "T", "A")
+_VECTORS = ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral")
+_SOLUTION = ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold")
+_WORDS = ("method", "inner", "message", "form", "factorisation")
+_ZIP = (zipfile.BadZipFile, zlib.error, EOFError)
+_BROKEN = (OSError, ValueError, KeyError, TypeError, RuntimeError, MemoryError, *_ZIP)
+
+Arrays = dict[str, Any]
+
+
+def save_qvi(path: str | Path, qvi: FrictionQVI, solution: QVISolution | None = None) -> None:
+    """Write a problem, and a solution of it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or the solution is one of another problem.
+
+    """
+    if not isinstance(qvi, FrictionQVI):
+        raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
+    arrays: Arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
+    for name in _MATRICES:
+        arrays |= _by_columns(name, getattr(qvi, name))
+    arrays |= {name: getattr(qvi, name) for name in _VECTORS}
+    if qvi.traces is not None:
+        arrays |= _by_columns("traces_rows", qvi.traces.rows)
+        arrays |= _by_columns("traces_interpolation", qvi.traces.interpolation)
+    if solution is not None:
+        arrays |= _solution_arrays(qvi, solution)
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+
+
+def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
+    """Read what `save_qvi` wrote: the problem, and its solution or None.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is of another format or version, or its data are no valid problem.
+
+    """
+    arrays = _arrays(path)
+    _check_format(path, arrays)
+    try:
+        fields = {name: _matrix(arrays, name) for name in _MATRICES} | {name: arrays[name] for name in _VECTORS}
+        if "traces_rows_data" in arrays:
+            fields["traces"] = Traces(_matrix(arrays, "traces_rows"), _matrix(arrays, "traces_interpolation"))
+        qvi = FrictionQVI(**fields)
+        return qvi, _read_solution(qvi, arrays) if "solution_record" in arrays else None
+    except InputError:
+        raise
+    except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
+        raise unreadable(path, error, _KIND) from error
+
+
+def _arrays(path: str | Path) -> Arrays:
+    """All arrays of the file, each read to its end so that nothing truncated goes unnoticed."""
+    try:
+        with open_regular(path) as stream:
+            return read_arrays("file", str(path), stream)
+    except InputError:
+        raise
+    except (*_BROKEN, AttributeError) as error:  # AttributeError: a single array, which is no archive
+        raise unreadable(path, error, _KIND) from error
+
+
+def _check_format(path: str | Path, arrays: Arrays) -> None:
+    found = str(arrays["format"]) if "format" in arrays else "no format"
+    if found != FORMAT:
+        raise InputError("file", f"{found} in {Path(path).name}", f"give {_KIND}")
+    version = arrays.get("version", np.array(0))
+    if version.shape != () or version.dtype.kind != "i" or int(version) != VERSION:
+        found, remedy = f"version {version} of {Path(path).name}", f"give version {VERSION}, or take a newer program"
+        raise InputError("file", found, remedy)
+
+
+def _by_columns(name: str, matrix: Sparse) -> Arrays:
+    parts = {"data": matrix.data, "indices": matrix.indices, "indptr": matrix.indptr, "shape": np.array(matrix.shape)}
+    return {f"{name}_{part}": value for part, value in parts.items()}
+
+
+def _matrix(arrays: Arrays, name: str) -> Sparse:
+    data, indices, indptr, shape = (arrays[f"{name}_{part}"] for part in ("data", "indices", "indptr", "shape"))
+    try:
+        m, n = (int(size) for size in shape)
+        matrix: Sparse = csc_array((data, indices, indptr), (m, n))
+        matrix.check_format(full_check=True)
+    except (ValueError, IndexError) as error:
+        raise InputError(name, str(error), "give data, indices, indptr and shape that belong together") from error
+    return matrix
+
+
+def _solution_arrays(qvi: FrictionQVI, solution: QVISolution) -> Arrays:
+    arrays: Arrays = {f"solution_{name}": getattr(solution, name) for name in _SOLUTION}
+    if solution.problem is not qvi and not _same(solution.problem, qvi):
+        raise InputError("solution", "of another problem", "give the solution of this one")
+    if solution.farkas is not None:
+        arrays |= {"solution_farkas_G": solution.farkas[0], "solution_farkas_A": solution.farkas[1]}
+    record = {name: getattr(solution, name) for name in _WORDS} | {
+        "status": solution.status.value, "tolerance": solution.certificate.tolerance,
+        "iterations": solution.iterations, "timings": dict(solution.timings), "versions": dict(solution.versions),
+        "corrections": list(solution.corrections),
+    }  # fmt: skip
+    return arrays | {"solution_record": np.array(json.dumps(record, sort_keys=True))}
+
+
+def _same(one: FrictionQVI, other: FrictionQVI) -> bool:
+    """Whether two problems have the same data."""
+    if any(getattr(one, name).shape != getattr(other, name).shape for name in (*_MATRICES, *_VECTORS)):
+        return False
+    vectors = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in _VECTORS)
+    return vectors and all((getattr(one, name) != getattr(other, name)).nnz == 0 for name in _MATRICES)
+
+
+def _read_solution(qvi: FrictionQVI, arrays: Arrays) -> QVISolution:
+    """The solution, its certificate computed anew."""
+    record = json.loads(str(arrays["solution_record"]))
+    z, m_N, m_T, nu, threshold = (arrays[f"solution_{name}"] for name in _SOLUTION)
+    certificate = certify(qvi, z, m_N, m_T, nu, record["tolerance"])
+    status, message = Status(record["status"]), str(record["message"])
+    if status is Status.SOLVED and not certificate.passed:
+        status, message = Status.INACCURATE, f"as read from the file: {certificate.summary()}."
+    farkas = (arrays["solution_farkas_G"], arrays["solution_farkas_A"]) if "solution_farkas_G" in arrays else None
+    return QVISolution(
+        qvi, status, z, m_N, m_T, nu, threshold, certificate, (), int(record["iterations"]), dict(record["timings"]),
+        str(record["method"]), str(record["inner"]), message, dict(record["versions"]), farkas, str(record["form"]),
+        str(record["factorisation"]), tuple(record["corrections"]),
+    )  # fmt: skip

@@ -1,0 +1,358 @@
+r"""The friction problem at the contacts alone, as rigid-body and contact codes pose it, from a `FrictionQVI` and back.
+
+FCLIB's local problem in the plane, order (N, T) for each of c contacts: find r, u (2c,) and λ (p,) with
+
+    u = W r + V λ + q,    Vᵀ r + R λ + s = 0,                                                          (L)
+    r_N ≥ 0,  u_N ≥ 0,  r_N u_N = 0;    |r_T| ≤ μ r_N,  u_T = −|u_T| r_T / |r_T| where |r_T| = μ r_N,  else u_T = 0.
+
+r are forces on the body (r_N > 0 compression), u relative displacements (u_N > 0 an open gap). Without equations,
+p = 0, it is the plain problem (W, q, μ). Source: FCLIB, src/fclib.h; Acary, Brémond, Koziara and Pérignon, FCLIB: a
+collection of discrete 3D frictional contact problems, INRIA RT-444, 2014.
+
+**From (D2).** With the tractions σ = (σ_N, σ_T) at the points, those of the bonded body σ_b, weights w, and
+C = [N; T] K⁻¹ [N; T]ᵀ (K⁻¹ on A z = b), a *stiffness*, (D2) reads σ = σ_b − C m: tractions by displacements m = w λ.
+FCLIB wants the inverse, a compliance W, with
+
+    r = D σ,  u = −D⁻¹ m,     D = −w in rows N, +w in rows T:    r_N = −w σ_N,  r_T = w σ_T,  u_N = λ_N,  u_T = −λ_T.
+
+The points' rows depend on each other (four on an edge where the traction has two or three parameters), so that C is
+singular: tractions can only be σ_b + range C, and displacements are unique only up to its null space. Let Z be an
+orthonormal basis of the null space of C_w = √w C √w and C_w⁺ its pseudo-inverse. Then (D2) is exactly (L) with
+
+    W = D⁻¹ √w C_w⁺ √w D⁻¹,   q = −D⁻¹ √w C_w⁺ √w σ_b,   V = D⁻¹ √w Z,   R = 0,   s = −Zᵀ √w σ_b.
+
+W is positive definite where Vᵀ r = 0, and ½ rᵀ W r + qᵀ r + ½ qᵀ W⁺ q is the energy above that of the bonded body.
+Independent rows (Z empty) give the plain problem. No plain problem has the same solutions where rows are dependent:
+u = W r + q with a finite W puts no restriction on r. `LocalProblem.penalised` comes as close as one likes.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from comparisons.exchange.files import finite
+from solvers.basics.types import Matrix, Vector
+from solvers.certificate.certificate import Certificate, certify
+from solvers.errors import InputError
+from solvers.fixed_point.forms import CondensedForm, Simplified
+from solvers.inequality.problem import FrictionQVI
+from solvers.solution.solution import QVISolution
+from solvers.solve import solve_qvi
+
+LARGEST = 6000
+"""Rows 2c up to which problems are taken: their matrices are treated as dense."""
+
+_ASYMMETRY = 1e-8  # accepted |W − Wᵀ| relative to |W|
+_NEGATIVE = 1e-8  # eigenvalues below minus this share of the largest make W indefinite
+_SINGULAR = 1e-12  # eigenvalues below this share of the largest are zero
+_ROOTED = 20_000  # unknowns up to which a condensation pays for factorising R instead of K
+_INCONSISTENT = 1e-8  # relative part of s that no r and λ can balance
+_REGULARISATION = 1e-6  # compliance added, as a share of the diagonal of W, where W is singular
+_PROXIMAL_STEPS = 20
+_SETTLED = 1e-13  # what is left of the added compliance's displacement, relative to q, that is not worth another step
+
+
+class ContactState(NamedTuple):
+    """Displacements u (2c,), forces r (2c,) and multipliers λ (p,) of the equations."""
+
+    u: Vector
+    r: Vector
+    lam: Vector
+
+
+class _Reduced(NamedTuple):
+    """(L) with the invertible part of R eliminated, and equations with orthonormal rows: Uᵀ (r / d) = target."""
+
+    W: Matrix
+    q: Vector
+    U: Matrix
+    target: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class LocalProblem:
+    """Problem (L) in the plane.
+
+    Attributes
+    ----------
+    W : (2c, 2c) compliance, symmetric positive semi-definite
+    q : (2c,) displacements at r = 0
+    mu : (c,) ≥ 0
+    V, R, s : (2c, p), (p, p) symmetric positive semi-definite, and (p,); p = 0 when not given
+    weights : (c,) > 0, lengths that make forces tractions; 1 when not given
+
+    Accepted is every such problem of up to `LARGEST` rows. Where W is singular on Vᵀ r = 0 (more forces than
+    displacements, as in hyperstatic stacks), forces are not unique; then `qvi` adds a small compliance, which
+    `solve_local` takes away again in proximal steps. Anything else raises `InputError`.
+
+    """
+
+    W: Matrix
+    q: Vector
+    mu: Vector
+    V: Matrix = None  # type: ignore[assignment]  # None is replaced on construction
+    R: Matrix = None  # type: ignore[assignment]
+    s: Vector = None  # type: ignore[assignment]
+    weights: Vector = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        size = np.size(self.q)
+        if (self.V is None) != (self.s is None) or (self.V is None) != (self.R is None):
+            raise InputError("V", "V, R and s are not all there", "give all three, or none")
+        none, ones = np.zeros(0), np.ones(np.size(self.mu))
+        empty = {"V": none.reshape(size, 0), "R": none.reshape(0, 0), "s": none, "weights": ones}
+        for name in ("W", "q", "mu", "V", "R", "s", "weights"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, finite(name, np.asarray(empty[name] if value is None else value)))
+        self._check_shapes(size)
+        if (self.mu < 0).any():
+            raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
+        if not (self.weights > 0).all():
+            raise InputError("weights", float(self.weights.min()), "give lengths > 0")
+        for name in ("W", "R"):
+            _check_definite(name, getattr(self, name))
+
+    def _check_shapes(self, size: int) -> None:
+        if size % 2 or not 0 < size <= LARGEST:
+            raise InputError("q", f"{size} entries", f"give two for each contact, at most {LARGEST} in all")
+        c, p = size // 2, np.size(self.s)
+        expected: dict[str, tuple[int, ...]] = {
+            "W": (size, size), "q": (size,), "mu": (c,), "V": (size, p), "R": (p, p), "s": (p,), "weights": (c,),
+        }  # fmt: skip
+        for name, shape in expected.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                raise InputError(name, f"shape {found}", f"give shape {shape}, as q and s say")
+
+    @property
+    def contacts(self) -> int:
+        """Number of contacts c."""
+        return len(self.mu)
+
+    def displacements(self, r: Vector, lam: Vector) -> Vector:
+        """W r + V λ + q (2c,)."""
+        return np.asarray(self.W @ r + self.V @ lam + self.q)
+
+    def energy(self, r: Vector) -> float:
+        """½ rᵀ W r + qᵀ r; with R of full rank that of λ is not in it."""
+        return float(0.5 * r @ (self.W @ r) + self.q @ r)
+
+    def tractions(self, r: Vector) -> tuple[Vector, Vector]:
+        """(σ_N, σ_T) = (−r_N, r_T) / weights, (c,) each."""
+        return -r[0::2] / self.weights, r[1::2] / self.weights
+
+    @cached_property
+    def regularisation(self) -> float:
+        """Share ε of its diagonal that `qvi` adds to W; 0 where W is positive definite on Vᵀ r = 0."""
+        least = np.linalg.eigvalsh(self._stiffened)[0]
+        return 0.0 if least > _SINGULAR else _REGULARISATION
+
+    def qvi(self, centre: Vector | None = None) -> FrictionQVI:
+        """(L) as `FrictionQVI`, dimensionless: z = r / (ρ d), tractions at c points by the weights.
+
+            K = d W d/ω + ε + U Uᵀ,  f = ε z₀ − d q/(ω ρ) + U t,  A = Uᵀ,  b = t
+
+        with ω and ρ the units of compliance and force, d = √(ω / W_ii), and A z = b the equations with orthonormal
+        rows. U Uᵀ changes nothing where they hold, and makes K positive definite. ε is the `regularisation`: where it
+        is not 0, u has an additional part ε W_ii (r − r₀), with r₀ the `centre`, 0 when not given.
+        """
+        _, q, U, target = self._reduced
+        omega, rho, d, epsilon = self._compliance, self.force_unit, self._scale, self.regularisation
+        c, t = self.contacts, target / rho
+        N, T = np.zeros((c, 2 * c)), np.zeros((c, 2 * c))
+        places = np.arange(c)
+        N[places, 2 * places], T[places, 2 * places + 1] = -d[0::2] / self.weights, d[1::2] / self.weights
+        K = self._stiffened + epsilon * np.eye(2 * c)
+        z0 = np.zeros(2 * c) if centre is None else centre / (rho * d)
+        return FrictionQVI(
+            K=csc_array((K + K.T) / 2.0), f=U @ t + epsilon * z0 - d * q / (omega * rho),
+            N=csc_array(N), n0=np.zeros(c), T=csc_array(T), t0=np.zeros(c),
+            mu=self.mu, W=self.weights, A=csc_array(U.T), b=t,
+        )  # fmt: skip
+
+    @cached_property
+    def force_unit(self) -> float:
+        """ρ: what a displacement of the size of q costs, or what the equations prescribe."""
+        reduced = self._reduced
+        sizes = (np.abs(self._scale * reduced.q).max() / self._compliance, np.abs(reduced.target).max(initial=0.0))
+        return float(max(sizes)) or 1.0
+
+    def state(self, solution: QVISolution) -> ContactState:
+        """r, λ, and u = W r + V λ + q computed from them, of a solution of `qvi` (NaN where it has none)."""
+        r = self.force_unit * self._scale * solution.z
+        return self._state(r, self._compliance * self.force_unit * solution.equality_multiplier)
+
+    def certify(self, state: ContactState, tolerance: float = 1e-8) -> Certificate:
+        """The certificate of a state (see `solvers.certificate`), on `qvi` about it: from r, λ and u as given.
+
+        Where W is singular displacements are measured by the compliance that `qvi` adds: it is stricter than needed.
+        """
+        scale = self._compliance * self.force_unit
+        m_N, m_T = self.weights * state.u[0::2] / scale, -self.weights * state.u[1::2] / scale
+        W, q, U, _ = self._reduced
+        held = U.T @ (self._scale * (self.displacements(state.r, state.lam) - W @ state.r - q))
+        return certify(self.qvi(state.r), state.r / (self.force_unit * self._scale), m_N, m_T, held / scale, tolerance)
+
+    def dimensionless(self, state: ContactState) -> "tuple[LocalProblem, ContactState]":
+        """Problem and state in the units ω of W and ρ of forces: what measures that mix u and r should be given."""
+        omega, rho = self._compliance, self.force_unit
+        u, r, lam = state
+        q, s = self.q / (omega * rho), self.s / rho
+        problem = LocalProblem(self.W / omega, q, self.mu, self.V, self.R * omega, s, self.weights)
+        return problem, ContactState(u / (omega * rho), r / rho, lam / (omega * rho))
+
+    def penalised(self, factor: float = 1e8) -> "LocalProblem":
+        """A plain problem whose solutions tend to those of this one like 1 / factor.
+
+        Equations Uᵀ (r / d) = t become springs of compliance factor × ω (ω, d of `qvi`). For programs that read W, q
+        and μ only; the condition number of W grows with the factor.
+        """
+        W, q, U, target = self._reduced
+        pulled = U / self._scale[:, None]
+        stiff = factor * self._compliance
+        return LocalProblem(W + stiff * pulled @ pulled.T, q - stiff * pulled @ target, self.mu, weights=self.weights)
+
+    @property
+    def _compliance(self) -> float:
+        """ω."""
+        return float(self.W.diagonal().max(initial=0.0)) or 1.0
+
+    @property
+    def _scale(self) -> Vector:
+        """The d (2c,) with which the diagonal of d W d is ω; 1 where W is zero."""
+        diagonal = self.W.diagonal()
+        return np.sqrt(self._compliance / np.where(diagonal > 0.0, diagonal, self._compliance))
+
+    @cached_property
+    def _stiffened(self) -> Matrix:
+        """The matrix d W d / ω + U Uᵀ of `qvi`."""
+        W, _, U, _ = self._reduced
+        return np.asarray(W * self._scale * self._scale[:, None] / self._compliance + U @ U.T)
+
+    def _state(self, r: Vector, held: Vector) -> ContactState:
+        """The state whose equations push with U held."""
+        values, vectors = np.linalg.eigh(self.R)
+        large = values > _SINGULAR * values.max(initial=0.0)
+        soft, rigid = vectors[:, large], vectors[:, ~large]
+        lam = -soft @ ((soft.T @ (self.V.T @ r + self.s)) / values[large])
+        pushed = self._reduced.U @ held  # d V λ
+        lam = lam + rigid @ np.linalg.lstsq(self._scale[:, None] * (self.V @ rigid), pushed, rcond=None)[0]
+        return ContactState(self.displacements(r, lam), r, lam)
+
+    @cached_property
+    def _reduced(self) -> _Reduced:
+        """λ eliminated where R is invertible; the other equations by a singular value decomposition."""
+        values, vectors = np.linalg.eigh(self.R)
+        large = values > _SINGULAR * values.max(initial=0.0)
+        V, s = self.V @ vectors, vectors.T @ self.s
+        soft = V[:, large] / values[large]
+        W, q = self.W - soft @ V[:, large].T, self.q - soft @ s[large]
+        _check_definite("W − V R⁻¹ Vᵀ", W)
+        U, sizes, Y = np.linalg.svd(self._scale[:, None] * V[:, ~large], full_matrices=False)
+        kept = sizes > _SINGULAR * sizes.max(initial=0.0)
+        wanted = -Y @ s[~large]
+        target = wanted[kept] / sizes[kept]
+        missed = float(np.linalg.norm(Y[kept].T @ wanted[kept] + s[~large]))
+        if missed > _INCONSISTENT * float(np.linalg.norm(s)):
+            raise InputError("s", f"{missed:.1e}", "give equations Vᵀ r + R λ + s = 0 that some forces satisfy")
+        return _Reduced((W + W.T) / 2.0, q, U[:, kept], target)
+
+
+def solve_local(problem: LocalProblem, **options: Any) -> tuple[ContactState, QVISolution]:
+    """Solve (L) by `solve_qvi`, whose options these are.
+
+    Where W is singular, the proximal steps r₀ ← r take the added compliance away, down to ε W_ii (r − r₀) of the last.
+
+    Returns
+    -------
+    The state, and the solution of `LocalProblem.qvi`, in the last step about its centre; both as they are where the
+    solver failed, see its status.
+
+    """
+    solution = solve_qvi(problem.qvi(), **options)
+    state = problem.state(solution)
+    left = np.inf
+    for _ in range(_PROXIMAL_STEPS if problem.regularisation else 0):
+        if not solution.solved or left <= _SETTLED * float(np.abs(problem.q).max()):
+            break
+        solution = solve_qvi(problem.qvi(state.r), **options)
+        after = problem.state(solution)
+        left = problem.regularisation * float(np.abs(problem.W.diagonal() * (after.r - state.r)).max())
+        state = after
+    return state, solution
+
+
+def local_problem(qvi: FrictionQVI) -> LocalProblem:
+    """Condense (D2) on its contact points; the derivation stands in the module's docstring.
+
+    Where the problem has an energy root, R is factorised instead of K (up to 20 000 unknowns): the compliance is then
+    free of the rounding inside K, which on graded meshes is 1e-6.
+
+    Raises
+    ------
+    InputError
+        If the problem has no contact, too many points, or what FCLIB has no place for: cohesion, a limit of the
+        friction stress, points where the sign of the normal traction is free.
+
+    """
+    _check_expressible(qvi)
+    if qvi.root is not None and qvi.n <= _ROOTED:
+        qvi = replace(qvi)  # with an operator of its own: that of the caller's problem is left as it is
+        qvi.operator.use_root()
+    nothing = Simplified(qvi, np.zeros(qvi.m, dtype=np.bool_), np.zeros((0, 0)))
+    condensed = CondensedForm(nothing).problem
+    rows = condensed.contact_rows.toarray()
+    root = np.sqrt(np.concatenate([qvi.W, qvi.W]))
+    U, sizes, _ = np.linalg.svd(root[:, None] * rows, full_matrices=True)
+    k = len(sizes)
+    bonded = root * np.concatenate([condensed.n0, condensed.t0])
+    order = np.arange(2 * qvi.m).reshape(2, qvi.m).T.ravel()  # N, T of each point
+    signs = np.tile([-1.0, 1.0], qvi.m) / root[order]  # D⁻¹ √w
+    span = signs[:, None] * (U[:, :k] / sizes)[order]
+    V = signs[:, None] * U[order, k:]
+    W = span @ span.T
+    q = -span @ ((U[:, :k].T @ bonded) / sizes)
+    if V.shape[1] == 0:
+        return LocalProblem(W, q, qvi.mu, weights=qvi.W)
+    p = V.shape[1]
+    return LocalProblem(W, q, qvi.mu, V, np.zeros((p, p)), -U[:, k:].T @ bonded, qvi.W)
+
+
+def state_of(problem: LocalProblem, solution: QVISolution) -> ContactState:
+    """Forces, displacements and λ of a solution of the `FrictionQVI` that `problem` was condensed from.
+
+    u = −D⁻¹ m is that of the solution's own multipliers, and λ what explains it best: V λ ≈ u − W r − q.
+    """
+    qvi = solution.problem
+    r = np.column_stack([-qvi.W * qvi.normal(solution.z), qvi.W * qvi.tangential(solution.z)]).ravel()
+    u = np.column_stack([-solution.normal_displacement, solution.tangential_displacement]).ravel()
+    if not np.isfinite(r).all():
+        return ContactState(u, r, np.full(len(problem.s), np.nan))
+    lam: Vector = np.asarray(np.linalg.lstsq(problem.V, u - problem.W @ r - problem.q, rcond=None)[0], np.float64)
+    return ContactState(u, r, lam)
+
+
+def _check_expressible(qvi: FrictionQVI) -> None:
+    remedy = "write it as .npz: a local friction problem can hold μ only"
+    if not 0 < 2 * qvi.m <= LARGEST:
+        raise InputError("contact points", qvi.m, f"give a problem with 1 to {LARGEST // 2} of them")
+    if qvi.bilateral.any():
+        raise InputError("bilateral", f"{int(qvi.bilateral.sum())} points", remedy)
+    if qvi.cohesion.any():
+        raise InputError("cohesion", float(qvi.cohesion.max()), remedy)
+    if np.isfinite(qvi.cap).any():
+        raise InputError("cap", float(qvi.cap.min()), remedy)
+
+
+def _check_definite(name: str, matrix: Matrix) -> None:
+    """Symmetric and positive semi-definite, up to rounding."""
+    size = float(np.abs(matrix).max(initial=0.0))
+    asymmetry = float(np.abs(matrix - matrix.T).max(initial=0.0))
+    if asymmetry > _ASYMMETRY * size:
+        raise InputError(name, f"asymmetry {asymmetry / size:.1e}", "give a symmetric matrix")
+    values = np.linalg.eigvalsh(matrix)
+    if len(values) and values[0] < -_NEGATIVE * max(values[-1], 0.0) - np.finfo(float).tiny:
+        raise InputError(name, f"eigenvalue {values[0]:.1e}", "give a positive semi-definite matrix")

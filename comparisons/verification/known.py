@@ -1,0 +1,378 @@
+"""What is known of the problem files in the folder examples without this package: the one table of it.
+
+The chapter on these files, the gallery of the documentation and the tests read it. A line has a quantity with its unit,
+how it is measured, its known value, the tolerance, and the source. A tolerance is relative to the known value, and in
+units of the quantity where that is zero, or where the comparison is another one (`Known.compare`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import atan, pi, sqrt, tan
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+from qvi_contact.solution.limit import LimitLoad
+
+from comparisons.settled import SETTLED
+from comparisons.settled import SOURCE as DISPLACEMENT_CODES
+from comparisons.verification.chapters.ssnv128 import SOURCE as CODE_ASTER
+from comparisons.verification.chapters.ssnv128 import TANGENTIAL_FORCE
+from comparisons.verification.elements import QUINTIC, TRIANGLES, Element
+from comparisons.verification.measures import edge_states, ellipse, runs, value_at
+from comparisons.verification.proof import Proof, both, bounded, certified, infeasible
+from comparisons.verification.row import Kind, Row, Value, absolute, at_least, at_most, relative, word
+from qvi_contact import (
+    ContactLine,
+    ContactResult,
+    ContactState,
+    History,
+    InputError,
+    ProblemFile,
+    load_problem,
+    loop_area,
+)
+from solvers import Status
+
+FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
+
+
+def read_example(name: str) -> ProblemFile:
+    """The problem file of this name; `InputError` outside of a checkout."""
+    if not FOLDER.is_dir():
+        raise InputError("examples", "the folder examples", "run this in a checkout of the repository")
+    return load_problem(FOLDER / f"{name}.toml")
+
+
+class Answer:
+    """What the package finds for a problem file, each part computed when it is asked for.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file.
+    element : Element
+        What it is solved with; the file's other options hold.
+
+    """
+
+    def __init__(self, name: str, element: Element) -> None:
+        self.file, self.element = read_example(name), element
+        self._options = {key: value for key, value in self.file.solve_options.items() if key not in element.options}
+        self._limits: dict[str, LimitLoad] = {}
+
+    @cached_property
+    def result(self) -> ContactResult:
+        """Of `solve`."""
+        return self.element.solve(self.file.problem, **self._options)
+
+    @cached_property
+    def history(self) -> History:
+        """Of `solve_history`.
+
+        At Gauss points: nothing opens there in the files there are. A Bernstein coefficient in a toe does, and then
+        pressure does work between steps.
+        """
+        return self.element.solve_history(self.file.problems, contact_rows="gauss", **self._options)
+
+    def limit(self, load: str) -> LimitLoad:
+        """Of `limit_load`, for the load of this name."""
+        if load not in self._limits:
+            self._limits[load] = self.element.limit_load(self.file.problem, [load])
+        return self._limits[load]
+
+
+Measure: TypeAlias = Callable[[Answer], tuple[Value, Proof]]
+"""The computed value of a quantity, and what certifies it."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """One line of the table, see above.
+
+    Attributes
+    ----------
+    compare : callable, optional
+        `relative`, `absolute`, `at_most` or `at_least` of the rows of the manual; by default one of the first two.
+
+    """
+
+    quantity: str
+    measure: Measure
+    value: Value
+    tolerance: float
+    source: str
+    kind: Kind = Kind.ANALYTIC
+    compare: Callable[[str, float, float, float, str, Proof, Kind], Row] | None = None
+
+    def row(self, answer: Answer) -> Row:
+        """The known value beside the computed one."""
+        ours, proof = self.measure(answer)
+        if isinstance(self.value, str):
+            return word(self.quantity, str(ours), self.value, self.source, proof, self.kind)
+        compare = self.compare or (relative if self.value else absolute)
+        return compare(self.quantity, float(ours), self.value, self.tolerance, self.source, proof, self.kind)
+
+
+def _of(value: Callable[[ContactResult], Value]) -> Measure:
+    return lambda answer: (value(answer.result), certified(answer.result))
+
+
+def _line(contact: str, value: Callable[[ContactLine], Value]) -> Measure:
+    return _of(lambda result: value(result.contacts[contact]))
+
+
+def _normal(contact: str) -> Measure:
+    return _line(contact, lambda line: line.normal_force)
+
+
+def _tangential(contact: str) -> Measure:
+    return _line(contact, lambda line: line.tangential_force)
+
+
+def _slope(contact: str) -> Measure:
+    return _line(contact, lambda line: line.tangential_force / line.normal_force)
+
+
+def _share(contact: str, state: str) -> Measure:
+    return _line(contact, lambda line: line.shares[state])
+
+
+def _centre(contact: str, axis: str) -> Measure:
+    return _line(contact, lambda line: -float(line.weights @ (getattr(line, axis) * line.normal_stress))
+                 / line.normal_force)  # fmt: skip
+
+
+def _peak(contact: str) -> Measure:
+    return _line(contact, lambda line: ellipse(line.x, -line.normal_stress)[0])
+
+
+def _half_width(contact: str) -> Measure:
+    return _line(contact, lambda line: ellipse(line.x, -line.normal_stress)[1])
+
+
+def _edges(edges: str, axis: str) -> Measure:
+    return _of(lambda result: float(getattr(result.resultant(edges), axis)))
+
+
+def _beside(edges: str, axis: str, contact: str, sign: float = 1.0) -> Measure:
+    """A contact's force less the one on edges, over the normal force: zero in balance."""
+
+    def unbalanced(result: ContactResult) -> float:
+        line, other = result.contacts[contact], getattr(result.resultant(edges), axis)
+        force = line.normal_force if axis == "y" else line.tangential_force
+        return float((force - sign * other) / line.normal_force)
+
+    return _of(unbalanced)
+
+
+def _below(load: str) -> Measure:
+    return lambda answer: (answer.limit(load).lower, bounded(answer.limit(load)))
+
+
+def _above(load: str) -> Measure:
+    return lambda answer: (answer.limit(load).upper, bounded(answer.limit(load)))
+
+
+def _bound(quantity: str, side: str) -> Measure:
+    return _of(lambda result: float(getattr(result.bracket.forces[quantity], side)))
+
+
+def _of_history(value: Callable[[History], float]) -> Measure:
+    def measured(answer: Answer) -> tuple[float, Proof]:
+        history = answer.history
+        proof = both(*[certified(step) for step in history.steps])
+        failed = Proof(passed=False, text=f"failed, {history.status.value}")
+        return value(history), proof if history.status is Status.SOLVED else failed
+
+    return measured
+
+
+def _excess(history: History) -> float:
+    """Largest |T| − 0.3 N over the largest N."""
+    normal = np.array([step.contacts["ground"].normal_force for step in history.steps])
+    return float((np.abs(history.loop("ground")[1]) - 0.3 * normal).max() / normal.max())
+
+
+def _between_cycles(history: History) -> float:
+    """Largest difference of T between the second cycle and the first over the largest N."""
+    normal = max(step.contacts["ground"].normal_force for step in history.steps)
+    force, half = history.loop("ground")[1], len(history.steps) // 2
+    return float(np.abs(force[-half:] - force[-2 * half : -half]).max() / normal)
+
+
+def _lost_and_around(history: History) -> float:
+    """Work of friction in the second cycle over the area of the loop ∮T dw."""
+    motion, force = history.loop("ground")
+    half = len(history.steps) // 2
+    around = slice(len(history.steps) - 1 - half, None)
+    return float(history.friction_work[-half:].sum() / loop_area(motion[around], force[around]))
+
+
+def _both_sides(load: str, factor: float, source: str) -> tuple[Known, Known]:
+    """The limit load factor, by the stresses of the mesh and by a mechanism."""
+    return (
+        Known("limit load factor, from below", _below(load), factor, 1e-6, source),
+        Known("limit load factor, from above", _above(load), factor, 1e-9, source),
+    )
+
+
+@dataclass(frozen=True)
+class Table:
+    """What a problem file is about, in one sentence, and the lines known of it."""
+
+    about: str
+    lines: Sequence[Known]
+    element: Element = TRIANGLES
+
+
+_HERTZ: Final = "Hertz; half planes, a/R = "
+_DAM: Final = (10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0)  # weight, uplift and thrust [MN/m]
+_EXTERNAL, _METHODS, _PUBLISHED = Kind.EXTERNAL, Kind.METHODS, Kind.PUBLISHED
+
+KNOWN: Final[dict[str, Table]] = {
+    "block_with_hole": Table("A block with a free hole under a plate: top and bottom carry the same.", [
+        Known("force on hole floor [N/mm]", _edges("hole floor", "y"), 0.0, 1e-7, "the hole is free"),
+        Known("force on hole roof [N/mm]", _edges("hole roof", "y"), 0.0, 1e-7, "the hole is free"),
+        Known("N less the force on the bottom, over N", _beside("block bottom", "y", "plate"), 0.0, 1e-9, "balance"),
+        Known("T over N", _slope("plate"), 0.0, 1e-8, "symmetry in x"),
+        Known("N [N/mm]", _normal("plate"), 3e4 / (1.0 - 0.25**2) * 1e-3, 0.0,
+              "E U/(1 − ν²), the whole block held sideways; a hole makes it softer", compare=at_most),
+    ]),
+    "bolted_angle": Table("An angle bolted to a wall: forces, centre of pressure, and the load at which it slides.", [
+        Known("N [N/mm]", _normal("wall"), 400.0, 1e-9, "force of the bolt"),
+        Known("T [N/mm]", _tangential("wall"), 100.0, 1e-9, "load"),
+        Known("centre of pressure y [mm]", _centre("wall", "y"), 60.0 - 80.0 * 100.0 / 400.0, 1e-8,
+              "60 - 80 F/B, moments"),
+        *_both_sides("load", 0.4 * 400.0 / 100.0, "μB/F"),
+    ]),
+    "bracket": Table("An L on rough ground: forces and their centre by statics alone.", [
+        Known("N [MN/m]", _normal("ground"), 10.0, 1e-9, "load on the roof, balance"),
+        Known("T [MN/m]", _tangential("ground"), -3.0, 1e-9, "wind, balance"),
+        Known("centre of pressure x [m]", _centre("ground", "x"), (10.0 * 0.5 + 3.0 * 1.5) / 10.0, 1e-9,
+              "(10 · 0.5 + 3 · 1.5)/10, balance of moments"),
+    ]),
+    "brake_pad": Table("A brake pad in full slip: friction force and centre of pressure by statics.", [
+        Known("N [N/mm]", _normal("face"), 160.0, 1e-9, "force of the piston"),
+        Known("T [N/mm]", _tangential("face"), 0.4 * 160.0, 1e-6, "μ N in full slip"),
+        Known("share of the face that sticks", _share("face", "stick"), 0.0, 0.0, "the disc turns"),
+        Known("force on the abutment [N/mm]", _normal("abutment"), 0.4 * 160.0, 1e-6, "balance"),
+        Known("centre of pressure x [mm]", _centre("face", "x"), 40.0 - 0.4 * 14.5, 1e-6, "balance of moments"),
+    ]),
+    "compressed_plate": Table("The paper's plate on 16 × 16 graded cells, against displacement codes.", [
+        Known("N [N/mm]", _normal("plate"), SETTLED[0.2], 1e-3, f"{DISPLACEMENT_CODES}; the mesh is coarse", _EXTERNAL),
+    ]),
+    "cyclic_shear": Table("A block sheared to and fro: the second cycle repeats the first and loses the loop's area.", [
+        Known("largest |T| − μN over N", _of_history(_excess), 0.0, 1e-9, "|T| ≤ μN", compare=at_most),
+        Known("largest difference of T between the cycles, over N", _of_history(_between_cycles), 0.0, 1e-6,
+              "a cyclic state repeats itself after the first loading"),
+        Known("work of friction in the second cycle over the loop's area", _of_history(_lost_and_around), 1.0, 1e-6,
+              "∮T dw, balance of energy"),
+    ]),
+    "cylinder_on_block": Table("A cylinder on a block: NAFEMS R0094-1 with a hundredth of its force, against Hertz.", [
+        Known("peak pressure [MPa]", _peak("contact"), 358.536, 2e-4, f"{_HERTZ}0.012"),
+        Known("half-width [mm]", _half_width("contact"), 0.62146, 2e-4, f"{_HERTZ}0.012"),
+    ]),
+    "dragged_block_holds": Table("A block at 0.99 of what friction can carry: balance, and the limit load factor.", [
+        Known("N [MN/m]", _normal("base"), 20.0, 1e-9, "p w, balance"),
+        Known("T [MN/m]", _tangential("base"), -9.9, 1e-9, "−T w, balance"),
+        Known("limit load factor", _below("drag"), 1.0 / 0.99, 1e-6, "μp/T"),
+    ]),
+    "dragged_block_slides": Table("The same block at 1.01 of the limit: infeasible, with a proof.", [
+        Known("status", lambda a: (a.result.status.value, infeasible(a.result)), "infeasible", 0.0, "T > μp"),
+        Known("limit load factor", _below("drag"), 1.0 / 1.01, 1e-6, "μp/T"),
+    ]),
+    "dry_stone_wall": Table("A wall of three courses: every bed carries load and weight above it.", [
+        line
+        for bed, height in (("upper bed", 1.0), ("lower bed", 2.0), ("ground", 3.0))
+        for line in (
+            Known(f"N of {bed} [kN/m]", _normal(bed), 3.0 * (30.0 + 24.0 * height), 1e-9,
+                  "3 (30 + 24 h), balance of what lies above"),
+            Known(f"T of {bed} over N", _slope(bed), 0.0, 1e-9, "balance in x"),
+        )
+    ]),
+    "gravity_column": Table("A column under its own weight: balance, and uniform pressure away from the ends.", [
+        Known("N [N/m]", _normal("ground"), 98100.0, 1e-9, "ρ g w h"),
+        Known("T over N", _slope("ground"), 0.0, 1e-9, "symmetry in x"),
+        Known("σ_yy at mid-height [Pa]", _of(lambda r: float(r.stress(0.5, 2.0)[1])), -49050.0, 1e-3,
+              "−ρ g (h − y), Saint-Venant two widths above the ground"),
+    ]),
+    "gravity_dam": Table("A dam on rock with uplift in its base joint: forces, and the factor of sliding.", [
+        Known("N [MN/m]", _normal("base"), _DAM[0], 1e-9, "W"),
+        Known("effective N [MN/m]", _line("base", lambda line: line.effective_normal_force), _DAM[0] - _DAM[1], 1e-9,
+              "W - U"),
+        Known("T [MN/m]", _tangential("base"), _DAM[2], 1e-9, "H = γ h²/2"),
+        *_both_sides("thrust", 0.75 * (_DAM[0] - _DAM[1]) / _DAM[2], "μ (W - U)/H, factor of sliding"),
+    ]),
+    "half_discs": Table("Two half discs with partial slip, against Hertz and Cattaneo.", [
+        Known("peak pressure [MPa]", _peak("contact"), 9.351351, 0.01, f"{_HERTZ}0.085"),
+        Known("half-width [mm]", _half_width("contact"), 0.680778, 0.01, f"{_HERTZ}0.085"),
+        Known("half-width that sticks [mm]",
+              _line("contact", lambda line: float(np.abs(line.x[line.state == ContactState.STICK]).max())),
+              0.496511, 0.05, "Cattaneo, a √(1 - Q/(μP)); to one point of the mesh"),
+        Known("shear in the middle [MPa]",
+              _line("contact", lambda line: float(np.abs(line.tangential_stress)[np.argmin(np.abs(line.x))])),
+              0.2 * 9.351351 * (1.0 - 0.496511 / 0.680778), 0.03, "Cattaneo, μ p₀ (1 - c/a); half planes, a/R = 0.085"),
+    ]),
+    "jointed_slope": Table("A jointed slope pushed by water in its crack slides on its lowest bedding plane.", [
+        Known("thrust [kN/m]", _edges("crack", "x"), -10.0 * 4.0**2 / 2.0, 1e-9, "γ_w z²/2"),
+        *_both_sides("water", 25.0 * 28.0 * sqrt(3.0) * tan(atan(0.7) - pi / 6.0) / 80.0,
+                     "W tan(φ - β)/V, plane failure; W of 28 √3 m²"),
+    ]),
+    "lug": Table("A lug pulled by a rigid pin: the force goes through the bore.", [
+        Known("force where it is held [N/mm]", _edges("held", "x"), -4000.0, 1e-12, "force of the pin, balance"),
+        Known("force across, over the pin's", _of(lambda r: r.resultant("held").y / 4000.0), 0.0, 1e-12, "balance"),
+        Known("force of the pin [N/mm]", _of(lambda r: float(r.plate_force("bore").x)), 4000.0, 1e-12, "the pull"),
+        Known("share of the bore that sticks", _share("bore", "stick"), 0.0, 0.0, "the bore gives way on both sides"),
+    ]),
+    "masonry_wall": Table("A masonry wall with openings: forces on the ground, and bounds of the wind it carries.", [
+        Known("N of ground [kN/m]", _normal("ground"), 20.0 * (3.0 * 2.0 - 0.5 * 1.0 - 0.75 * 0.75), 1e-9,
+              "weight, balance"),
+        Known("T of ground [kN/m]", _tangential("ground"), -2.0 * 2.0, 1e-9, "p h, balance"),
+        *(Known("limit load factor, from below over from above",
+                lambda answer: (answer.limit("wind").lower / answer.limit("wind").upper, bounded(answer.limit("wind"))),
+                value, 0.0, "motion of rigid blocks on the same joints", _METHODS, compare)
+          for value, compare in ((1.0, at_most), (0.92, at_least))),
+    ]),
+    "punch": Table("A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure.", [
+        Known("N [N/mm]", _normal("punch"), 100.0, 1e-9, "force on the punch"),
+        Known("T over N", _slope("punch"), 0.0, 1e-3, "symmetry in x; diagonals of the cells are not"),
+        Known("centre of pressure x [mm]", _centre("punch", "x"), 0.0, 1e-3, "symmetry in x"),
+        Known("pressure in the middle [MPa]", _line("punch", lambda line: -value_at(line, line.normal_stress, 0.0)),
+              100.0 / pi, 0.08, "P/(π a), Johnson, Contact Mechanics, section 2.8; "
+              "frictionless half-plane, 8 % for a block 20 times as wide"),
+        Known("share that sticks", _share("punch", "stick"), 0.775, 0.05,
+              "displacements on lines 0.01 apart; an element of 0.05 to 0.2 has the end of stick", _METHODS, absolute),
+    ]),
+    "ssnv128": Table("SSNV128 on 32 × 32 cells.", [
+        Known("N [Pa m]", _normal("base"), 2e6, 1e-9, "p a, balance"),
+        Known("T [Pa m]", _tangential("base"), TANGENTIAL_FORCE, 2e-3, "biquadratic displacement elements; ± 5 N/m",
+              _EXTERNAL),
+        Known("u_x at point A [m]", _line("base", lambda line: value_at(line, line.slip, 0.0)), 2.86e-5, 0.05,
+              f"{CODE_ASTER}; ± 5 %", _PUBLISHED),
+        Known("zones from the left", _line("base", lambda line: runs(edge_states(line))), "open, slip, stick", 0.0,
+              "biquadratic displacement elements", _EXTERNAL),
+    ]),
+    "stacked_blocks": Table("Three blocks: every joint hands on what acts on the top, and holds it.", [
+        line
+        for joint in ("lower", "upper")
+        for line in (
+            Known(f"N of {joint} less the force on the top, over N", _beside("top", "y", joint, -1.0), 0.0, 1e-9,
+                  "balance of the blocks above"),
+            Known(f"T of {joint} less the force on the top, over N", _beside("top", "x", joint), 0.0, 1e-9,
+                  "balance of the blocks above"),
+        )
+    ]),
+    "trapezoid": Table("A trapezoid on a plane that holds it: bounds around the force of a displacement code.", [
+        *(Known(f"P, {side} bound [MN/m]", _bound("base.normal_force", side), 14.0483793, 0.0,
+                "NGSolve, degree 12, mesh graded to the corners", _EXTERNAL, compare)
+          for side, compare in (("lower", at_most), ("upper", at_least))),
+        Known("share of the base that sticks", _share("base", "stick"), 1.0, 0.0, "rough enough"),
+    ], QUINTIC),
+    "wedge": Table("A block pushed up a slope: NAFEMS CGS-4.",
+                   _both_sides("push", 1.0 / 0.99, "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied")),
+}  # fmt: skip
+"""Name of a problem file → what is known of it."""

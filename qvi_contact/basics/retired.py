@@ -1,0 +1,20 @@
+"""Names of version 0.1 that are gone, each with what to do instead."""
+
+from typing import Final
+
+from qvi_contact.errors import InputError
+
+RETIRED: Final = {
+    "RectilinearMesh": "was retired in version 0.2: give its lines and cells to TriangleMesh.grid, or take "
+    "TriangleMesh.rectangle",
+    "triangulated": "was retired in version 0.2: grids have triangles from the start, so leave the call out",
+    "element": "was retired in version 0.2: there is one element, on triangles, into which grids are cut; leave it out",
+    "stream_sweep": "was retired in version 0.2: call solve_sweep(problem, parameter, values, of, store=FILE)",
+}
+"""By name of what could be imported, called or given."""
+
+
+def refuse_retired(name: str) -> None:
+    """`InputError` with what to do instead if this name was retired."""
+    if name in RETIRED:
+        raise InputError("name", name, RETIRED[name])

@@ -1,0 +1,229 @@
+"""Edges that are arcs, and the triangles beside them: tractions, functions, and energies integrated up to the arcs.
+
+On an arc from a to b, of length ℓ and with a tangent τ that turns, the traction is that of ∇Φ along it,
+
+    d∇Φ/ds = Φ_ττ τ + Φ_τμ μ,   σ_N = Φ_ττ,   σ_T = −(n·μ) Φ_τμ,   μ = (−τ_y, τ_x)
+
+and N_k, Q_k are coefficients of Legendre of Φ_ττ and Φ_τμ over the arc's length, as on straight edges: a constant
+pressure has one coefficient. N_0, Q_0 and N_1 follow from the corners, so that the polynomials of all coefficients have
+the resultant force and moment that ∇Φ and Φ have there,
+
+    ℓ ∫ (N τ + Q μ) dt = ∇Φ_b − ∇Φ_a,   ℓ ∫ (N τ + Q μ)·(x_m − x) dt = Φ_b − Φ_a − (b − a)·(∇Φ_a + ∇Φ_b)/2
+
+with the middle x_m of the chord. The other coefficients are those of Φ itself.
+
+The functions of a triangle are the polynomials of the straight one, in physical coordinates. On a side that is an arc,
+degrees of freedom are these coefficients; on the others what they are everywhere. So a neighbour across a straight side
+is not touched, and Φ stays C1. With c the factors of the reference functions, c_s of those of corners and edges, u the
+triangle's own degrees of freedom and v the interior ones,
+
+    G c_s = H u − A_v v
+
+where rows of G and H are those of the identity and of the transformation of the straight triangle, and on arcs the
+coefficients A of the reference functions' tractions, and of the identity.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.element import legendre
+from qvi_contact.element.affine import EDGES, AffineTriangles
+from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
+from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.mesh.arcs import angles, arc_offsets, stretches, turned
+from qvi_contact.mesh.curved import arc_points, area_factors, barycentric_of
+
+_ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
+
+
+def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
+    """What Φ_ττ and Φ_τμ at t contribute to the force, along chord and its normal, and to the moment.
+
+    Parameters
+    ----------
+    bend : (n, k) array
+        How the arcs bend, see `mesh.arcs`.
+    t : (n, q) array
+        Shares of their lengths.
+
+    Returns
+    -------
+    (n, q, 3, 2) array
+        Integrands, of chords of length 1.
+
+    """
+    unit = np.tile([1.0, 0.0], (len(bend), 1))
+    angle = angles(bend, t)
+    tangent = turned(np.broadcast_to([1.0, 0.0], (*t.shape, 2)), angle)
+    normal = turned(np.broadcast_to([0.0, 1.0], (*t.shape, 2)), angle)
+    arm = np.array([0.5, 0.0]) - arc_offsets(unit, bend, t)
+    frame = np.stack([tangent, normal], axis=-1)  # (n, q, component, of Φ_ττ or Φ_τμ)
+    moment = (arm[..., None] * frame).sum(axis=2, keepdims=True)
+    return np.asarray(stretches(bend)[:, None, None, None] * np.concatenate([frame, moment], axis=2))
+
+
+def from_corners(bend: FloatArray, degree: int) -> FloatArray:
+    """All coefficients of Legendre (N_0 … N_d, Q_0 … Q_d) of arcs on chords of length 1.
+
+    Parameters
+    ----------
+    bend : (n, k) array
+        How the arcs bend, see `mesh.arcs`.
+    degree : int
+        d.
+
+    Returns
+    -------
+    (n, 2d + 2, 2d + 2) array
+        From the force along the chord and its normal, the moment, N_2 … N_d, Q_1 … Q_d.
+
+    """
+    t, w = gauss_legendre(degree + _ALONG_ARCS + bend.shape[1])
+    values = legendre.basis(degree, t) * w[:, None]
+    shapes = resultant_shapes(bend, np.tile(t, (len(bend), 1)))
+    sums = np.einsum("nqrf,qk->nrfk", shapes, values).reshape(len(bend), 3, -1)
+    solved, given = _solved(degree), _given(degree)
+    found = np.zeros((len(bend), 2 * degree + 2, 2 * degree + 2))
+    right = np.concatenate([np.tile(np.eye(3), (len(bend), 1, 1)), -sums[:, :, given]], axis=2)
+    found[:, solved] = np.linalg.solve(sums[:, :, solved], right)
+    found[:, given, 3 + np.arange(len(given))] = 1.0
+    return found
+
+
+def _solved(degree: int) -> IntArray:
+    """Where N_0, N_1 and Q_0 stand among all coefficients."""
+    return np.array([0, 1, degree + 1])
+
+
+def _given(degree: int) -> IntArray:
+    """Where the others do."""
+    return np.setdiff1d(np.arange(2 * degree + 2), _solved(degree))
+
+
+Rule: TypeAlias = tuple[FloatArray, FloatArray]
+"""Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
+
+_MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
+_BLOCK: Final = 2**22  # entries of tables at a time
+
+
+@dataclass(frozen=True, eq=False)
+class CurvedTriangles:
+    """The triangles of a mesh that have arcs.
+
+    Attributes
+    ----------
+    element : HsiehCloughTocher
+        The element.
+    numbers : (c,) int array
+        Which cells of the mesh they are.
+    triangles : AffineTriangles
+        The straight triangles, dimensionless.
+    bends : (c, 3, k) array
+        How their sides bend, see `mesh.arcs`.
+
+    """
+
+    element: HsiehCloughTocher
+    numbers: IntArray
+    triangles: AffineTriangles
+    bends: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @cached_property
+    def functions(self) -> FloatArray:
+        """Factors of the reference functions, shape (c, dimension, dimension).
+
+        Of the functions that belong to the triangle's own degrees of freedom, then of the interior ones.
+        """
+        shared, interior = self.element.shared, self.element.interior
+        G = np.tile(np.eye(shared), (len(self), 1, 1))
+        H = self.element.transformations(self.triangles)
+        inner = np.zeros((len(self), shared, interior))
+        for s in range(3):
+            bent = np.flatnonzero(self.bends[:, s].any(axis=1))
+            place = 9 + s * self.element.on_edge + np.arange(self.element.on_edge)
+            A, squares = self._tractions(s, bent)
+            G[bent[:, None], place] = A[:, :, :shared] * squares
+            H[bent[:, None], place] = np.eye(shared)[place] * squares
+            inner[bent[:, None], place] = A[:, :, shared:] * squares
+        found = np.zeros((len(self), self.element.dimension, self.element.dimension))
+        found[:, :shared] = np.linalg.solve(G, np.concatenate([H, -inner], axis=2))
+        found[:, np.arange(shared, found.shape[1]), np.arange(shared, found.shape[1])] = 1.0
+        return found
+
+    def _tractions(self, s: int, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
+        """N_2 …, Q_1 … on the arcs at side s of the reference functions (k, on_edge, dimension), and squared chords."""
+        degree = self.element.traction_degree
+        t, _ = gauss_legendre(degree + _MORE + self.bends.shape[2])
+        a, b = EDGES[s]
+        corners, bends = self.triangles.corners[chosen], self.bends[chosen]
+        chords = corners[:, b] - corners[:, a]
+        lengths = np.hypot(*chords.T)
+        tangent = turned((chords / lengths[:, None])[:, None], angles(bends[:, s], t))
+        normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
+        at = barycentric_of(corners, bends, arc_points(s, t))
+        hessians = self.triangles.hessian_maps[chosen][:, None] @ self.element.reference_functions(at, 2)
+        normal_part, shear_part = (
+            np.einsum("kqc,kqcd->kqd", _weights(tangent, other), hessians) for other in (tangent, normal)
+        )
+        project = legendre.from_values(degree, len(t))
+        found = np.concatenate([(project @ normal_part)[:, 2:], (project @ shear_part)[:, 1:]], axis=1)
+        return found, np.square(lengths)[:, None, None]
+
+    def stress_rows(self, block: slice, compliances: FloatArray, rule: Rule) -> FloatArray:
+        """Rows S with SᵀS the energies ∫ c σ:τ of the functions up to the arcs, shape (k, 3 q, dimension).
+
+        Parameters
+        ----------
+        block : slice
+            k of the triangles.
+        compliances : (k, 3, 3) array
+            Compliance of each.
+        rule : (q, 3) and (q,) arrays
+            Points and weights of sum 1 on the reference triangle.
+
+        """
+        upper = compliance_roots(compliances).swapaxes(1, 2) @ self.triangles.stress_maps[block]
+        roots = np.sqrt(self.areas(rule[0])[block] * rule[1])
+        table = self._hessians(block, rule[0]) @ self.functions[block, None]
+        rows = np.einsum("kab,kqbd->kaqd", upper, table * roots[:, :, None, None])
+        return np.asarray(rows).reshape(len(rows), -1, self.element.dimension)
+
+    def potential_load(
+        self, block: slice, compliances: FloatArray, potential: FloatArray, rule: Rule
+    ) -> tuple[FloatArray, FloatArray]:
+        """∫ cφI:σ of the functions (k, dimension), and ½ ∫ cφI:φI (k,), from φ at the points (k, q)."""
+        areas = self.areas(rule[0])[block] * rule[1]
+        strain = compliances[:, :, 0] + compliances[:, :, 1]
+        mapped = np.einsum("kab,ka->kb", self.triangles.stress_maps[block], strain)
+        sums = np.einsum("kq,kb,kqbd->kd", areas * potential, mapped, self._hessians(block, rule[0]))
+        load = (sums[:, None] @ self.functions[block])[:, 0]
+        return load, (strain[:, 0] + strain[:, 1]) * (areas * potential**2).sum(axis=1) / 2.0
+
+    def areas(self, points: FloatArray) -> FloatArray:
+        """Areas (c, q), dimensionless, that weights of sum 1 at reference points (q, 3) are shares of."""
+        factors = area_factors(self.triangles.corners, self.bends, points)
+        return np.asarray(self.triangles.areas[:, None] * factors)
+
+    def blocks(self, points: int) -> list[slice]:
+        """Parts of the triangles whose tables at so many points are not too large at a time."""
+        step = max(1, _BLOCK // (3 * points * self.element.dimension))
+        return [slice(start, min(start + step, len(self))) for start in range(0, len(self), step)]
+
+    def _hessians(self, block: slice, points: FloatArray) -> FloatArray:
+        """Of the reference functions, on the reference triangle, at reference points (q, 3); (k, q, 3, dimension)."""
+        at = barycentric_of(self.triangles.corners[block], self.bends[block], points)
+        return self.element.reference_functions(at, 2)
+
+
+def _weights(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Factors of (Φ_xx, Φ_yy, Φ_xy) in the second derivative along two vectors (..., 2), shape (..., 3)."""
+    (a, b), (c, d) = (np.moveaxis(vector, -1, 0) for vector in (one, other))
+    return np.stack([a * c, b * d, a * d + b * c], axis=-1)

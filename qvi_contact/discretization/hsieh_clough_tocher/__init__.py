@@ -1,1 +1,0 @@
-"""Airy functions of Hsieh-Clough-Tocher elements on meshes of triangles."""

@@ -1,0 +1,221 @@
+"""Grids: rectangular cells between lines, each cut into two triangles."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from qvi_contact.basics.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    finite_number,
+    positive_number,
+    real_array,
+    true_or_false,
+    whole_number,
+)
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.parts import MeshParts
+from qvi_contact.mesh.triangle_checks import LARGEST
+
+LONGEST: Final = 500.0
+"""Length over width of a cell, beyond which it is cut along its length: thinner triangles lose too many digits."""
+
+SIDES: Final = ("bottom", "right", "top", "left")
+"""Names of the sides of a grid by the way they face, counterclockwise from −y."""
+
+_MOST_LINES: Final = 1_000_000
+_MOST_CELLS: Final = 10_000_000
+
+
+def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, both_ends: bool = False) -> FloatArray:
+    """Grid lines from start to stop whose cells form a geometric sequence.
+
+    Parameters
+    ----------
+    start, stop : float
+        Ends [length], start < stop.
+    cells : int
+        Number of cells, at least 1.
+    grading : float
+        Ratio of each cell to the one before it: below 1 the cells shrink towards `stop`.
+    both_ends : bool
+        Mirror the sequence about the middle: below 1 the cells shrink towards both ends.
+
+    Returns
+    -------
+    (cells + 1,) array
+        The lines; the two ends are exact.
+
+    """
+    start, stop = finite_number("start", start), finite_number("stop", stop)
+    cells = whole_number("cells", cells, _MOST_LINES)
+    grading = positive_number("grading", grading)
+    both_ends = true_or_false("both_ends", both_ends)
+    if not start < stop:
+        raise InputError("stop", stop, f"give a number greater than start = {start:g}")
+    steps = np.arange(cells, dtype=float)
+    if both_ends:
+        steps = np.maximum(steps, steps[::-1]) - steps[-1] / 2.0  # distance from the middle
+    with np.errstate(over="ignore", invalid="ignore"):
+        sizes = grading**steps
+        lines: FloatArray = start + (stop - start) * np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum()
+    lines[-1] = stop
+    if not (np.isfinite(lines).all() and (np.diff(lines) > 0.0).all()):
+        remedy = "cells would be too large or too small to be told apart: give less grading, or ends closer to 0"
+        raise InputError("grading", grading, remedy)
+    return lines
+
+
+def rectangle_lines(
+    cells: tuple[int, int],
+    width: float,
+    height: float,
+    origin: tuple[float, float],
+    grading: float | tuple[float, float],
+) -> tuple[FloatArray, FloatArray]:
+    """Lines x, y of a rectangle of so many cells; see `TriangleMesh.rectangle`."""
+    width, height = positive_number("width", width), positive_number("height", height)
+    pair = grading if isinstance(grading, (tuple, list)) else (grading, grading)
+    for name, value in (("cells", cells), ("origin", origin), ("grading", pair)):
+        if not isinstance(value, (tuple, list)) or len(value) != 2:
+            raise InputError(name, value, "give a pair, for x and y")
+    across, up = (whole_number("cells", number) for number in cells)
+    if across * up > _MOST_CELLS:
+        raise InputError("cells", tuple(cells), f"give at most {_MOST_CELLS:,} cells in all")
+    left, bottom = (finite_number("origin", coordinate) for coordinate in origin)
+    return graded_lines(left, left + width, across, pair[0]), graded_lines(bottom, bottom + height, up, pair[1])
+
+
+def checked_lines(name: str, lines: ArrayLike) -> FloatArray:
+    """Strictly increasing finite grid lines as an array that cannot be written to, or `InputError`."""
+    values = real_array(name, lines, "give a sequence of real numbers")
+    if values.ndim != 1 or len(values) < 2:
+        raise InputError(name, lines, "give a sequence of at least two grid lines")
+    if not np.isfinite(values).all():
+        raise InputError(name, lines, "give finite numbers")
+    if np.abs(values).max() > LARGEST:
+        raise InputError(name, float(np.abs(values).max()), f"give at most {LARGEST:.0e}: take other units")
+    steps = np.diff(values)
+    if (steps <= 0).any():
+        raise InputError(name, lines, "give strictly increasing grid lines")
+    resolution = 1e3 * np.finfo(float).eps * np.abs(values).max()
+    if steps.min() <= resolution:
+        remedy = f"cells below {resolution:.1e} are lost to rounding: move the domain to the origin or merge lines"
+        raise InputError(name, float(steps.min()), remedy)
+    values.flags.writeable = False
+    return values
+
+
+def on_line(name: str, value: object, lines: FloatArray) -> float:
+    """The grid line at `value`, or an error that names the nearest one."""
+    number = finite_number(name, value)
+    nearest = float(lines[np.argmin(np.abs(lines - number))])
+    if abs(nearest - number) > 1e-9 * (lines[-1] - lines[0]):
+        raise InputError(name, number, f"must lie on a grid line; the nearest one is at {nearest:.12g}")
+    return nearest
+
+
+def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshParts:
+    """The triangles of a grid, and its sides "bottom", "right", "top" and "left"; see `TriangleMesh.grid`."""
+    lines = checked_lines("x", x), checked_lines("y", y)
+    across, up, body = _without_long_cells(*lines, _checked_mask(active, (len(lines[1]) - 1, len(lines[0]) - 1)))
+    row, column = np.nonzero(body)
+    stride = len(across)
+    a = column + row * stride  # corners of each cell, counterclockwise from the lower left one
+    b, c, d = a + 1, a + 1 + stride, a + stride
+    falling = _falling(body)[row, column]
+    first = np.column_stack([a, b, np.where(falling, d, c)])
+    second = np.column_stack([np.where(falling, b, a), c, d])
+    cells = np.stack([first, second], axis=1).reshape(-1, 3)
+    padded = np.pad(body, 1)
+    sides = {
+        "bottom": (a, b, padded[:-2, 1:-1]),
+        "right": (b, c, padded[1:-1, 2:]),
+        "top": (d, c, padded[2:, 1:-1]),
+        "left": (a, d, padded[1:-1, :-2]),
+    }
+    used = np.unique(cells)
+    number = np.full(len(across) * len(up), -1)
+    number[used] = np.arange(len(used))
+    sets = {}
+    for name, (start, stop, beyond) in sides.items():
+        exposed = ~beyond[row, column]
+        sets[name] = number[np.column_stack([start[exposed], stop[exposed]])]
+    vertices = np.column_stack([across[used % stride], up[used // stride]])
+    return MeshParts(vertices, number[cells], sets)
+
+
+def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
+    remedy = f"give a boolean array of shape (ny, nx) = {shape}"
+    try:
+        active = np.ones(shape, dtype=bool) if mask is None else np.array(mask)
+    except ValueError as error:  # rows of different lengths
+        raise InputError("active", mask, remedy) from error
+    if active.dtype != bool or active.shape != shape:
+        raise InputError("active", mask, remedy)
+    if not active.any():
+        raise InputError("active", mask, "at least one cell must belong to the body")
+    return active
+
+
+def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Lines added until no cell of the body is more than `LONGEST` times as long as wide.
+
+    Lines go through the whole grid: those that cut a long cell make others thinner, which may then need cuts the other
+    way. Where that takes more than one round a grid is the wrong mesh for the body.
+    """
+    for axis in (0, 1):
+        width, height = np.diff(x), np.diff(y)
+        if axis == 0:
+            thinnest = np.where(active, height[:, None], np.inf).min(axis=0)
+            pieces = np.ceil(width / (LONGEST * thinnest) - 1e-9)
+        else:
+            thinnest = np.where(active, width, np.inf).min(axis=1)
+            pieces = np.ceil(height / (LONGEST * thinnest) - 1e-9)
+        count = np.maximum(pieces, 1.0)
+        if count.max() == 1.0:
+            continue
+        if count.sum() * active.shape[axis] > _MOST_CELLS:
+            break
+        if axis == 0:
+            x, active = _divided(x, count.astype(np.int64)), np.repeat(active, count.astype(np.int64), axis=1)
+        else:
+            y, active = _divided(y, count.astype(np.int64)), np.repeat(active, count.astype(np.int64), axis=0)
+    width, height = np.diff(x), np.diff(y)[:, None]
+    elongation = np.where(active, np.maximum(width / height, height / width), 1.0)
+    if elongation.max() > (1.0 + 1e-6) * LONGEST:
+        row, column = np.unravel_index(int(np.argmax(elongation)), active.shape)
+        at = f"({(x[column] + x[column + 1]) / 2.0:.6g}, {(y[row] + y[row + 1]) / 2.0:.6g})"
+        remedy = (
+            f"the cell around {at} is this many times as long as wide: give at most {LONGEST:g}, by more lines "
+            "across it, or grade the lines less"
+        )
+        raise InputError("TriangleMesh.grid", float(elongation.max()), remedy)
+    return x, y, active
+
+
+def _divided(lines: FloatArray, count: IntArray) -> FloatArray:
+    """Lines with each interval cut into so many equal parts."""
+    place = np.repeat(np.arange(len(count)), count)
+    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    inner = lines[place] + (lines[place + 1] - lines[place]) * (step / count[place])
+    return checked_lines("lines", np.append(inner, lines[-1]))
+
+
+def _falling(active: BoolArray) -> BoolArray:
+    """Cells (ny, nx) cut from upper left to lower right.
+
+    Those are the ones in more such corners of the body than of the others, and where that does not say it those in the
+    upper left and lower right quarters of the grid, by their number of cells.
+    """
+    padded = np.pad(active, 1)
+    below, above = ~padded[:-2, 1:-1], ~padded[2:, 1:-1]
+    left, right = ~padded[1:-1, :-2], ~padded[1:-1, 2:]
+    rising = (below & left).astype(int) + (above & right)
+    falling = (below & right).astype(int) + (above & left)
+    upper, right_half = (2 * np.arange(count) + 1 >= count for count in active.shape)
+    return np.asarray(np.where(falling == rising, upper[:, None] != right_half, falling > rising))

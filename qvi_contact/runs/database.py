@@ -1,0 +1,185 @@
+"""SQLite files that keep rows: each is on disk before the next one is begun, and one run at a time writes.
+
+The journal is SQLite's rollback journal, not its write-ahead log. Both survive SIGKILL and power failure, but the log
+needs memory shared by all that read or write, which network folders do not offer, keeps the last rows in a second file
+that is left behind when somebody copies the first, and cannot be read in a folder that is read-only. Its advantage,
+readers that do not wait for the writer, is worth nothing at a few rows a second. A row is on disk, and its
+place in the folder too (synchronous = EXTRA), when its transaction ends.
+
+A run that writes holds a lock on an empty database beside the file, through the locks of SQLite that every system has
+and that go with the process, however it dies. Reading is possible meanwhile. That database, the file .lock, stays: a
+run that removed it could take it from under another one that has just opened it, and a third would then make a new one,
+so that two of them would write. It may be deleted when no run is at work.
+"""
+
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Final
+
+from qvi_contact.basics.writing import replacing, writable_folder
+from qvi_contact.errors import InputError
+
+SETTINGS: Final[tuple[str, ...]] = (
+    "trusted_schema = OFF",
+    "journal_mode = DELETE",
+    "synchronous = EXTRA",
+    "foreign_keys = ON",
+)
+_PATIENCE: Final = 30.0  # seconds that a reader is waited for
+
+_REMEDIES: Final = {
+    sqlite3.SQLITE_FULL: "there is no room left: make room and give the same command again; finished rows are kept",
+    sqlite3.SQLITE_READONLY: "cannot be written: give another place, or the right to write there",
+    sqlite3.SQLITE_CANTOPEN: "cannot be opened: give another place, or the right to write there",
+    sqlite3.SQLITE_PERM: "cannot be opened: give another place, or the right to write there",
+    sqlite3.SQLITE_BUSY: "in use by another process: wait until it has ended, or give another file",
+    sqlite3.SQLITE_LOCKED: "in use by another process: wait until it has ended, or give another file",
+    sqlite3.SQLITE_CORRUPT: "is damaged: give another file, and save what the sqlite3 shell's .recover finds in it",
+    sqlite3.SQLITE_CONSTRAINT: "has been written to by another process: end it, and give the same command again",
+    sqlite3.SQLITE_IOERR: "the disk or network does not answer as it should: give the same command again later",
+}
+
+
+class Database:
+    """A kind of SQLite files.
+
+    Parameters
+    ----------
+    what : str
+        What such a file is, as in "the store of a study".
+    application : int
+        Tells these files from others: the file's application_id.
+    schema : int
+        Version of the tables: the file's user_version.
+    tables : sequence of str
+        The statements that make them.
+    rows : str
+        The table of what is kept. A file without rows is nobody's: a run that came to nothing stands in no one's way.
+
+    Raises
+    ------
+    InputError
+        By all methods, and for every error of SQLite inside of them, about the field "store": in one line.
+
+    """
+
+    def __init__(self, what: str, application: int, schema: int, tables: Sequence[str], rows: str) -> None:
+        self._what, self._application, self._schema = what, application, schema
+        self._tables, self._rows = tables, rows
+
+    @contextmanager
+    def writing(self, path: Path, fill: Callable[[sqlite3.Connection], object]) -> Iterator[sqlite3.Connection]:
+        """A connection to a file, made if it is missing or has no rows, while other runs are kept away from it.
+
+        A new file gets its name when its tables are there, and what `fill` writes first.
+        """
+        writable_folder(path.parent, "store")
+        with self._locked(path):
+            if not self._has_rows(path):
+                with replacing(path) as temporary, self._connected(temporary) as connection:
+                    self._make(connection, fill)
+            with self.opened(path) as connection:
+                # beginning alone is possible with files that are read-only
+                connection.execute("BEGIN IMMEDIATE")
+                connection.execute(f"PRAGMA user_version = {self._schema}")
+                connection.rollback()
+                yield connection
+
+    @contextmanager
+    def opened(self, path: Path) -> Iterator[sqlite3.Connection]:
+        """A connection to a file that is there, after a look whether it is sound, and of this kind and version."""
+        with self._connected(path) as connection:
+            self._check(connection, path)
+            if connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
+                raise self.damaged(path)
+            yield connection
+
+    @contextmanager
+    def _connected(self, path: Path) -> Iterator[sqlite3.Connection]:
+        address = f"{path.resolve().as_uri()}?mode=rw"
+        with (
+            self.explained(path),
+            closing(sqlite3.connect(address, uri=True, timeout=_PATIENCE, isolation_level="IMMEDIATE")) as connection,
+        ):
+            for setting in SETTINGS:
+                connection.execute(f"PRAGMA {setting}")
+            yield connection
+
+    def _has_rows(self, path: Path) -> bool:
+        if not path.exists():
+            return False
+        with self.opened(path) as connection:
+            ((found,),) = connection.execute(f"SELECT EXISTS (SELECT * FROM {self._rows})")
+            return bool(found)
+
+    def _check(self, connection: sqlite3.Connection, path: Path) -> None:
+        ((pages,),) = connection.execute("PRAGMA page_count")
+        if pages == 0:
+            raise InputError("store", str(path), f"is an empty file, not {self._what}: delete it, or give another")
+        ((application,),) = connection.execute("PRAGMA application_id")
+        ((schema,),) = connection.execute("PRAGMA user_version")
+        if application != self._application:
+            raise InputError("store", str(path), self._not_one)
+        if schema != self._schema:
+            remedy = f"has tables of version {schema}, not {self._schema}: give another file, or use the release that "
+            raise InputError("store", str(path), f"{remedy}wrote it")
+        with closing(sqlite3.connect(":memory:")) as known:
+            for statement in self._tables:
+                known.execute(statement)
+            if _statements(connection) != _statements(known):  # a view in place of a table never ends
+                raise InputError("store", str(path), "has other tables than it was made with: give another file")
+
+    @contextmanager
+    def explained(self, path: Path) -> Iterator[None]:
+        """What SQLite says inside becomes one line."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise self._explanation(path, error) from error
+
+    def damaged(self, path: Path) -> InputError:
+        """The error about a file that holds nonsense."""
+        return InputError("store", str(path), _REMEDIES[sqlite3.SQLITE_CORRUPT])
+
+    @contextmanager
+    def _locked(self, path: Path) -> Iterator[None]:
+        """Keep all other runs away from a file, which need not be there yet."""
+        target = path.resolve()
+        lock = target.with_name(f"{target.name}.lock")
+        try:
+            with closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
+                connection.execute("PRAGMA journal_mode = MEMORY")  # in a file, SIGKILL would leave it behind
+                connection.execute("BEGIN EXCLUSIVE")
+                yield
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
+                remedy = "another run is at work on it: wait until it has ended, or give another file"
+                raise InputError("store", str(path), remedy) from error
+            raise self._explanation(path, error) from error
+
+    def _make(self, connection: sqlite3.Connection, fill: Callable[[sqlite3.Connection], object]) -> None:
+        """Make an empty file one of these: all or nothing."""
+        connection.execute("BEGIN IMMEDIATE")
+        with connection:
+            connection.execute(f"PRAGMA application_id = {self._application}")
+            connection.execute(f"PRAGMA user_version = {self._schema}")
+            for statement in self._tables:
+                connection.execute(statement)
+            fill(connection)
+
+    def _explanation(self, path: Path, error: sqlite3.Error) -> InputError:
+        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # without the extension
+        known = {**_REMEDIES, sqlite3.SQLITE_NOTADB: self._not_one}
+        return InputError("store", str(path), known.get(code, f"SQLite says: {error}"))
+
+    @property
+    def _not_one(self) -> str:
+        return f"is not {self._what}: give another file"
+
+
+def _statements(connection: sqlite3.Connection) -> list[tuple[str, str, list[str]]]:
+    """What makes each table, view, index and trigger, whatever its lines."""
+    found = connection.execute("SELECT type, name, coalesce(sql, '') FROM sqlite_master ORDER BY type, name")
+    return [(kind, name, statement.split()) for kind, name, statement in found]

@@ -1,0 +1,142 @@
+"""A worker process: loads a job, then does its orders one after the other. Started by `processes`, not by hand.
+
+It loads little, so that it starts quickly. What libraries print goes to standard error, which the parent keeps for the
+last words of a process that crashes.
+"""
+
+from __future__ import annotations
+
+import errno
+import gc
+import os
+import pickle
+import select
+import signal
+import sys
+import time
+import traceback
+from contextlib import suppress
+from multiprocessing import connection
+from pathlib import Path
+from threading import Thread
+from typing import Any, Final
+
+if sys.platform != "win32":
+    import fcntl
+    import resource
+
+IDLE: Final = 60.0
+"""Seconds without an order after which a worker ends: on a cluster nobody may be left to close it."""
+
+SHORTAGE: Final = ("MemoryError", "bad_alloc", "Cannot allocate memory", "failed to map segment")
+"""Words of libraries that got no memory."""
+
+_LONGEST: Final = 300
+
+
+def main(link: int, lifeline: int | None) -> None:
+    """Serve the parent at the other end of the link, then end with all that the work has started."""
+    if sys.platform == "win32":
+        channel: Any = connection.PipeConnection(link)
+    else:
+        channel = connection.Connection(link)
+        os.register_at_fork(after_in_child=channel.close)  # so that the link closes when this process ends
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.dup2(2, 1)
+    if lifeline is not None:
+        _end_with(lifeline)
+    try:
+        _serve(channel)
+    finally:
+        end_group()
+
+
+def _serve(channel: Any) -> None:
+    """The first message is the job, each of the others an order; the answers are what `Process.hear` expects."""
+    try:
+        limit_memory(*pickle.loads(channel.recv_bytes()))
+        about, work = pickle.loads(channel.recv_bytes())()
+        gc.freeze()  # imported modules stay: to look through them for garbage takes longer than a small case
+    except EOFError:
+        return
+    except BaseException as error:  # a module may raise anything
+        channel.send(("refused", of_exception(error)[1]))
+        return
+    channel.send(("loaded", about))
+    with suppress(EOFError):
+        while channel.poll(IDLE):
+            order = channel.recv_bytes()
+            gc.collect()  # of the order before, whose time it belongs to
+            load = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
+            began, value, failed = time.perf_counter(), None, None
+            try:
+                value = work(pickle.loads(order))
+            except BaseException as error:  # an exit is the task's failure too
+                failed = error
+            answer = time.perf_counter() - began, load, value
+            try:
+                channel.send_bytes(pickle.dumps(("done", *answer) if failed is None else _told(failed, *answer)))
+            except Exception as error:  # what cannot be sent
+                channel.send(_told(error, *answer))
+
+
+def _told(error: BaseException, seconds: float, load: float | None, _value: object) -> tuple[Any, ...]:
+    """The answer for an order that has failed; the exception itself only if it survives the journey."""
+    status, reason = of_exception(error)
+    try:
+        kept = error if repr(pickle.loads(pickle.dumps(error))) == repr(error) else None
+    except Exception:
+        kept = None
+    return status, seconds, load, reason, kept
+
+
+def of_exception(error: BaseException) -> tuple[str, str]:
+    """Status, "error" or "memory", and the exception in one line, with the line of code that it came from."""
+    text = ": ".join(filter(None, [type(error).__name__, str(error)]))
+    short = isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+    places = traceback.extract_tb(error.__traceback__)[-1:]
+    where = "".join(f" ({Path(place.filename).name}, line {place.lineno})" for place in places)
+    return ("memory" if short or names_shortage(text) else "error"), one_line(text) + where
+
+
+def names_shortage(text: str) -> bool:
+    """Whether these are the words of a library that got no memory."""
+    return any(word in text for word in SHORTAGE)
+
+
+def one_line(text: str) -> str:
+    """The text without line breaks, cut where it gets long."""
+    line = " ".join(text.split())
+    return line if len(line) <= _LONGEST else line[: _LONGEST - 1] + "…"
+
+
+def limit_memory(mebibytes: int | None) -> None:
+    """Limit the address space, of this process and of each that it starts; Windows has no such limit."""
+    if mebibytes is not None and sys.platform != "win32":
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        limit = mebibytes << 20
+        limit = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def end_group() -> None:
+    """End this process and those it started, at once."""
+    if sys.platform != "win32":
+        os.killpg(0, signal.SIGKILL)
+
+
+def _end_with(lifeline: int) -> None:
+    """End this process group when the parent ends, however it does: a pipe is closed then to which nobody writes.
+
+    On Linux the kernel sends SIGKILL, which works even where a library never gives control back to Python. Elsewhere a
+    thread waits for the end of the pipe.
+    """
+    if sys.platform == "linux":
+        fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(lifeline, fcntl.F_SETOWN, -os.getpgrp())
+        fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
+        if select.select([lifeline], [], [], 0.0)[0]:  # closed before
+            end_group()
+    elif sys.platform != "win32":
+        Thread(target=lambda: (os.read(lifeline, 1), end_group()), daemon=True).start()

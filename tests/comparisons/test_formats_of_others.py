@@ -1,0 +1,423 @@
+"""Files of problems: nothing is lost, nothing broken is read, and foreign measures agree with ours."""
+
+import doctest
+import io
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.sparse import coo_matrix, csr_matrix
+
+import comparisons.exchange
+from comparisons.exchange import (
+    ContactState,
+    LocalProblem,
+    load_qvi,
+    local_problem,
+    project,
+    read_fclib,
+    save_qvi,
+    siconos_error,
+    solve_local,
+    state_of,
+    write_fclib,
+)
+from solvers import FrictionQVI, InputError, Status, Traces, certify, solve_qvi
+from solvers.basics import LARGEST
+from solvers.inequality import Compliance
+from tests.solvers.conftest import dragged_block, two_contacts
+
+h5py = pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
+
+THREE_STATES = {
+    "open": ((1.0, 2.1), (0.0, 0.0)),
+    "stick": ((0.0, 0.0), (1.7 / 0.9, -3.25 / 0.9)),
+    "slip": ((0.0, 0.1), (5.0 / 3.0, -10.0 / 3.0)),
+}
+NOTHING = np.zeros(0)
+THREE = LocalProblem(W=[[1.0, 0.8], [0.8, 1.0]], q=[1.0, 2.1], mu=[2.0])
+few = settings(max_examples=8, deadline=None, derandomize=True)
+
+
+def random_local(seed: int, contacts: int = 3, rank: int | None = None) -> LocalProblem:
+    """W = H Hᵀ of a rank, and q = Hᵀ v, so that forces exist for which nothing moves."""
+    random = np.random.default_rng(seed)
+    H = random.normal(size=(2 * contacts, 2 * contacts if rank is None else rank))
+    q = H @ random.normal(size=H.shape[1])
+    return LocalProblem(H @ H.T, q, random.uniform(0.0, 0.4, contacts), weights=random.uniform(0.5, 2.0, contacts))
+
+
+def random_qvi(seed: int, n: int = 12, m: int = 5, equalities: int = 0) -> FrictionQVI:
+    """Every field filled; 2 m rows depend on each other where 2 m > n."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(n, n))
+    return FrictionQVI(
+        K=root @ root.T + np.eye(n), f=3.0 * random.normal(size=n), N=random.normal(size=(m, n)),
+        n0=np.full(m, -0.5), T=random.normal(size=(m, n)), t0=0.1 * random.normal(size=m),
+        mu=random.uniform(0.0, 0.3, m), W=random.uniform(0.5, 1.0, m),
+        A=random.normal(size=(equalities, n)), b=0.01 * np.ones(equalities),
+    )  # fmt: skip
+
+
+def with_every_law(seed: int) -> FrictionQVI:
+    """Cohesion, a limit that is infinite at one point, a bilateral point, traces."""
+    qvi = random_qvi(seed, equalities=2)
+    rows = csr_matrix(qvi.contact_rows)
+    return qvi.changed(
+        cohesion=np.linspace(0.0, 0.2, 5), cap=np.array([np.inf, 1.0, 2.0, 3.0, 0.0]),
+        bilateral=np.array([False, True, False, False, False]), traces=Traces(rows, csr_matrix(np.eye(10))),
+    )  # fmt: skip
+
+
+def lifted(qvi: FrictionQVI, state: ContactState) -> float:
+    """Accuracy, by the certificate of the original problem, of displacements found for the condensed one."""
+    m_N, m_T = qvi.W * state.u[0::2], -qvi.W * state.u[1::2]
+    z, nu = Compliance(qvi).unknowns(np.concatenate([m_N, m_T]))
+    return certify(qvi, z, m_N, m_T, nu).accuracy
+
+
+def refused(call) -> str:
+    """The error's field, and behind it one clear line."""
+    with pytest.raises(InputError) as caught:
+        call()
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1
+    return f"{caught.value.field}|{message}"
+
+
+def test_the_example_of_the_documentation_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = doctest.testmod(comparisons.exchange)
+    assert result.attempted >= 10
+    assert result.failed == 0
+
+
+@few
+@given(arrays(float, 3, elements=st.floats(-5, 5)), st.sampled_from([0.0, 0.1, 1.0, 3.0]))
+def test_the_projection_is_moreaus(x, friction):
+    """P = P_K(x) exactly if p is in K, x − p in the polar cone, and both are orthogonal."""
+    mu, x_T = np.full(3, friction), np.roll(x, 1)
+    p_N, p_T = project(mu, x, x_T)
+    r_N, r_T = x - p_N, x_T - p_T
+    assert (np.abs(p_T) <= mu * p_N + 1e-12).all()
+    assert (r_N <= -mu * np.abs(r_T) + 1e-12).all()
+    assert np.allclose(p_N * r_N + p_T * r_T, 0.0, atol=1e-12)
+    if friction == 0.0:  # the cone is a half-line: what pulls is projected on its end, however small its shear
+        assert np.array_equal(np.stack([p_N, p_T]), np.stack([np.maximum(x, 0.0), 0.0 * x]))
+
+
+@pytest.mark.parametrize(
+    ("r", "largest", "by_q"),
+    [((0.0, 0.0), 1.0, 1.0), ((0.5, 0.0), 0.5, 0.5), ((1.0, 0.0), 0.0, 0.0), ((3.0, 0.0), 2.0 / 3.0, 2.0)],
+)
+def test_the_error_of_one_contact_pushed_in_by_one(r, largest, by_q):
+    """W = 1, q = (−1, 0): r − u = (1, 0) always, so F = r − (1, 0)."""
+    problem = LocalProblem(np.eye(2), [-1.0, 0.0], [1.0])
+    assert siconos_error(problem, np.array(r)) == pytest.approx(largest, abs=1e-15)
+    assert siconos_error(problem, np.array(r), relative_to="q") == pytest.approx(by_q, abs=1e-15)
+
+
+def test_sliding_in_the_direction_of_friction_is_an_error():
+    """On the cone at r = (1, 1), μ = 1: u = (0, −1) opposes friction, u = (0, 1) does not: P(0, 0) = 0, F = r."""
+    for slip, expected in ((-1.0, 0.0), (1.0, 1.0)):
+        problem = LocalProblem(np.zeros((2, 2)), [0.0, slip], [1.0])
+        assert siconos_error(problem, np.array([1.0, 1.0])) == pytest.approx(expected, abs=1e-15)
+
+
+def test_equations_that_are_missed_are_an_error():
+    """With λ such that nothing moves, r_N = 2 instead of 1 is off by |1| / (1 + |s|) = 0.5, and by nothing else."""
+    problem = LocalProblem(np.eye(2), np.zeros(2), [1.0], [[1.0], [0.0]], [[0.0]], [-1.0])
+    assert siconos_error(problem, np.array([2.0, 0.0]), np.array([-2.0])) == pytest.approx(0.5, abs=1e-15)
+    assert siconos_error(problem, np.array([1.0, 0.0]), np.array([-1.0])) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_three_solutions_through_a_file(tmp_path):
+    """Written as a solution and guesses, read, each passes Siconos' measure and the certificate; others do not."""
+    problem = THREE
+    states = [ContactState(np.array(u), np.array(r), NOTHING) for u, r in THREE_STATES.values()]
+    write_fclib(tmp_path / "three.hdf5", problem, states[0], states[1:], "Three", "open, stick, slip: μ = 2")
+    held = read_fclib(tmp_path / "three.hdf5")
+    assert (held.title, held.description) == ("Three", "open, stick, slip: μ = 2")
+    assert np.array_equal(held.problem.W, problem.W)
+    found = [held.solution, *held.guesses]
+    for state, (u, r) in zip(found, THREE_STATES.values(), strict=True):
+        assert np.allclose(state.r, r, rtol=0, atol=1e-15)
+        assert np.allclose(held.problem.displacements(state.r, NOTHING), u, rtol=0, atol=1e-15)
+        assert siconos_error(held.problem, state.r) < 1e-15
+        assert held.problem.certify(state).accuracy < 1e-14
+        assert siconos_error(held.problem, state.r * [1.0, -1.0] + [0.1, 0.0]) > 1e-2
+    here, solution = solve_local(held.problem)
+    assert solution.solved
+    assert min(np.abs(here.r - state.r).max() for state in found) < 1e-9
+
+
+@pytest.mark.parametrize("storage", ["rows", "triplets"])
+def test_other_storage_is_read(tmp_path, storage):
+    """Matrices of others, by rows with room to spare or as triplets, not symmetric ones too."""
+    problem = local_problem(random_qvi(1, n=8))
+    write_fclib(tmp_path / "a.hdf5", problem)
+    with h5py.File(tmp_path / "a.hdf5", "a") as file:
+        for name in ("W", "V", "R"):
+            group, dense = file["fclib_local"][name], getattr(problem, name)
+            for key in ("p", "i", "x", "nz"):
+                del group[key]
+            if storage == "rows":
+                rows = csr_matrix(dense)
+                parts = rows.indptr, np.append(rows.indices, 7), np.append(rows.data, 9.0), -2
+            else:
+                triplets = coo_matrix(dense)
+                parts = triplets.col, triplets.row, triplets.data, triplets.nnz
+            group["p"], group["i"], group["x"], group["nz"] = *parts[:3], np.array([parts[3]], dtype=np.int32)
+    read = read_fclib(tmp_path / "a.hdf5").problem
+    assert all(np.array_equal(getattr(read, name), getattr(problem, name)) for name in ("W", "V", "R", "s", "q"))
+
+
+@few
+@given(st.integers(0, 10**6), st.sampled_from([6, 8, 12, 20]), st.integers(0, 2))
+def test_condensed_and_original_have_the_same_solutions(seed, n, equalities):
+    """Either solution passes the other's certificate, rows dependent (n < 10) or not, and the energies agree."""
+    qvi = random_qvi(seed, n=n, equalities=equalities)
+    solution = solve_qvi(qvi)
+    if not solution.solved:
+        return
+    problem = local_problem(qvi)
+    assert len(problem.s) == max(10 - (n - equalities), 0)
+    state = state_of(problem, solution)
+    assert np.allclose(problem.displacements(state.r, state.lam), state.u, rtol=0, atol=1e-8 * np.abs(state.u).max())
+    assert problem.certify(state).accuracy < 1e-7
+    here, found = solve_local(problem)
+    assert found.solved
+    assert lifted(qvi, here) < 1e-7
+    above = qvi.energy(solution.z) - qvi.energy(qvi.bonded)
+    rest = 0.5 * problem.q @ np.linalg.lstsq(problem.W, problem.q, rcond=1e-10)[0]
+    assert problem.energy(state.r) + rest == pytest.approx(above, rel=1e-7, abs=1e-9)
+
+
+def test_friction_and_tractions_have_the_signs_of_the_problem():
+    """One contact pressed by 2, pushed by 0.4 and 2: r_N = −w σ_N ≥ 0, r_T = w σ_T, u_T = −λ_T against it."""
+    problem = local_problem(two_contacts())
+    state, _ = solve_local(problem)
+    assert np.allclose(state.r, [1.0, 0.2, 2.0, -0.6], atol=1e-10)
+    assert np.allclose(state.u, [0.0, 0.0, 0.0, 0.85], atol=1e-10)
+    assert np.allclose(problem.tractions(state.r), [[-2.0, -1.0], [0.4, -0.3]], atol=1e-10)
+
+
+def test_mixed_problems_with_an_r_that_is_partly_invertible():
+    """λ eliminated by hand from a problem with R = diag(2, 0) gives the same forces."""
+    random = np.random.default_rng(3)
+    H, G = random.normal(size=(6, 7)), random.normal(size=(7, 2))
+    W, V, R = H @ H.T, H @ G, np.diag([30.0, 0.0])
+    q, s, mu = H @ random.normal(size=7), np.array([0.3, -0.1]), np.full(3, 0.2)
+    W = W + np.outer(V[:, 0], V[:, 0]) / 30.0
+    state, solution = solve_local(LocalProblem(W, q, mu, V, R, s))
+    assert solution.solved
+    assert np.allclose(V.T @ state.r + R @ state.lam + s, 0.0, atol=1e-9)
+    assert siconos_error(LocalProblem(W, q, mu, V, R, s), state.r, state.lam) < 1e-9
+    plain = LocalProblem(
+        W - np.outer(V[:, 0], V[:, 0]) / 30.0, q - V[:, 0] * 0.3 / 30.0, mu, V[:, 1:], np.zeros((1, 1)), s[1:]
+    )
+    assert np.allclose(solve_local(plain)[0].r, state.r, atol=1e-8)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-11])
+def test_hyperstatic_problems_are_solved(scale):
+    """Eight contacts of one rigid body: W has rank 3, forces are not unique, displacements are."""
+    random = np.random.default_rng(0)
+    H = random.normal(size=(16, 3))
+    problem = LocalProblem(scale * H @ H.T, 1e-5 * H @ random.normal(size=3), np.full(8, 0.5))
+    assert problem.regularisation > 0.0
+    state, solution = solve_local(problem)
+    assert solution.solved
+    own, own_state = problem.dimensionless(state)
+    assert siconos_error(own, own_state.r) < 1e-9
+    assert problem.certify(state).accuracy < 1e-6  # displacements are measured by the added compliance
+    assert random_local(0).regularisation == 0.0
+
+
+def test_penalised_problems_approach_the_mixed_one():
+    problem = local_problem(random_qvi(2, n=8))
+    exact = solve_local(problem)[0].r
+    errors = []
+    for factor in (1e3, 1e5):
+        plain = problem.penalised(factor)
+        assert len(plain.s) == 0
+        errors.append(float(np.abs(solve_local(plain)[0].r - exact).max()))
+    assert 30.0 < errors[0] / errors[1] < 300.0
+
+
+def test_every_law_survives_an_archive(tmp_path):
+    qvi = with_every_law(4)
+    solution = solve_qvi(qvi)
+    assert solution.solved
+    save_qvi(tmp_path / "a.npz", qvi, solution)
+    again, found = load_qvi(tmp_path / "a.npz")
+    assert all((getattr(qvi, name) != getattr(again, name)).nnz == 0 for name in "KNTA")
+    for name in ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral"):
+        assert np.array_equal(getattr(qvi, name), getattr(again, name))
+    content = (tmp_path / "a.npz").read_bytes()
+    save_qvi(tmp_path / "a.npz", again, found)
+    assert (tmp_path / "a.npz").read_bytes() == content
+    assert (again.traces.interpolation != qvi.traces.interpolation).nnz == 0
+    for name in ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold"):
+        assert np.array_equal(getattr(found, name), getattr(solution, name))
+    for name in ("status", "method", "message", "iterations", "versions", "corrections", "form"):
+        assert getattr(found, name) == getattr(solution, name)
+    assert found.certificate.accuracy == pytest.approx(solution.certificate.accuracy, rel=1e-6)
+    assert np.allclose(solve_qvi(again).z, solution.z, rtol=0, atol=1e-12)
+
+
+def test_a_proof_of_infeasibility_survives_an_archive(tmp_path):
+    qvi = dragged_block(0.5)
+    solution = solve_qvi(qvi)
+    save_qvi(tmp_path / "a.npz", qvi, solution)
+    _, found = load_qvi(tmp_path / "a.npz")
+    assert found.status is Status.INFEASIBLE
+    assert all(np.array_equal(a, b) for a, b in zip(found.farkas, solution.farkas, strict=True))
+
+
+def test_a_solution_is_not_believed_but_certified_again(tmp_path):
+    qvi = random_qvi(1)
+    solution = solve_qvi(qvi)
+    assert solution.solved
+    save_qvi(tmp_path / "a.npz", qvi, replace(solution, z=solution.z * 1.001))
+    _, found = load_qvi(tmp_path / "a.npz")
+    assert not found.solved
+    assert "certificate failed" in found.message
+
+
+def test_the_layout_is_that_of_fclib(tmp_path):
+    """Names, types and shapes that its C functions read; strings end in a zero."""
+    problem = local_problem(random_qvi(0, n=8))
+    write_fclib(tmp_path / "a.hdf5", problem, solve_local(problem)[0], title="A title")
+    with h5py.File(tmp_path / "a.hdf5") as file:
+        local = file["fclib_local"]
+        assert local["spacedim"][()].tolist() == [2]
+        for name, shape in (("W", (10, 10)), ("V", (10, 2)), ("R", (2, 2))):
+            group = local[name]
+            m, n, nz, nzmax = (int(group[key][0]) for key in ("m", "n", "nz", "nzmax"))
+            assert (m, n, nz) == (*shape, -1)
+            assert all(group[key].dtype == np.int32 for key in ("m", "n", "nz", "nzmax", "p", "i"))
+            assert (group["p"].shape, group["i"].shape, group["x"].shape) == ((n + 1,), (nzmax,), (nzmax,))
+        assert [local["vectors"][name].shape for name in ("q", "mu", "s")] == [(10,), (5,), (2,)]
+        assert [file["solution"][name].shape for name in ("u", "r", "l")] == [(10,), (10,), (2,)]
+        kind = local["info/title"].id.get_type()
+        assert (kind.get_size(), kind.get_strpad()) == (len("A title") + 1, h5py.h5t.STR_NULLTERM)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [({"W": [[1.0, 0.0], [0.0, -1.0]]}, "W"), ({"W": [[1.0, 0.5], [0.0, 1.0]]}, "W"), ({"W": np.eye(4)}, "W"),
+     ({"W": [["a", "b"], ["c", "d"]]}, "W"), ({"q": [1.0, np.nan]}, "q"), ({"q": [1.0, 2.0, 3.0]}, "q"),
+     ({"mu": [-0.1]}, "mu"), ({"mu": [0.1, 0.2]}, "mu"), ({"weights": [0.0]}, "weights"), ({"V": [[1.0], [0.0]]}, "V"),
+     ({"V": [[1.0], [0.0]], "R": [[-1.0]], "s": [1.0]}, "R")],
+)  # fmt: skip
+def test_local_problems_that_are_none(changes, field):
+    assert refused(lambda: LocalProblem(**({"W": np.eye(2), "q": [1.0, 1.0], "mu": [0.1]} | changes)))[0] == field[0]
+
+
+def test_what_has_no_place_or_does_not_fit_is_refused(tmp_path):
+    for laws in ({"cohesion": np.full(5, 0.1)}, {"cap": np.full(5, 2.0)}, {"bilateral": np.arange(5) == 2}):
+        assert str(*laws) in refused(lambda laws=laws: local_problem(random_qvi(0).changed(**laws)))
+    contradictory = LocalProblem(np.eye(2), [0.0, 0.0], [0.1], np.ones((2, 2)), np.zeros((2, 2)), [1.0, 2.0])
+    assert refused(contradictory.qvi).startswith("s|")
+    assert "shape (3,)" in refused(lambda: siconos_error(THREE, np.zeros(3)))
+    assert refused(lambda: siconos_error(THREE, np.zeros(2), relative_to="r")).startswith("relative_to|")
+    assert siconos_error(THREE, np.array([np.nan, 0.0])) == np.inf
+    path = tmp_path / "a.hdf5"
+    for u in (np.zeros(3), np.array([np.nan, 0.0])):
+        refused(lambda u=u: write_fclib(path, THREE, ContactState(u, np.zeros(2), NOTHING)))
+    solution = solve_qvi(random_qvi(1))
+    for other in (random_qvi(2), random_qvi(1, m=4)):
+        assert "another problem" in refused(lambda other=other: save_qvi(path, other, solution))
+    refused(lambda: save_qvi(path, "qvi"))
+    refused(lambda: save_qvi(tmp_path, random_qvi(1)))
+    refused(lambda: write_fclib(tmp_path / "no" / "a.hdf5", THREE))
+    assert not any(tmp_path.iterdir())
+    save_qvi(path, random_qvi(1), solution)  # an equal one is no other
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [("", None, "fclib_local"), ("/spacedim", np.array([3]), "plane"), ("/spacedim", np.array([2, 2]), "shape (2,)"),
+     ("/W", None, "/W"), ("/W/nz", np.array([-3]), "nz"), ("/W/i", np.array([0, 1, 0, 99]), "W"),
+     ("/W/p", np.array([0, 3]), "W"), ("/W/p", np.array([0, 5, 4]), "W"), ("/W/p", np.array([0.5, 2.0, 4.0]), "whole"),
+     ("/W/m", np.array([10**9]), "at most"), ("/W/x", np.array([1.0, np.nan, np.nan, 1.0]), "NaN"),
+     ("/W/x", np.array([b"a", b"b"]), "real"), ("/W/x", np.array([1.0]), "W"), ("/vectors/q", np.ones(3), "q"),
+     ("/vectors/q", None, "vectors/q"), ("/vectors/mu", np.array([-1.0]), "mu"), ("/V", np.ones(2), "V and R"),
+     ("/W", np.ones((2, 2)), "read"), ("", np.ones(2), "spacedim"), ("/spacedim/m", 1, "read"),
+     ("../qvi_contact/weights", np.ones(3), "weights"), ("../solution/r", np.array([np.inf, 0.0]), "infinity"),
+     ("../solution/u", np.ones(4), "shape (4,)"), ("../guesses/number_of_guesses", np.array([7]), "number_of_guesses")],
+)  # fmt: skip
+def test_broken_fclib_files(tmp_path, name, value, word):
+    path = tmp_path / "a.hdf5"
+    state = ContactState(np.zeros(2), np.zeros(2), NOTHING)
+    write_fclib(path, THREE, state, [state])
+    name = name.removeprefix("../") if name.startswith("../") else f"fclib_local{name}"
+    with h5py.File(path, "a") as file:
+        if name.endswith("/m") and "spacedim" in name:  # a group in the place of a number
+            del file["fclib_local/spacedim"]
+        if name in file:
+            del file[name]
+        if value is not None:
+            file[name] = value
+    assert word in refused(lambda: read_fclib(path))
+
+
+def test_other_truncated_and_large_hdf5_files(tmp_path):
+    path = tmp_path / "a.hdf5"
+    write_fclib(path, THREE)
+    content = path.read_bytes()
+    with h5py.File(path, "a") as file:  # zeros that are not there take nothing in a file
+        del file["fclib_local/vectors/q"]
+        file.create_dataset("fclib_local/vectors/q", shape=(LARGEST,), chunks=(1_000_000,), dtype="f8")
+    assert f"{8 * LARGEST} bytes" in refused(lambda: read_fclib(path))
+    for broken in (*(content[: int(share * len(content))] for share in (0.0, 0.01, 0.3, 0.7, 0.95)), b"no HDF5" * 100):
+        path.write_bytes(broken)
+        assert "FCLIB" in refused(lambda: read_fclib(path))
+    for place in (tmp_path, tmp_path / "missing"):
+        refused(lambda place=place: read_fclib(place))
+    with h5py.File(path, "w") as file:
+        file.create_group("fclib_global")
+    assert "global" in refused(lambda: read_fclib(path))
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [({"format": np.array("another")}, "another"), ({"format": None}, "format"), ({"f": None}, "f"),
+     ({"version": np.array(2)}, "version 2"), ({"version": np.array("x")}, "version"),
+     ({"f": np.array([np.nan] * 12)}, "NaN"), ({"f": np.ones(3)}, "shape (3,)"),
+     ({"mu": np.full(5, -1.0)}, "mu"), ({"mu": np.array(["a"] * 5)}, "mu"),
+     ({"K_indices": np.full(144, 99)}, "K"), ({"K_shape": np.array([12])}, "K"), ({"N_data": None}, "N_data"),
+     ({"K_indptr": np.array([0, 200, *[144] * 11])}, "K"), ({"bilateral": np.ones(5)}, "bilateral"),
+     ({"solution_record": np.array("{")}, "save_qvi"), ({"solution_z": np.ones(3)}, "shape (3,)"),
+     ({"solution_record": np.array('{"status": "solved"}')}, "save_qvi"), ({"solution_z": None}, "solution_z")],
+)  # fmt: skip
+def test_broken_archives(tmp_path, changes, word):
+    path, qvi = tmp_path / "a.npz", random_qvi(0)
+    save_qvi(path, qvi, solve_qvi(qvi))
+    with np.load(path) as archive:
+        content = {name: archive[name] for name in archive.files} | changes
+    np.savez(path, **{name: value for name, value in content.items() if value is not None})
+    assert word in refused(lambda: load_qvi(path))
+
+
+def test_truncated_pickled_and_other_archives(tmp_path):
+    path = tmp_path / "a.npz"
+    save_qvi(path, random_qvi(0))
+    content = path.read_bytes()
+    spoilt = bytearray(content)
+    spoilt[len(content) // 2] ^= 0xFF  # the checksum of one array does not fit any more
+    pickled, single, other = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    np.savez(pickled, format=np.array([{"code": 1}], dtype=object))
+    np.save(single, np.ones(3))
+    with zipfile.ZipFile(other, "w") as archive:
+        archive.writestr("readme.txt", "hello")
+    cut = [content[: int(share * len(content))] for share in (0.0, 0.01, 0.5, 0.99)]
+    for broken in (*cut, bytes(spoilt), *(stream.getvalue() for stream in (pickled, single, other))):
+        path.write_bytes(broken)
+        assert "save_qvi" in refused(lambda: load_qvi(path))
+    refused(lambda: load_qvi(tmp_path / "missing.npz"))
