@@ -235,7 +235,7 @@ def limit_proof(
     """
     with watched(time_limit):
         posed = _posed(problem, loads, degree=degree)
-        cones = YieldCones.of(posed.problem, posed.low.space.normal_degree)
+        cones = YieldCones.of(posed.problem, posed.low.space.degree - 2)
         return lower_proof(posed.problem, posed.names, StressProgram(posed.low, posed.high, cones))
 
 

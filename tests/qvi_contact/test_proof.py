@@ -27,7 +27,6 @@ from qvi_contact import (
     limit_proof,
     save_problem,
 )
-from qvi_contact.cli import group
 from qvi_contact.limit import check
 
 
@@ -71,13 +70,6 @@ def test_proofs_hold_and_lose_next_to_nothing(problem, load):
     assert factor == Fraction(proof["factor"])
     assert counted["parts"] == 3 * problem.mesh.cell_count
     assert (counted["cones"] > 0) == problem.yields
-
-
-def main(arguments):
-    """The exit status of the command line."""
-    with pytest.raises(SystemExit) as ended:
-        group.main(arguments)
-    return ended.value.code
 
 
 def changed(proof, place, more="1/1000000000000000000000"):
@@ -137,15 +129,16 @@ def test_what_files_do_not_hold_is_refused(contact, field):
     assert caught.value.field == field
 
 
-def test_the_command_writes_and_checks_them(tmp_path, capsys):
+def test_the_command_writes_and_checks_them(tmp_path, shell):
     file, proof = tmp_path / "block.toml", tmp_path / "limit.json"
     save_problem(file, stretched(Tresca(0.7)))
-    assert main(["limit", str(file), "--load", "top", "--proof", str(proof)]) == 0
-    capsys.readouterr()
-    assert main(["check-proof", str(proof)]) == 0
-    assert capsys.readouterr().out.startswith("proved")
+    assert shell("limit", file, "--load", "top", "--proof", proof)[0] == 0
+    status, out, _ = shell("check-proof", proof)
+    assert status == 0
+    assert out.startswith("proved")
     proof.write_text(json.dumps(changed(json.loads(proof.read_text()), ("airy", 0, 0, 0), "1/7")))
-    assert main(["check-proof", str(proof)]) == 1
-    assert capsys.readouterr().out.startswith("not proved")
+    status, out, _ = shell("check-proof", proof)
+    assert status == 1
+    assert out.startswith("not proved")
     proof.write_text(json.dumps({"degree": 4}))
-    assert main(["check-proof", str(proof)]) == 2
+    assert shell("check-proof", proof)[0] == 2
