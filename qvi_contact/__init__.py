@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from qvi_contact.mesh.outline import Corner
     from qvi_contact.mesh.triangles import TriangleMesh
     from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
-    from qvi_contact.problem.fields import Expression, Polynomial
+    from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
     from qvi_contact.problem.material import Material, Region
     from qvi_contact.problem.problem import ContactProblem
     from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Tresca
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from qvi_contact.verification.verification import verify_result
 
 _HOME = {
+    "BodyForces": "problem.fields",
     "Branches": "bracket",
     "Contact": "problem.conditions",
     "ContactLine": "solution.contact_line",
@@ -98,6 +99,7 @@ _HOME = {
 }
 
 __all__ = [
+    "BodyForces",
     "Branches",
     "Contact",
     "ContactLine",

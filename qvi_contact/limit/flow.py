@@ -38,7 +38,7 @@ from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import exponents, gradient, quadrature
 from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.yielding import YieldCones, coefficients_of, part_corners
-from qvi_contact.mechanism.works import BODY, FLUID
+from qvi_contact.mechanism.works import FLUID
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
 from qvi_contact.problem.integrals import along_edges
@@ -463,8 +463,9 @@ class FlowProgram:
                 edges = mesh.edges(contact.edges)
                 weights = self._edge_weights(edges, "Contact.pore_pressure", contact.pore_pressure)
                 add(FLUID, weights.ravel() @ self._jumps(contact)[0])
-        if callable(self.problem.body_potential):
-            add(BODY, self._body())
+        for name, potential in self.problem.body_forces.items():
+            if callable(potential):
+                add(name, self._body(potential))
         return found
 
     def _edge_weights(self, edges: Edges, name: str, field: Field) -> FloatArray:
@@ -474,13 +475,11 @@ class FlowProgram:
         values = bernstein.basis(degree, found.t.ravel()).reshape(*found.t.shape, degree + 1)
         return found.integrals(values) * edges.length[:, None] / (self.scales.stress * mesh.length)
 
-    def _body(self) -> FloatArray:
+    def _body(self, field: Field) -> FloatArray:
         """−∫ ∇φ·v dx, with the polynomial that stresses take for φ."""
         space, k = self.space, self.k
         cells = np.arange(space.mesh.cell_count)
-        potential = coefficients_of(
-            self.problem, cells, k, "ContactProblem.body_potential", self.problem.body_potential
-        )[0]
+        potential = coefficients_of(self.problem, cells, k, "ContactProblem.body_potential", field)[0]
         slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), potential)
         points, weights = quadrature(2 * k)
         products = (bernstein_values(k - 1, points) * weights[:, None]).T @ bernstein_values(space.degree, points)

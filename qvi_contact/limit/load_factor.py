@@ -26,6 +26,7 @@ from qvi_contact.limit.yielding import YieldCones, coefficients_of
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.works import BODY
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
+from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
@@ -160,7 +161,7 @@ def limit_load_factor(
         The problem.
     loads : sequence of str
         Names of the loads to multiply: of `Traction` conditions, of contacts whose `RigidPlate` prescribes forces, or
-        "body" for the body force.
+        "body" for the body force, or names of `BodyForces`.
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
     degree, contact_rows
@@ -428,7 +429,7 @@ def _program(low: Discretization, high: Discretization, signs: IntArray) -> tupl
 
 def loads_of(problem: ContactProblem) -> list[str]:
     """The names of loads that can be multiplied."""
-    known = [BODY]
+    known = list(dict.fromkeys([BODY, *problem.body_forces]))
     known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
     known += [contact.name for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
     return known
@@ -439,7 +440,10 @@ def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "l
     known = loads_of(problem)
     if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
         raise InputError(field, loads, f"give a list of names out of {', '.join(known)}")
-    return tuple(known_name(field, name, {"loads": known}) for name in loads)
+    named = [known_name(field, name, {"loads": known}) for name in loads]
+    if BODY in named:  # all body forces
+        named += list(problem.body_forces)
+    return tuple(dict.fromkeys(named))
 
 
 def _sampled(
@@ -455,7 +459,15 @@ def _sampled(
 def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
     """The problem with the named loads times a factor."""
     conditions = [_scaled(condition, names, factor) for condition in problem.conditions]
-    potential = _times(problem.body_potential, factor) if BODY in names else problem.body_potential
+    potential = problem.body_potential
+    if isinstance(potential, BodyForces):
+        parts = {
+            name: _times(part, factor) if name in names or BODY in names else part
+            for name, part in potential.parts.items()
+        }
+        potential = BodyForces(parts)
+    elif BODY in names:
+        potential = _times(potential, factor)
     return replace(problem, conditions=conditions, body_potential=potential)
 
 

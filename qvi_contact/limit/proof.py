@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 _STRAIGHT: Final = "proof files are for bodies of straight triangles without holes that carry forces"
 _CONSTANT: Final = "proof files need constant numbers here"
+_AFFINE: Final = 1e-10  # misfit of an affine potential, and parts of it, relative, that are rounding
 _KEPT_BACK: Final = 1e-6  # share of the way to a state inside that a proof keeps back for rounding
 
 Row = tuple[dict[int, Fraction], Fraction]
@@ -127,24 +128,29 @@ class _Exact:
 
     def _potentials(self) -> tuple[list[Fraction], list[Fraction]]:
         """φ of the loads that stay, and of those that are multiplied: c₀ + c_x x + c_y y."""
-        plain = self.mesh.vertices
-        field = self.problem.body_potential
+        dead, live = [Fraction(0)] * 3, [Fraction(0)] * 3
+        for name, field in self.problem.body_forces.items():
+            into = live if name in self.names else dead
+            for i, value in enumerate(self._affine(field)):
+                into[i] += value
+        return dead, live
+
+    def _affine(self, field: Field) -> list[Fraction]:
+        """c₀, c_x and c_y of an affine field; `InputError` if it is another one."""
         if not callable(field):
-            own, none = [Fraction(field), Fraction(0), Fraction(0)], [Fraction(0)] * 3
-        else:
-            places = np.concatenate([plain, self.mesh.midpoints])
-            values = np.asarray(field(*places.T), dtype=float) * np.ones(len(places))
-            origin, size = places.mean(axis=0), float(np.ptp(places, axis=0).max())
-            A = np.column_stack([np.ones(len(places)), (places - origin) / size])
-            found = np.linalg.lstsq(A, values, rcond=None)[0]
-            if np.abs(A @ found - values).max() > 1e-9 * np.abs(values).max():
-                raise InputError("ContactProblem.body_potential", field, "proof files need an affine potential")
-            slope = found[1:] / size
-            slope = np.where(np.abs(slope) > 1e-12 * np.abs(slope).max(), slope, 0.0)
-            constant = float(values[0] - plain[0] @ slope)
-            constant = 0.0 if abs(constant) <= 1e-12 * float(np.abs(values).max()) else constant
-            own, none = [Fraction(float(c)) for c in (constant, *slope)], [Fraction(0)] * 3
-        return (none, own) if "body" in self.names else (own, none)
+            return [Fraction(field), Fraction(0), Fraction(0)]
+        places = np.concatenate([self.mesh.vertices, self.mesh.midpoints])
+        values = evaluate("ContactProblem.body_potential", field, *places.T)
+        origin, size = places.mean(axis=0), float(np.ptp(places, axis=0).max())
+        A = np.column_stack([np.ones(len(places)), (places - origin) / size])
+        found = np.linalg.lstsq(A, values, rcond=None)[0]
+        largest = float(np.abs(values).max())
+        if np.abs(A @ found - values).max() > _AFFINE * largest:
+            raise InputError("ContactProblem.body_potential", field, "proof files need an affine potential")
+        slope = np.where(np.abs(found[1:]) > _AFFINE * np.abs(found[1:]).max(), found[1:] / size, 0.0)
+        constant = float(values[0] - places[0] @ slope)
+        constant = constant if abs(constant) > _AFFINE * largest else 0.0
+        return [Fraction(float(c)) for c in (constant, *slope)]
 
     def _loads(self) -> Iterator[_Load]:
         """Prescribed tractions, symmetry lines included."""
