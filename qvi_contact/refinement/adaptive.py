@@ -259,7 +259,7 @@ def _limit_refined(
     callback: RoundCallback | None,
 ) -> LimitRefinement:
     """The refinement for a limit load."""
-    strategy = limit_strategy(settings, checked_loads(problem, quantity.loads))
+    strategy = limit_strategy(problem, settings, checked_loads(problem, quantity.loads))
     ended = Loop(strategy, callback).run(problem, result)
     last = ended.rounds[-1]  # a limit load that fails on the first mesh raises
     return LimitRefinement(
