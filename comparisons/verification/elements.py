@@ -15,41 +15,41 @@ from qvi_contact.limit.load_factor import LimitLoad, limit_load
 class Element:
     """Triangles with a degree p of Φ: tractions on an edge have p − 1 parameters."""
 
+    Attributes
+    ----------
+    name : str
+        What rows say.
+    degree : int
+        Degree p of Φ: tractions on an edge have p − 1 parameters or fewer.
+
+    """
+
+    name: str
     degree: int
-
-    @property
-    def name(self) -> str:
-        """What rows say."""
-        return f"triangles of degree {self.degree}"
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """What `solve`, `refine`, `limit_load` and the like are told."""
-        return {"degree": self.degree}
 
     def discretized(self, problem: ContactProblem, **options: Any) -> Discretization:
         """As `discretize` does it."""
-        return discretize(problem, **self.options, **options)
+        return discretize(problem, degree=self.degree, **options)
 
     def solve(self, problem: ContactProblem, **options: Any) -> ContactResult:
         """As `solve` does it."""
-        return solve(problem, **self.options, **options)
+        return solve(problem, degree=self.degree, **options)
 
     def solve_history(self, problems: Iterable[ContactProblem], **options: Any) -> History:
         """As `solve_history` does it."""
-        return solve_history(problems, **self.options, **options)
+        return solve_history(problems, degree=self.degree, **options)
 
     def limit_load(self, problem: ContactProblem, loads: Sequence[str]) -> LimitLoad:
         """As `limit_load` does it."""
-        return limit_load(problem, loads, **self.options)
+        return limit_load(problem, loads, degree=self.degree)
 
     def companion(self, problem: ContactProblem, degree: int | None = None) -> CompanionResult:
         """Displacements on the same mesh, see `solve_companion`."""
         return solve_companion(problem, degree=degree)
 
 
-TRIANGLES: Final = Element(4)
-QUINTIC: Final = Element(5)
+TRIANGLES: Final = Element("triangles of degree 4", 4)
+QUINTIC: Final = Element("triangles of degree 5", 5)
 
 OnElement = Callable[[Element, bool], Iterator[Row]]
 """A problem that yields its rows for one element."""

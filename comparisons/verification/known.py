@@ -34,7 +34,7 @@ from qvi_contact import (
     load_problem,
     loop_area,
 )
-from qvi_contact.limit.load_factor import LimitLoad
+from qvi_contact.limit import LimitLoad
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
@@ -61,7 +61,7 @@ class Answer:
 
     def __init__(self, name: str, element: Element) -> None:
         self.file, self.element = read_example(name), element
-        self._options = {key: value for key, value in self.file.solve_options.items() if key not in element.options}
+        self._options = {key: value for key, value in self.file.solve_options.items() if key != "degree"}
         self._limits: dict[str, LimitLoad] = {}
 
     @cached_property

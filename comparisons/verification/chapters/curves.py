@@ -31,7 +31,7 @@ M: Final = 0.25
 """Of the ellipse: half axes 1 + m and 1 − m."""
 _SHORT: Final = 0.35  # of the order p − 1 on these meshes
 _COARSE, _FINE = 4, 8  # triangles across, half of those around
-_DEGREES: Final = tuple(Element(p) for p in (3, 4, 5, 6, 8))
+_DEGREES: Final = tuple(Element(f"triangles of degree {p}", p) for p in (3, 4, 5, 6, 8))
 
 
 @PROBLEMS.on("lame-ring", *_DEGREES)

@@ -17,7 +17,7 @@ from qvi_contact.problem.conditions import Condition
 
 PROBLEMS: Final = Chapter()
 
-_CELLS, _GRADING, _DEGREE = (16, 16), 0.75, 4
+_CELLS, _GRADING = (16, 16), 0.75
 _DISPLACEMENT: Final = 1e-3
 _UNCERTAINTY: Final = 3e-5
 _GAP: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
@@ -25,9 +25,9 @@ _GAP: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
 
 @PROBLEMS.on("companion-force", TRIANGLES)
 def companion_force(element: Element, quick: bool) -> Iterator[Row]:
-    """Force of the plate by displacements on one graded mesh, of degree 4."""
+    """Force of the plate by displacements of degree 4 on one graded mesh."""
     for friction in (0.1,) if quick else SETTLED:
-        companion = element.companion(compressed_plate(friction, _CELLS, grading=_GRADING), _DEGREE)
+        companion = element.companion(compressed_plate(friction, _CELLS, grading=_GRADING), 4)
         force, proof = companion.contacts["plate"].normal_force, certified_companion(companion)
         quantity = f"P/2, μ = {friction:g}, {_CELLS[0]}² cells graded by {_GRADING:g} [{FORCE}]"
         yield relative(quantity, force, SETTLED[friction], 1e-5, SOURCE, proof, Kind.EXTERNAL)

@@ -14,14 +14,15 @@ from qvi_contact.gallery import compressed_plate
 
 PROBLEMS: Final = Chapter()
 
-_CELLS, _GRADING = 16, 0.8
+_GRADED: Final = (16, 0.8)
 _ERROR: Final = {TRIANGLES: 2e-5, QUINTIC: 1e-5}
-"""Cells a side and grading of the mesh, and the error that it leaves."""
+"""Cells a side and grading of the meshes, and the error that they leave."""
 
 
-@PROBLEMS.on("plate-graded", TRIANGLES, QUINTIC)
+@PROBLEMS.on("plate-graded", TRIANGLES, QUINTIC, few=1)
 def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on one graded mesh, cells shrinking towards the free corner."""
+    cells, grading = _GRADED
     for friction, settled in list(SETTLED.items())[:: 2 if quick else 1]:
         result = element.solve(compressed_plate(friction, (_CELLS, _CELLS), grading=_GRADING))
         force, proof = result.contacts["plate"].normal_force, certified(result)
@@ -34,7 +35,7 @@ def adaptive_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on the mesh that `refine` makes for P/2 with a target of 1e-6."""
     for friction in (0.25,) if quick else SETTLED:
         start = compressed_plate(friction, (4, 4))
-        refined = refine(start, None, target=1e-6, quantity="plate.normal_force", **element.options)
+        refined = refine(start, None, target=1e-6, quantity="plate.normal_force", degree=element.degree)
         quantity = f"P/2, μ = {friction:g}, refined [{FORCE}]"
         settled, proof = SETTLED[friction], certified(refined.result)
         yield relative(quantity, refined.value, settled, 3e-6, SOURCE, proof, Kind.EXTERNAL)
@@ -47,7 +48,7 @@ def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
     for friction in (1.0,) if quick else tuple(LIMITS):
         limit, uncertainty = LIMITS[friction]
         start = compressed_plate(friction, (2, 2))
-        refined = refine(start, None, target=target, quantity="plate.normal_force", **element.options)
+        refined = refine(start, None, target=target, quantity="plate.normal_force", degree=element.degree)
         source, proof = f"{LIMITS_SOURCE}; ± {uncertainty:.0e}", certified(refined.result)
         quantity = f"P/2, μ = {friction:g}, refined to {target:.0e} [{FORCE}]"
         yield relative(quantity, refined.value, limit, 3.0 * target, source, proof, Kind.EXTERNAL)
@@ -62,10 +63,11 @@ def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
             yield at_most(quantity.format("largest"), max(ratios), 3.0, 0.0, source, proof, Kind.EXTERNAL)
 
 
-@PROBLEMS.on("plate-between", TRIANGLES, QUINTIC)
+@PROBLEMS.on("plate-between", TRIANGLES, QUINTIC, few=1)
 def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
     """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
-    tied = element.solve(plate_under(Contact.tied("top", gap=-1e-3, name="plate"), _CELLS, _GRADING))
+    cells, grading = _GRADED
+    tied = element.solve(plate_under(Contact.tied("top", gap=-1e-3, name="plate"), cells, grading))
     for friction in (0.1, 0.5) if quick else (0.05, 0.1, 0.2, 0.5):
         result = element.solve(compressed_plate(friction, (_CELLS, _CELLS), grading=_GRADING))
         force, proof = result.contacts["plate"].normal_force, certified(result, tied)
