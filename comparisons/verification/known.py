@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
+from qvi_contact.solution.limit import LimitLoad
 
 from comparisons.settled import SETTLED
 from comparisons.settled import SOURCE as DISPLACEMENT_CODES
@@ -34,7 +35,6 @@ from qvi_contact import (
     load_problem,
     loop_area,
 )
-from qvi_contact.limit.load_factor import LimitLoad
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
