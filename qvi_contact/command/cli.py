@@ -346,10 +346,10 @@ def bracket(
     """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
 
     The stress model gives a lower bound of the energy, a displacement model on the same mesh an upper bound. The bounds
-    are guaranteed for straight contacts without Coulomb friction. Where all contacts stick on the mesh, they are
-    guaranteed if all of the contact sticks. Where contacts slip, the friction bound is taken from the computed
-    pressure, and the bounds are an estimate. If one prescribed displacement drives the problem, its force is bounded
-    too. The output names the bounded problem, and every reason why bounds are not guaranteed.
+    are guaranteed for straight contacts without Coulomb friction. If one prescribed displacement drives the problem,
+    its force is bounded too. With Coulomb friction the error of the stresses and the forces of contacts are bounded,
+    whatever sticks, slips or opens; the bounds are guaranteed or estimated. The output gives every reason why bounds
+    are not guaranteed.
 
     \b
     Exit status: 0 solved, and both bounds found
@@ -383,8 +383,8 @@ def bracket(
             advance("stress model solved")
             found = bracketed(result, degree, tolerance, verbose=verbose) if result.has_state else None
             advance("energy bounded, contact forces follow")
-            if found is not None and found.slip is not None:
-                _ = found.slip.forces  # takes longest on large meshes: here, where progress is shown
+            if found is not None:
+                _ = found.forces  # takes longest on large meshes: here, where progress is shown
         _write_bracket(problem_file, found, targets)
     _show_bracket(problem_file, result, found, as_json)
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
@@ -480,7 +480,7 @@ def branches(
 @click.option(
     "--guaranteed/--estimated",
     default=None,
-    help="Force of a contact that slips: refine until guaranteed bounds, or an estimate, meet the target.  "
+    help="Force of a contact with friction: refine until guaranteed bounds, or an estimate, meet the target.  "
     "[default: estimated]",
 )
 @click.option("--degree", type=int, help="Degree of the element, 3 to 11.  [default: 5]")
@@ -521,10 +521,10 @@ def refine(
 
     The first mesh is the one in the file: make it coarse. Each round solves the problem, computes the error of the
     quantity, and divides the cells that contribute most to it. The table has a row for each round: unknowns, value, and
-    relative error. The error is a guaranteed bound or an estimate. It is a bound if no contact slips under Coulomb
-    friction, for the energy, and for the force of a contact that one prescribed displacement drives. With --guaranteed
-    the force of a contact that slips in one sense is bounded too, which takes more unknowns. The files
-    written are those of "qvi-contact solve", for the answer on the last mesh.
+    relative error. The error is a guaranteed bound or an estimate. It is a bound if no contact has Coulomb friction,
+    for the energy, and for the force of a contact that one prescribed displacement drives. With --guaranteed the force
+    of a contact with Coulomb friction is bounded too, which takes more unknowns. The files written are those of
+    "qvi-contact solve", for the answer on the last mesh.
 
     Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
     done in time. The energy bounds on the page of --report take one more solve.

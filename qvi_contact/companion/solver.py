@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from types import MappingProxyType
 from typing import Any
 
@@ -120,17 +121,17 @@ def solve_companions(
     *,
     degree: int | None = None,
     tolerance: float = 1e-8,
-    senses: Mapping[str, int] = MappingProxyType({}),
+    senses: Sequence[Mapping[str, FloatArray]] = (),
     **options: Any,
 ) -> tuple[CompanionResult, ...]:
     """The same under several friction laws, each like `bounds` of `solve_companion`, with one factorisation.
 
-    Options are those of `solve_qvi`, for each of them. On contacts named in `senses` the displacement that is made
-    admissible slips in that sense only, 1 or −1 along the tangent.
+    Options are those of `solve_qvi`, for each of them. On contacts named in the law's entry of `senses`, if it has one,
+    displacements slip along the tangent of an edge where that says 1, against it where −1, and not at all where 0.
     """
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
-    lines = [model.traces(bounds, senses) for bounds in laws]
+    lines = [model.traces(*pair) for pair in zip_longest(laws, senses, fillvalue=MappingProxyType({}))]
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
@@ -196,12 +197,15 @@ class _Model:
         return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
 
     def traces(
-        self, bounds: Mapping[str, ArrayLike] | None, senses: Mapping[str, int]
+        self, bounds: Mapping[str, ArrayLike] | None, senses: Mapping[str, FloatArray]
     ) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
         """Contacts under a law, with the senses of their slip, and why the energy is not exact."""
         problem = self.problem
         lines, reasons = traces(problem, self.body.space, self.scales, bounds)
-        lines = tuple(replace(trace, sense=senses.get(trace.name, 0)) for trace in lines)
+        lines = tuple(
+            replace(trace, slipping=trace.slipping_on(senses[trace.name])) if trace.name in senses else trace
+            for trace in lines
+        )
         reasons = self.held.reasons + self.remarks + reasons
         if bounds is None and any(
             _moves(problem, trace, contact) for trace, contact in zip(lines, problem.contacts, strict=True)

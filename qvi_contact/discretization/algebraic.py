@@ -90,6 +90,7 @@ def _assembled(posed: Posed, rows: _Rows) -> FrictionQVI:
         A=sparse.csc_array(posed.plates.A),
         b=posed.plates.b,
         traces=Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
+        places=energy.places(elimination),
         **rows.data,
     )
 

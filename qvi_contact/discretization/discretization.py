@@ -217,7 +217,7 @@ def discretize(
         raise InputError("problem", problem, "give a ContactProblem")
     if scales is not None and not isinstance(scales, Scales):
         raise InputError("scales", scales, "give Scales, or leave them out")
-    if contact_rows not in (None, *get_args(RowKind)):
+    if contact_rows is not None and (not isinstance(contact_rows, str) or contact_rows not in get_args(RowKind)):
         raise InputError("contact_rows", contact_rows, "give 'bernstein' or 'gauss'")
     chosen = DEFAULT_DEGREE if degree is None else whole_number("degree", degree)
     _ = hsieh_clough_tocher(chosen)  # refuses degrees that are not offered

@@ -15,6 +15,8 @@ from qvi_contact.errors import InputError
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 
+_ORDERED = 2000  # unknowns from which on their order of elimination counts
+
 
 @dataclass(frozen=True, eq=False)
 class TriangleEnergy:
@@ -84,6 +86,19 @@ class TriangleEnergy:
         centres = self.space.triangles.corners.mean(axis=1)
         basis, particular = elimination.basis, elimination.particular
         return TriangleRoot(self.condensed, self.space.differences, centres, basis, particular)
+
+    def places(self, elimination: Elimination) -> FloatArray | None:
+        """Centres (n, 2) of the vertices and edges whose degrees of freedom belong to each unknown; None for few."""
+        basis, vertices = elimination.basis, self.space.vertices
+        if basis.shape[1] < _ORDERED:
+            return None
+        middles = vertices[self.space.mesh.topology.ends].mean(axis=1)
+        own = np.vstack([np.repeat(vertices, 3, axis=0), np.repeat(middles, self.space.element.on_edge, axis=0)])
+        weights = abs(basis[: len(own)])  # behind them come jumps across cuts, which have no place
+        total = np.asarray(weights.sum(axis=0)).ravel()
+        centre = vertices.mean(axis=0)
+        mean = (weights.T @ (own - centre)) / np.where(total > 0.0, total, 1.0)[:, None]
+        return np.asarray(centre + mean)
 
     def coefficients(self, u: FloatArray) -> FloatArray:
         """Φ of each triangle from the degrees of freedom u (N,), shape (cells, dimension): what `stress` takes.

@@ -140,10 +140,10 @@ class Reader:
         for index, table in enumerate(document.regions):
             strength = self._strength(f"regions[{index}].strength", table.strength)
             with located(f"regions[{index}]", table):
-                if table.name is None and table.x is None and table.y is None:
+                own = Material(table.young, table.poisson, plane, strength)
+                if table.name is None and table.x is None and table.y is None and not document.mesh.is_grid:
                     remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
                     raise InputError("name", None, remedy)
-                own = Material(table.young, table.poisson, plane, strength)
                 x, y = (None if pair is None or table.name else (pair[0], pair[1]) for pair in (table.x, table.y))
                 regions.append(Region(own, x, y, table.name))
                 cell_materials(mesh, regions[-1:])

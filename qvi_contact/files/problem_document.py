@@ -678,7 +678,7 @@ class RefinementTable(Table):
     max_rounds: int | None = None
     """Largest number of rounds; 60 by default: `max_rounds = 10`."""
     guaranteed: bool | None = None
-    """For the force of a contact that slips: refine until its guaranteed bounds are within the target. By
+    """For the force of a contact with Coulomb friction: refine until its guaranteed bounds are within the target. By
     default an estimate is enough: `guaranteed = true`.
     """
 

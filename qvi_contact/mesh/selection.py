@@ -74,15 +74,16 @@ def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -
 
 def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) -> IntArray:
     """Numbers (k,) of the triangles in ranges of x and y [length], the borders of which must be edges of the mesh."""
+    given = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
     closed, open_ = _within(vertices, x, y)
     inside = closed[cells].all(axis=1)
     cut = open_[cells].any(axis=1) & ~inside
     if cut.any():
         px, py = vertices[cells[np.argmax(cut)]].mean(axis=0)
         remedy = f"cuts the triangle around ({px:.6g}, {py:.6g}): give ranges that end on edges of the mesh"
-        raise InputError("region", {"x": x, "y": y}, remedy)
+        raise InputError("region", given, remedy)
     if not inside.any():
-        raise InputError("region", {"x": x, "y": y}, "no triangle lies in this range: make it larger")
+        raise InputError("region", given, "no triangle lies in this range: make it larger")
     return np.flatnonzero(inside)
 
 

@@ -30,7 +30,7 @@ _COLUMNS = {
     "seconds": ">9.2f",
 }  # fmt: skip
 
-_YES = {Certainty.ESTIMATE: "no", Certainty.IF_STICKING: "if sticks", Certainty.GUARANTEED: "yes"}
+_YES = {Certainty.ESTIMATE: "no", Certainty.GUARANTEED: "yes"}
 _OF_SPACES = ("degree", "contact_rows")  # options that are not the solver's
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
@@ -91,11 +91,10 @@ def refine(
     """Solve a problem on meshes refined where it pays until the error of a quantity is within a target.
 
     Each round solves the problem on a mesh, which gives the answer. Where the contact laws allow it (no friction,
-    Tresca's, tied contacts, or contacts that stick everywhere) a displacement companion bounds the energy, and the
-    force of one prescribed displacement: the error is guaranteed, of contacts that stick on condition that all of the
-    contact sticks, see `Bracket.certainty`. Else the answer is compared with a closer look: one degree more, on a mesh
-    bisected where contact states change and at the corners where stresses may be singular (see `closer`). Triangles
-    that hold most of the difference are bisected.
+    Tresca's, tied contacts) a displacement companion bounds the energy, and the force of one prescribed displacement:
+    the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a closer look: one degree more,
+    on a mesh bisected where contact states change and at the corners where stresses may be singular (see `closer`).
+    Triangles that hold most of the difference are bisected.
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
@@ -126,8 +125,8 @@ def refine(
     time_limit : float, optional
         Seconds for all rounds together; the answer is that of the last round done in time.
     guaranteed : bool
-        Whether the force of a contact that slips is refined until its guaranteed bounds are within the
-        target, see `Bracket.slip`. That takes more unknowns than the estimate, which is used by default. Where there
+        Whether the force of a contact with Coulomb friction is refined until its guaranteed bounds are within the
+        target, see `Bracket.coulomb`. That takes more unknowns than the estimate, which is used by default. Where there
         are no such bounds it ends with `RefinementStatus.NO_GUARANTEE` once the estimate is within the target.
     callback : callable, optional
         Called with the record of each round.

@@ -10,7 +10,6 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.quantity import Measure
-from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import ContactResult
 
 _CROSSED: Final = 1e-9  # of the strain energy: lower − upper that is more than rounding
@@ -39,24 +38,18 @@ class Comparison:
     looked: float = np.nan
 
 
-def sticks(result: ContactResult) -> bool:
-    """Whether all contacts with Coulomb friction stick at all points; true if there are none."""
-    states = [result.contacts[contact.name].state for contact in coulomb_contacts(result.problem)]
-    return all(bool((state == ContactState.STICK).all()) for state in states)
-
-
 def coulomb_contacts(problem: ContactProblem) -> list[Contact]:
     """The contacts whose friction bound depends on the pressure."""
     return [contact for contact in problem.contacts if has_coulomb(contact)]
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
-    """The value of an answer beside bounds of it, if they are guaranteed: under Coulomb slip those of forces."""
+    """The value of an answer beside bounds of it, if they are guaranteed: under Coulomb friction those of forces."""
     bracket = result.bracket
-    slip = bracket.slip
-    if slip is not None and slip.guaranteed and not sticks(result) and measure.name in slip.forces:
-        lower, upper = slip.forces[measure.name]
-        return Comparison(max(upper - value, value - lower, 0.0), Certainty.GUARANTEED, slip.cells)
+    coulomb = bracket.coulomb
+    if coulomb is not None and coulomb.guaranteed and measure.name in coulomb.forces:
+        lower, upper = coulomb.forces[measure.name]
+        return Comparison(max(upper - value, value - lower, 0.0), Certainty.GUARANTEED, coulomb.cells)
     if bracket.reasons or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
         return None
     if measure.name == "energy":

@@ -39,7 +39,7 @@ from solvers.factorisation import FactorisationError
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from qvi_contact.bracket import Bracket
+    from qvi_contact.bracket import Bracket, Uniqueness
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 _ROUNDED = 1e-6
@@ -540,6 +540,11 @@ class ContactResult(Stated):
         """
         found: Bracket = load("qvi_contact.bracket").bracket(self)  # that room builds on this one
         return found
+
+    @property
+    def uniqueness(self) -> Uniqueness:
+        """How far another solution of the exact problem can be, as far as `bracket` tells."""
+        return self.bracket.uniqueness
 
     def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Displacement at points of the body, of displacement elements on the same mesh.

@@ -62,25 +62,26 @@ class Request(NamedTuple):
         return limited_blas(self.threads or 1)
 
 
-def make(K: Sparse, interface: IntVector, request: Request) -> Factorisation:
-    """Factorise K as asked for; errors of `factorise`.
+def make(K: Sparse, interface: IntVector, request: Request, places: Matrix | None = None) -> Factorisation:
+    """Factorise K as asked for, `places` (n, 2) of the unknowns if they are known; errors of `factorise`.
 
     Without a number of threads it is one, and all cores for a large K.
     """
-    return factorise(K, interface, request.name, request.threads or _sensible_threads(K.shape[0]))
+    return factorise(K, interface, request.name, request.threads or _sensible_threads(K.shape[0]), places)
 
 
 def make_unsymmetric(starts: IntVector, columns: IntVector, places: Matrix | None, request: Request) -> Refactorisation:
     """For matrices of a symmetric pattern (`unsymmetric`): by PARDISO, unless another back end is asked for.
 
-    Unknowns are eliminated by nested dissection of their places (n, 2) if these are known, else as the library likes.
+    SuperLU eliminates unknowns by nested dissection of their places (n, 2) if these are known, else libraries look for
+    an order: METIS, which PARDISO brings, finds as good ones.
     """
     backend = resolve(request.name if request.name in BACKENDS else "auto")
     threads = request.threads or _sensible_threads(len(starts) - 1)
     pattern = csc_array((np.ones(len(columns)), columns, starts))
     nothing = np.zeros(0, dtype=np.int64)
     check_limits(pattern, nothing, backend, threads, faster_than(backend), symmetric=False)
-    order = None if places is None else nested_dissection(places, starts, columns)
+    order = None if places is None or backend == "pardiso" else nested_dissection(places, starts, columns)
     return refactorisation(starts, columns, backend, threads, order)
 
 

@@ -15,15 +15,25 @@ _LEAF = 30  # unknowns that are not parted any more; from 20 to 60 times hardly 
 _UPPER, _TOUCHING = 1, 2  # marks of unknowns
 
 
-def interface_last(K: Sparse, interface: IntVector, minimum_degree: MinimumDegree) -> IntVector:
-    """A permutation of 0 … n − 1: the interior of K (n, n) in the order of minimum degree, then Γ.
+def interface_last(
+    K: Sparse, interface: IntVector, minimum_degree: MinimumDegree, places: Matrix | None = None
+) -> IntVector:
+    """A permutation of 0 … n − 1: the interior of K (n, n) by nested dissection of places (n, 2), then Γ.
+
+    Without places the interior is in the order of minimum degree.
 
     Unknowns of a mesh node share their columns' pattern and are eliminated together in any good order, so the order is
     sought for the graph of such groups, which has a fraction of the entries.
     """
     interior, graph, group = interior_groups(K, interface)
     position = np.empty(graph.shape[0], dtype=np.int64)
-    position[minimum_degree(graph)] = np.arange(graph.shape[0])
+    if places is None:
+        order = minimum_degree(graph)
+    else:
+        of_groups = np.empty((graph.shape[0], 2))
+        of_groups[group] = places[interior]  # of one of its unknowns, which are at one vertex or edge
+        order = nested_dissection(of_groups, graph.indptr, graph.indices)
+    position[order] = np.arange(graph.shape[0])
     return np.concatenate([interior[np.argsort(position[group], kind="stable")], interface])
 
 

@@ -19,7 +19,7 @@ from solvers.factorisation.base import Factorisation, State, check_pivots, symme
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.ordering import interface_last
 
-__all__ = ["SuperLU", "factorise", "filled", "version"]
+__all__ = ["SuperLU", "filled", "version"]
 
 _DROPPED: Final = 1e300  # entries of a factor below it: all of them
 
@@ -29,27 +29,27 @@ def version() -> str | None:
     return f"scipy {scipy.__version__}"
 
 
-def factorise(K: Sparse, interface: IntVector, threads: int | None) -> Factorisation:  # noqa: ARG001
-    """Factorise K (n, n), n > k, in compressed columns with sorted indices; one thread whatever is asked for."""
-    return SuperLU(K, interface)
-
-
 class SuperLU(Factorisation):
-    """P K Pᵀ = L D Lᵀ with unit diagonal of L, once; P puts Γ last, and without Γ it is SuperLU's own."""
+    """P K Pᵀ = L D Lᵀ with unit diagonal of L, once, for K (n, n), n > k, in compressed columns with sorted indices.
+
+    P puts Γ last, behind the interior by nested dissection of `places` (n, 2), or by minimum degree where these are not
+    known; then it is SuperLU's own where Γ has no unknowns.
+    """
 
     backend = "superlu"
 
-    def __init__(self, K: Sparse, interface: IntVector) -> None:
+    def __init__(self, K: Sparse, interface: IntVector, places: Matrix | None = None) -> None:
         self.version = version() or ""
         self.interface = interface
         start = perf_counter()
         k = interface.size
-        self._order = interface_last(K, interface, _minimum_degree) if k else None
+        own = k == 0 and places is None
+        self._order = None if own else interface_last(K, interface, _minimum_degree, places)
         analysed = perf_counter()
         diagonal = K.diagonal()
         added = diagonal[interface]
         raised = K if self._order is None else _reordered(K, self._order, added)
-        self._factor: Module = _symmetric_splu(raised, "NATURAL" if k else "MMD_AT_PLUS_A")
+        self._factor: Module = _symmetric_splu(raised, "MMD_AT_PLUS_A" if own else "NATURAL")
         factorised = perf_counter()
         self._raised = self._checked_schur(diagonal, k)
         self.schur = self._raised - np.diag(added)

@@ -156,7 +156,7 @@ class Operator:
     def _made(self, interface: IntVector) -> Factorisation:
         if not self._rooted:
             try:
-                return make(self._K, interface, self._request)
+                return make(self._K, interface, self._request, self._places)
             except FactorisationError as error:
                 if error.reason != "singular" or self._root is None:
                     raise

@@ -67,8 +67,8 @@ class FrictionQVI:
     cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
     bilateral : (m,) bool, optional; nowhere when not given
     traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
-    places : (n, 2), optional; where the unknowns are, in any unit: sparse Newton matrices are then eliminated by nested
-        dissection of these places instead of in an order that the library finds
+    places : (n, 2), optional; where the unknowns are, in any unit: SuperLU then eliminates by nested dissection of
+        these places instead of in an order that it finds
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
     shared : the `operator` of another problem with the same K, root and places, optional; see `changed`

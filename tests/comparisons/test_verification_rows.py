@@ -158,7 +158,7 @@ class TestTexts:
 
 def backwards(problem):
     """On triangles whose vertices, and so whose edges, are numbered from the right."""
-    mesh = problem.triangulated().mesh
+    mesh = problem.mesh
     last = len(mesh.vertices) - 1
     sets = {name: last - pairs for name, pairs in mesh.edge_sets.items()}
     return replace(problem, mesh=TriangleMesh(mesh.vertices[::-1], last - mesh.cells, sets))

@@ -105,6 +105,17 @@ def test_dense_algebra_is_taken_by_itself_where_it_is_cheap():
     assert factorise(laplace(501, 0.1), np.arange(3)).backend == resolve()
 
 
+@pytest.mark.parametrize("interface", [[], [3], list(range(40))], ids=len)
+def test_superlu_takes_places_for_its_order_alone(interface):
+    K = csc_matrix(kron(laplace(40, 0.1), identity(40)) + kron(identity(40), laplace(40, 0.1)))
+    interface = np.array(interface, dtype=int)
+    places = np.indices((40, 40)).reshape(2, -1).T.astype(float)
+    plain, placed = (factorise(K, interface, "superlu", places=given) for given in (None, places))
+    right = np.random.default_rng(0).normal(size=K.shape[0])
+    np.testing.assert_allclose(placed.schur, plain.schur, atol=1e-12)
+    np.testing.assert_allclose(placed.solve(right), plain.solve(right), atol=1e-12)
+
+
 @BACKEND
 @pytest.mark.parametrize("interface", [[], [3], [0, 19]], ids=str)
 @pytest.mark.parametrize("shift", [0.0, -0.01, -3.0], ids=["singular", "indefinite", "negative diagonal"])

@@ -175,7 +175,7 @@ def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
         problem = compressed_plate(friction, (1, 1))
         outcome = refine(problem, None, target, "plate.normal_force", guaranteed=True, **element.options)
         proof = both(certified(outcome.result), by_hand(outcome.certainty != "estimate", "a guaranteed bound"))
-        bounds = outcome.result.bracket.slip
+        bounds = outcome.result.bracket.coulomb
         force = Bounds(-np.inf, np.inf) if bounds is None else bounds.forces["plate.normal_force"]
         where = f"μ = {friction:g}"
         quantity = f"{where}: {{}} of P/2 [{FORCE}]"

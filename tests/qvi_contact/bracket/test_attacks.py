@@ -19,7 +19,7 @@ from qvi_contact import (
     TriangleMesh,
     solve,
 )
-from qvi_contact.bracket import Bracket, BracketKind, bracket
+from qvi_contact.bracket import Bracket, bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.result import ContactResult
@@ -169,7 +169,7 @@ class TestForces:
     )
     def test_none_beside_other_data(self, other):
         contact = Contact("top", **{"friction": 0.0, "gap": -U, **other})
-        assert solve(square(Displacement("bottom", 0.0, 0.0), contact)).bracket.forces == {}
+        assert solve(square(Displacement("bottom", 0.0, 0.0), contact)).bracket.driven == {}
 
 
 def perturbed(result, size, seed=0):
@@ -207,28 +207,6 @@ class TestWrongStresses:
         right = result.bracket
         for seed in range(2):
             assert bracket(perturbed(result, 1e-2, seed)).lower <= right.upper
-
-
-class TestSticking:
-    """Contacts that all stick count as tied, and only then."""
-
-    def test_is_not_claimed_where_one_contact_slips_or_opens(self):
-        held = Contact("bottom", 50.0)
-        stuck = solve(square(held, Contact("top", 50.0, gap=-U))).bracket
-        assert stuck.kind is BracketKind.STICKING
-        for other in (Contact("top", 0.01, gap=-U), Contact("top", 50.0, gap=lambda x, y: -U + 3.0 * U * x + 0.0 * y)):
-            found = solve(square(held, other)).bracket
-            assert found.kind is BracketKind.GIVEN_BOUND
-            assert not found.guaranteed
-
-    def test_is_the_tied_problem_beside_other_laws(self):
-        """One contact sticks by Coulomb's law, the other keeps the law of Tresca."""
-        stuck, slips = Contact("bottom", 50.0), Contact.tresca("top", 0.02, gap=-U)
-        found = solve(square(stuck, slips)).bracket
-        tied = solve(square(Contact.tied("bottom"), slips)).bracket
-        assert found.kind is BracketKind.STICKING
-        assert found.lower == pytest.approx(tied.lower, rel=1e-6)
-        assert found.upper == pytest.approx(tied.upper, rel=1e-9)
 
 
 def generated(seed):
