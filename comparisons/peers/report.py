@@ -10,7 +10,7 @@ from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, memor
 from comparisons.lab.study import Row
 from comparisons.lab.tables import Grid
 from comparisons.peers import measures
-from comparisons.peers.codes.equilibrium import ONE_SENSE
+from comparisons.peers.codes.equilibrium import COULOMB
 from comparisons.peers.figures import figures
 from comparisons.peers.measures import (
     BOUNDS,
@@ -32,11 +32,12 @@ SCHEMA: Final = "qvi-contact/peers/4"
 
 KINDS: Final = {
     "PROBLEM": "the problem itself",
+    COULOMB: "the problem itself, under Coulomb's law",
+    "ONE_SENSE": "the problem itself, if it slips in one sense",
     "STICKING": "the tied problem",
-    ONE_SENSE: "the problem itself, as it slips in one sense",
     "GIVEN_BOUND": "the problem with the friction bound of the computed state held fixed",
 }
-"""Name of a `BracketKind`, or `ONE_SENSE` → what is bracketed."""
+"""Name of a `BracketKind`, or `COULOMB` → what is bracketed; two are of rows that earlier versions made."""
 
 
 def force(value: float) -> str:
@@ -167,7 +168,7 @@ def _place(
         "friction": friction, "name": name, "known": known.get(friction), "bounded": bool(here.bounded.any()),
         "errors": f"best-time-{name}" in pictures, "brackets": f"bounds-{name}" in pictures,
         "doubtful": measures.contradictory(here),
-        "intervals": f"intervals-{name}" in pictures, "slips": ONE_SENSE in set(here.kind),
+        "intervals": f"intervals-{name}" in pictures, "slips": not {COULOMB, "ONE_SENSE"}.isdisjoint(here.kind),
         "indicated": bool((here.solved & here.width.notna() & here.low.isna()).any()),
     }  # fmt: skip
 

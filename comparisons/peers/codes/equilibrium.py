@@ -1,7 +1,7 @@
 """The plate with this package: stresses in equilibrium, the inequality solved directly by the condensed method.
 
-With a degree of displacements also the bracket: bounds of the energy, and of P where it has bounds, under slip too. The
-package is loaded by `build`, not before.
+With a degree of displacements also the bracket: bounds of the energy, and of P where it has bounds, with friction
+too. The package is loaded by `build`, not before.
 """
 
 from collections.abc import Callable
@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from qvi_contact import ContactProblem
     from qvi_contact.bracket import Bracket
-    from qvi_contact.bracket.slip import SlipBounds
+    from qvi_contact.bracket.coulomb import CoulombBounds
 
 TOLERANCE: Final = 1e-8
 """That the certificate must confirm."""
 
-ONE_SENSE: Final = "ONE_SENSE"
-"""What is bracketed by bounds under Coulomb slip, beside the names of `BracketKind`."""
+COULOMB: Final = "COULOMB"
+"""What is bracketed by bounds under Coulomb friction, beside the names of `BracketKind`."""
 
 
 def build(
@@ -91,33 +91,33 @@ def _bounds(found: "Bracket", unknowns: int) -> dict[str, Any]:
     """Bounds instead of a force.
 
     "lower" and "upper" of P/2, None where P has no bounds; "width", half the gap of the energies over their mean, under
-    slip that of the bounds of P/2; "strain_error", the bound of the stress's error in the energy norm, relative;
-    "guaranteed" for the problem that "kind" names, a `BracketKind` or `ONE_SENSE`; "unknowns" of
+    friction that of the bounds of P/2; "strain_error", the bound of the stress's error in the energy norm, relative;
+    "guaranteed" for the problem that "kind" names, a `BracketKind` or `COULOMB`; "unknowns" of
     stress and displacement together.
     """
     from math import isfinite
 
-    moved, slip = found.companion, found.slip
-    slips = slip is not None and isfinite(slip.error) and bool(found.reasons)
+    moved, coulomb = found.companion, found.coulomb
+    bounded = coulomb is not None and isfinite(coulomb.error)
     return {
         "half_force": None,
         "unknowns": unknowns + (0 if moved is None else int(moved.space.size)),
-        **(_by_slip(slip) if slips and slip is not None else _by_energies(found)),
+        **(_by_shares(coulomb) if bounded and coulomb is not None else _by_energies(found)),
     }
 
 
-def _by_slip(slip: "SlipBounds") -> dict[str, Any]:
-    """What the bounds under slip in one sense say."""
-    force = slip.forces.get("plate.normal_force")
+def _by_shares(coulomb: "CoulombBounds") -> dict[str, Any]:
+    """What the bounds under Coulomb friction say."""
+    force = coulomb.forces.get("plate.normal_force")
     lower, upper = (None, None) if force is None else (float(force.lower), float(force.upper))
-    failure = {} if force is not None else {"status": "no bounds", "message": slip.message}
+    failure = {} if force is not None else {"status": "no bounds", "message": coulomb.message}
     return {
         "lower": lower,
         "upper": upper,
         "width": None if lower is None or upper is None else (upper - lower) / (upper + lower),
-        "strain_error": float(slip.relative_error),
-        "guaranteed": slip.guaranteed,
-        "kind": ONE_SENSE,
+        "strain_error": float(coulomb.relative_error),
+        "guaranteed": coulomb.guaranteed,
+        "kind": COULOMB,
         **failure,
     }
 
@@ -134,7 +134,7 @@ def _by_energies(found: "Bracket") -> dict[str, Any]:
         "upper": None if force is None else float(force.upper),
         "width": float(found.gap / abs(found.lower + found.upper)),
         "strain_error": float(found.relative_error),
-        "guaranteed": not found.reasons,
+        "guaranteed": found.guaranteed,
         "kind": found.kind.name,
         **failure,
     }

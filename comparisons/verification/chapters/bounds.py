@@ -98,7 +98,7 @@ def rates_of_the_gap(element: Element, quick: bool) -> Iterator[Row]:
         yield at_least(f"{name}: order of the gap in h", rate, least, 0.0, source, _guaranteed(*found))
 
 
-@PROBLEMS.on("bounds-refined", _CUBIC, TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("bounds-refined", _CUBIC, TRIANGLES, QUINTIC)
 def orders_of_refined_bounds(element: Element, quick: bool) -> Iterator[Row]:
     """How fast guaranteed bounds close by `refine` in the number of unknowns, whatever corners the body has.
 
@@ -166,7 +166,7 @@ def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
         problem = compressed_plate(friction, (1, 1))
         outcome = refine(problem, None, target, "plate.normal_force", guaranteed=True, degree=element.degree)
         proof = both(certified(outcome.result), by_hand(outcome.certainty != "estimate", "a guaranteed bound"))
-        bounds = outcome.result.bracket.slip
+        bounds = outcome.result.bracket.coulomb
         force = Bounds(-np.inf, np.inf) if bounds is None else bounds.forces["plate.normal_force"]
         where = f"μ = {friction:g}"
         quantity = f"{where}: {{}} of P/2 [{FORCE}]"

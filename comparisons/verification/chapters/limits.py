@@ -125,7 +125,7 @@ def tipping(element: Element, quick: bool) -> Iterator[Row]:
         yield relative("limit of the body", limit.upper, exact, 1e-9, source, bounded(limit))
 
 
-@PROBLEMS.on("tipping-wall", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("tipping-wall", TRIANGLES, QUINTIC)
 def tipping_wall(element: Element, quick: bool) -> Iterator[Row]:
     """A wall 1 × 4 of the weight W = 25 under wind tips at H = W w/h, on triangles bisected towards its toe."""
     for bisections in (8,) if quick else (1, 8, 16):
@@ -140,7 +140,7 @@ def tipping_wall(element: Element, quick: bool) -> Iterator[Row]:
         yield relative("limit load of the mesh", limit.lower, reached, 1e-6, source, bounded(limit))
 
 
-@PROBLEMS.on("wedge", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("wedge", TRIANGLES, QUINTIC)
 def wedge(element: Element, quick: bool) -> Iterator[Row]:
     """A block of weight G on a plane that rises by tan α = 0.1, pushed uphill: F/G = (tan α + μ)/(1 − μ tan α)."""
     for friction in (0.2,) if quick else (0.0, 0.1, 0.2, 0.3):
@@ -174,7 +174,7 @@ def _wedge_graph(quick: bool) -> Graph:
     return Graph("coefficient of friction μ [-]", "F/G [-]", ours, (known,))
 
 
-@PROBLEMS.on("oblique-block", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("oblique-block", TRIANGLES, QUINTIC)
 def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
     holds, slides = (element.solve(oblique(share)) for share in (0.99, 1.01))

@@ -1,9 +1,10 @@
-"""Two-sided bounds of contact forces under slip in one sense, by a dual problem.
+"""Two-sided bounds of contact forces under Coulomb's law, by a dual problem.
 
-For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_S ds differs from a number
-that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)). z solves the dual problem on the
-displacements of the companion, ζ is the stress nearest to it. Both are cut: z_S = b also beside what sticks, and
-ζ_T = 0 also beside what slips, so that m is not large.
+For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_T ds differs from a number
+that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)) + r F². z solves the dual
+problem on the displacements of the companion, ζ is the stress nearest to it. Both are cut: z_T = b also beside what
+sticks, and ζ_T = 0 also beside what slips, so that m is not large. r is the norm of R with ζ_T/(c + μ|τ_N|), made
+continuous, in place of s.
 
 In `docs/theory.md`: (D31).
 """
@@ -11,7 +12,7 @@ In `docs/theory.md`: (D31).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -20,9 +21,11 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.bracket.friction_norm import computed_norm, proved_norm
 from qvi_contact.bracket.law import effective, traction_coefficients
 from qvi_contact.bracket.outcome import Bounds
 from qvi_contact.bracket.parts import CellFields
+from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.at_rest import MOST, BodyAtRest, solutions
 from qvi_contact.companion.traces import Trace
@@ -55,14 +58,16 @@ class _Line:
     ----------
     contact, trace, rows
         The contact in the problem, in the displacements and in the stresses.
-    sense : float
-        σ; 0 without Coulomb friction.
+    share : Share or None
+        s; None without Coulomb friction.
+    slipping : (n,) array
+        1 or −1 where v may slip along the tangent or against it, else 0.
     start : int
         Its first coefficient among those of all traces.
     opening, slip : (n,) arrays
-        Coefficients of g − v_N and v_S ≥ 0 [length].
+        Coefficients of g − v_N and |v_T − w| ≥ 0 [length].
     pressure, room : (e, q) arrays
-        Coefficients of |τ_N| and κ(τ) ≥ 0 [stress].
+        Coefficients of |τ_N| and m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress].
     cut : float
         Share of the largest of each that counts as none.
     sizes : (float, float)
@@ -73,7 +78,8 @@ class _Line:
     contact: Contact
     trace: Trace
     rows: ContactRows
-    sense: float
+    share: Share | None
+    slipping: FloatArray
     start: int
     opening: FloatArray
     slip: FloatArray
@@ -85,8 +91,7 @@ class _Line:
     @property
     def friction(self) -> float:
         """Coulomb's coefficient μ."""
-        assert not callable(self.contact.friction)
-        return self.contact.friction
+        return 0.0 if self.share is None else self.share.friction
 
     @cached_property
     def closed(self) -> BoolArray:
@@ -96,7 +101,7 @@ class _Line:
     @cached_property
     def stuck(self) -> BoolArray:
         """Coefficients (n,) on edges of which some coefficient does not slip; none without friction."""
-        return self._spread(self.none(self.slip)) & (self.sense != 0.0)
+        return self._spread(self.none(self.slip)) & (self.share is not None)
 
     @cached_property
     def loose(self) -> BoolArray:
@@ -106,7 +111,7 @@ class _Line:
     @cached_property
     def sliding(self) -> BoolArray:
         """Edges (e,) of which some coefficient reaches the friction bound: ζ_T = 0 there; all without friction."""
-        return np.asarray(self.none(self.room).any(axis=1)) | (self.sense == 0.0)
+        return np.asarray(self.none(self.room).any(axis=1)) | (self.share is None)
 
     def none(self, values: FloatArray) -> BoolArray:
         """Which coefficients of one of the four count as none."""
@@ -126,8 +131,13 @@ class _Line:
         return found
 
 
-def force_bounds_under_slip(
-    stress: ContactResult, companion: CompanionResult, senses: Mapping[str, int], error: float, defect: float
+def coulomb_force_bounds(
+    stress: ContactResult,
+    companion: CompanionResult,
+    shares: Mapping[str, Share],
+    error: float,
+    defect: float,
+    proved: bool,
 ) -> dict[str, Bounds]:
     """Bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of all contacts that are not tied.
 
@@ -136,12 +146,14 @@ def force_bounds_under_slip(
 
     Parameters
     ----------
-    stress, companion, senses
-        τ, v and σ, see `slip_bounds`.
+    stress, companion, shares
+        τ + η, v and s, see `coulomb_bounds`.
     error : float
         F [√energy].
     defect : float
         The bound δ + ρ²/(4α) of Σ [stress × length²].
+    proved : bool
+        Whether the norm r must be proved, too.
 
     """
     contacts = stress.problem.contacts
@@ -153,13 +165,13 @@ def force_bounds_under_slip(
     model, mesh = _Model.of(stress, companion), stress.problem.mesh
     found: dict[str, Bounds] = {}
     for cut in _CUTS:
-        pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, senses, cut)))
+        pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, shares, cut)))
         for line in pairs.lines:
             targets = {"normal_force": (-1.0, 0.0)}
-            if line.sense and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
-                targets["tangential_force"] = (0.0, line.sense)
+            if line.share and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
+                targets["tangential_force"] = (0.0, 1.0)
             for name, (a, b) in targets.items():
-                bounds = pairs.bounds(line, a, b, error, defect)
+                bounds = pairs.bounds(line, a, b, error, defect, proved)
                 if bounds is not None:
                     key = f"{line.contact.name}.{name}"
                     lower, upper = found.get(key, (-np.inf, np.inf))
@@ -175,6 +187,7 @@ class _Model:
     fields: CellFields
     scale: FloatArray
     factors: Any
+    changes: LeastChange
 
     @classmethod
     def of(cls, stress: ContactResult, companion: CompanionResult) -> _Model:
@@ -182,7 +195,8 @@ class _Model:
         scale = 1.0 / np.sqrt(K.diagonal())
         scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
         fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
-        return cls(BodyAtRest.of(stress.problem, companion.degree), fields, scale, splu(scaled))
+        body, changes = BodyAtRest.of(stress.problem, companion.degree), LeastChange.of(stress.discretization.qvi)
+        return cls(body, fields, scale, splu(scaled), changes)
 
     def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
         """K⁻¹ · right (n, j), once corrected."""
@@ -198,8 +212,8 @@ class _Spaces:
 
     Attributes
     ----------
-    held : list of (int, int)
-        By contact how many conditions hold z where it is closed, and where it sticks.
+    held : list of (array, int)
+        By contact μ s where conditions hold z as it is closed, and how many hold it as it sticks.
     particular, free : arrays
         All w that meet them with right-hand side d are particular · d + free · y.
     others : array
@@ -209,7 +223,7 @@ class _Spaces:
 
     """
 
-    held: list[tuple[int, int]]
+    held: list[tuple[FloatArray, int]]
     particular: FloatArray
     free: FloatArray
     others: FloatArray
@@ -240,19 +254,26 @@ class _Pairs:
         """D: z is that large where its dimensionless coefficients are 1 [length]."""
         return self.known.scales.displacement
 
-    def bounds(self, line: _Line, a: float, b: float, error: float, defect: float) -> Bounds | None:
-        """Bounds of ∫ a σ_N + b σ_S ds on one contact; None if no z meets the conditions of (D31)."""
+    def bounds(self, line: _Line, a: float, b: float, error: float, defect: float, proved: bool) -> Bounds | None:
+        """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
         goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
         c, z = self._displacement(goals)
         moved = self._ratio_of_displacements(goals, c)
         if moved is None:
             return None
-        change = self._stress(c)
+        change, parts = self._continuous(self._stress(c))
         pressed = self._ratio_of_stresses(change)
         if pressed is None:
             return None
+        spread = 0.0
+        if any(part.values.any() for part in parts.values()):
+            problem = self.stress.problem
+            spread = proved_norm(problem, parts).value if proved else computed_norm(problem, parts)
+            if not np.isfinite(spread):
+                return None
         middle, residual = self._value(goals, c, z, change)
-        rest = (error * residual + max(moved, pressed) * defect) / self.unit + _ROUNDED * abs(middle)
+        rest = (error * residual + max(moved, pressed) * defect + spread * error**2) / self.unit
+        rest += _ROUNDED * abs(middle)
         return Bounds(middle - rest, middle + rest)
 
     @cached_property
@@ -263,10 +284,11 @@ class _Pairs:
         for line in self.lines:
             closed, stuck = (line.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
             closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
-            normal, shear = body.B[closed], line.sense * body.B[n + stuck]
-            trial += [normal + line.friction * line.sense * body.B[n + closed], shear]
+            normal, shear = body.B[closed], body.B[n + stuck]
+            turned = line.friction * line.slipping[closed - line.start]
+            trial += [normal + turned[:, None] * body.B[n + closed], shear]
             test += [normal, shear]
-            held.append((len(closed), len(stuck)))
+            held.append((turned, len(stuck)))
         particular, free = solutions(np.vstack(trial))
         _, others = solutions(np.vstack(test))
         return _Spaces(held, particular, free, others, others.T @ body.body.S @ free)
@@ -277,7 +299,7 @@ class _Pairs:
         wanted = []
         for line, (closed, stuck) in zip(self.lines, spaces.held, strict=True):
             a, b = goals[line.contact.name]
-            wanted += [np.full(closed, a + line.friction * b), np.full(stuck, b)]
+            wanted += [a + closed * b, np.full(stuck, b)]
         start = spaces.particular @ np.concatenate(wanted)
         right = -spaces.others.T @ (body.body.S @ start)
         w = start + spaces.free @ np.linalg.lstsq(spaces.matrix, right, rcond=1e-13)[0]
@@ -321,8 +343,8 @@ class _Pairs:
         for line in self.lines:
             a, b = goals[line.contact.name]
             here = slice(line.start, line.start + line.trace.count)
-            slip = line.sense * c[1, here] - b if line.sense else 0.0 * c[1, here]
-            across = c[0, here] - a + line.friction * slip
+            slip = c[1, here] - b if line.share else 0.0 * c[1, here]
+            across = c[0, here] - a + line.friction * line.slipping * slip
             for part, whole in ((slip, line.slip), (across, line.opening)):
                 ratio = line.ratio(self.unit * part, whole, self.unit)
                 if ratio is None:
@@ -330,13 +352,43 @@ class _Pairs:
                 found = max(found, ratio)
         return found
 
+    def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
+        """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
+        qvi, q = self.known.qvi, self.known.space.contact_rule.count
+        shear, wanted, parts = qvi.T @ change, np.zeros(qvi.m), dict[str, Share]()
+        rough = [line for line in self.lines if line.share is not None]
+        total, mass, still = np.zeros((3, len(self.known.problem.mesh.vertices)))
+        for line in rough:
+            assert line.share is not None
+            held, edges = line.sliding | line.loose, line.trace.edges
+            bound = np.where(held[:, None], 1.0, line.share.weights)
+            values = np.where(held[:, None], 0.0, shear[line.rows.rows].reshape(-1, q) / bound)
+            for end, vertices in enumerate((edges.first, edges.second)):
+                np.add.at(total, vertices, (values * bound)[:, -end])
+                np.add.at(mass, vertices, bound[:, -end])
+                np.add.at(still, vertices, held)
+            parts[line.contact.name] = replace(
+                line.share, values=values, weights=bound, slipping=np.zeros(len(edges.first))
+            )
+        common = np.where(still > 0.0, 0.0, total / np.maximum(mass, 1e-300))
+        for line in rough:
+            share, edges = parts[line.contact.name], line.trace.edges
+            own = share.values * share.weights
+            share.values[:, 0], share.values[:, -1] = common[edges.first], common[edges.second]
+            wanted[line.rows.rows] = (share.values * share.weights - own).ravel()
+        if wanted.any():
+            right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
+            change = change + self.model.changes.solved(right)
+        return change, parts
+
     def _ratio_of_stresses(self, change: FloatArray) -> float | None:
         """The larger of m₂ and m₃; None if there is none."""
         scales, q, found = self.known.scales, self.known.space.contact_rule.count, 0.0
         normal, shear = (scales.stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
         size = float(np.abs(normal).max())
         for line in self.lines:
-            for part, whole in ((normal, line.pressure), *(((shear, line.room),) if line.sense else ())):
+            pairs = ((normal, line.pressure), *(((shear, line.room),) if line.share else ()))
+            for part, whole in pairs:
                 ratio = line.ratio(part[line.rows.rows].reshape(-1, q), whole, size)
                 if ratio is None:
                     return None
@@ -362,15 +414,17 @@ class _Pairs:
         for along in (support_work, obstacle_work):
             work += along(known, other) - along(known, u)
         for line in self.lines:
-            if line.sense:
+            if line.share:
                 b, here = goals[line.contact.name][1], slice(line.start, line.start + line.trace.count)
                 assert not callable(line.contact.cohesion)
-                slipped = float(line.trace.weights @ (line.sense * c[1, here] - b)) * self.unit * scales.length
+                slipped = float(line.trace.weights @ (line.slipping * (c[1, here] - b))) * self.unit * scales.length
                 work += line.contact.cohesion * slipped
         return work / self.unit, float(np.sqrt(size))
 
 
-def _lines(stress: ContactResult, companion: CompanionResult, senses: Mapping[str, int], cut: float) -> Iterator[_Line]:
+def _lines(
+    stress: ContactResult, companion: CompanionResult, shares: Mapping[str, Share], cut: float
+) -> Iterator[_Line]:
     known, state = stress.discretization, companion.state
     assert state is not None
     c = state.c.reshape(2, -1) * known.scales.displacement
@@ -378,15 +432,17 @@ def _lines(stress: ContactResult, companion: CompanionResult, senses: Mapping[st
     for contact, trace, rows in zip(known.problem.contacts, state.contacts.traces, known.contacts, strict=True):
         here = slice(start, start + trace.count)
         if contact.law != "tied":
-            sense = float(senses.get(contact.name, 0))
+            share = shares.get(contact.name)
+            slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
             found = traction_coefficients(known, effective(known, stress.dofs, rows))
             normal, shear = (known.scales.stress * part for part in found)
             opening = trace.gap * known.scales.displacement - c[0, here]
-            slip = sense * (c[1, here] - trace.offset * known.scales.displacement)
-            assert not callable(contact.friction)
-            assert not callable(contact.cohesion)
-            room = sense * shear - contact.friction * normal + contact.cohesion
+            slip = slipping * (c[1, here] - trace.offset * known.scales.displacement)
+            room = np.zeros_like(shear)
+            if share is not None:
+                assert not callable(contact.cohesion)
+                room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
             sizes = float(np.abs(c[:, here]).max(initial=0.0)), float(np.abs(normal).max(initial=0.0))
             opening, slip, pressure, room = (np.maximum(part, 0.0) for part in (opening, slip, -normal, room))
-            yield _Line(contact, trace, rows, sense, start, opening, slip, pressure, room, cut, sizes)
+            yield _Line(contact, trace, rows, share, slipping, start, opening, slip, pressure, room, cut, sizes)
         start += trace.count

@@ -1,6 +1,6 @@
-"""Bounds of the errors of stress and displacement under Coulomb's law, where every contact slips in one sense.
+"""Bounds of the errors of stress and displacement under Coulomb's law, whatever sticks, slips or opens.
 
-In `docs/theory.md`: (D26), (D27).
+In `docs/theory.md`: (D26), (D27), (D28).
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket import slip_constants
+from qvi_contact.bracket.coulomb_forces import coulomb_force_bounds
 from qvi_contact.bracket.friction_norm import FrictionNorm, friction_norm
 from qvi_contact.bracket.law import contact_tractions, law_bound, traction_coefficients
 from qvi_contact.bracket.outcome import Bounds, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
-from qvi_contact.bracket.senses import LEAST_MARGIN, margin_of
-from qvi_contact.bracket.slip_forces import force_bounds_under_slip
+from qvi_contact.bracket.share import Share, SharedStress
 from qvi_contact.companion import CompanionResult
 from qvi_contact.solution.result import ContactResult
 
 ADMISSIBLE = 1e-6
 """Largest violation of the contact law by a stress, relative to the largest contact traction."""
 
-_BACKWARDS = 1e-12  # of the displacements: what is no slip against the sense
+_BACKWARDS = 1e-12  # of the displacements: what is no slip against the share
 _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 _Laws: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -34,56 +34,56 @@ _Laws: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SlipBounds:
-    """Bounds of the errors under Coulomb's law with one sense of slip on each contact.
+class CoulombBounds:
+    """Bounds of the errors under Coulomb's law.
 
-    For the solution u, σ of the problem in which contacts can slip in that sense only, with the stress τ and the
-    displacement v of a bracket, in energy norms |τ|² = ∫ τ : c : τ and |v|² = ∫ ε(v) : C : ε(v),
+    For every solution u, σ of the problem stated, with the stress τ of the result and the displacement v of a bracket,
+    in energy norms |τ|² = ∫ τ : c : τ and |v|² = ∫ ε(v) : C : ε(v),
 
-        |σ − τ| ≤ F,    |u − v| ≤ F.
-
-    It solves the problem stated if its friction is within the bound in the other sense too. `margin` says by how much
-    the computed stress is.
+        |σ − τ| ≤ F + |η|,    |u − v| ≤ F.
 
     Attributes
     ----------
-    senses : mapping
-        By contact with Coulomb friction 1 where the body slips along the tangent, −1 where against it.
-    margin : float
-        1 − max sense τ_T/(c + μ|τ_N|) ≥ 0, by Bernstein coefficients.
+    shares : mapping
+        s = −τ_T/(c + μ|τ_N|) by contact with Coulomb friction, continuous along it.
     norm : FrictionNorm
-        The number s, and whether it is proved.
+        The norm of R for s and μ, and whether it is proved.
     residual : float
-        ρ = |τ − Cε(v)| [√energy].
+        ρ = |τ + η − Cε(v)| [√energy].
     defect : float
-        δ = ∫ κ(τ) |v_T − w| + |τ_N| (g − v_N) ds, what the solver left of violations included [stress × length²].
-    error : float
-        F [√energy]; infinite for s ≥ 2.
+        δ = ∫ |τ_N| (g − v_N) ds, what the solver left of violations included [stress × length²].
+    within : float
+        F [√energy]; infinite where the norm is not below 2.
+    moved : float
+        |η| of the change of the stress that makes s continuous [√energy].
     size : float
-        |τ| [√energy].
+        |τ + η| [√energy].
     cells : (cells,) array
         f²ρ² + δ/α by cell [stress × length²], what to refine by.
     reasons : tuple of str
         Why the bounds are not guaranteed; empty if they are.
+    places : tuple of str
+        Where no R exists but for s = 0, although the contact slips there; a sentence for each.
     stress, displacement : ContactResult, CompanionResult
-        τ and v.
+        τ + η and v.
 
     """
 
-    senses: Mapping[str, int]
-    margin: float
+    shares: Mapping[str, Share]
     norm: FrictionNorm
     residual: float
     defect: float
-    error: float
+    within: float
+    moved: float
     size: float
     cells: FloatArray
     reasons: tuple[str, ...]
+    places: tuple[str, ...]
     stress: ContactResult
     displacement: CompanionResult
 
     def __repr__(self) -> str:
-        return f"<SlipBounds {self.message}>"
+        return f"<CoulombBounds {self.message}>"
 
     @cached_property
     def forces(self) -> Mapping[str, Bounds]:
@@ -92,7 +92,12 @@ class SlipBounds:
         A dual problem is solved on first use. A force is left out where that gives none, see (D31).
         """
         missed = slip_constants.defect_bound(self.residual, self.defect, self.norm.value)
-        return force_bounds_under_slip(self.stress, self.displacement, self.senses, self.error, missed)
+        return coulomb_force_bounds(self.stress, self.displacement, self.shares, self.within, missed, self.norm.proved)
+
+    @property
+    def error(self) -> float:
+        """F + |η| [√energy], which bounds the errors of the result's stress and of the displacement."""
+        return self.within + self.moved
 
     @property
     def guaranteed(self) -> bool:
@@ -106,96 +111,108 @@ class SlipBounds:
 
     @property
     def relative_error(self) -> float:
-        """F/|τ|."""
-        return self.error / self.size if self.size > 0.0 else float("inf") if self.error > 0.0 else 0.0
+        """(F + |η|)/|τ + η|."""
+        return self._relative(self.error)
 
     @property
-    def assumption(self) -> str:
-        """What the bounds take for granted, in words."""
-        return (
-            "They assume that each contact slips in one sense only. The computed stress stays below the friction bound "
-            f"of the other sense by {100.0 * self.margin:.3g} % of it or more."
-        )
+    def apart(self) -> float:
+        """2F/|τ + η|: any two solutions are at most that far from each other, in the energy norm of stresses."""
+        return self._relative(2.0 * self.within)
+
+    def _relative(self, error: float) -> float:
+        return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
 
     @property
     def message(self) -> str:
         """What is bounded, how well, and why it is not guaranteed, if it is not."""
         known = "Guaranteed" if self.guaranteed else "Estimated"
-        bound = f"{known} bound under slip: stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
-        if not np.isfinite(self.error):
-            return f"No bound under slip. {self.norm.reason}"
-        return " ".join([bound, self.assumption, *self.reasons])
+        bound = (
+            f"{known} bound under friction: stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
+        )
+        if not np.isfinite(self.within):
+            return f"No bound under friction. {self.norm.reason}"
+        return " ".join([bound, *self.reasons, *self.places[:1]])
 
 
-def slip_bounds(
-    stress: ContactResult, companion: CompanionResult, senses: Mapping[str, int], reasons: tuple[str, ...] = ()
-) -> SlipBounds | str:
+def coulomb_bounds(
+    stress: SharedStress, companion: CompanionResult, before: ContactResult, reasons: tuple[str, ...] = ()
+) -> CoulombBounds | str:
     """The bounds from a stress and a displacement, or why these two say nothing.
 
     Parameters
     ----------
-    stress : ContactResult
-        τ, with Bernstein coefficients as rows.
+    stress : SharedStress
+        τ + η, with Bernstein coefficients as rows.
     companion : CompanionResult
-        v, of the same problem on the same mesh.
-    senses : mapping
-        By contact with Coulomb friction 1 or −1.
+        v, of the same problem on the same mesh, which slips as the shares allow.
+    before : ContactResult
+        τ.
     reasons : tuple of str
         Why neither is exactly admissible.
 
     """
-    laws, margin = _laws(stress), margin_of(stress, senses)
-    refusal = _stress_refused(stress, laws, margin) or _displacement_refused(companion, senses)
+    result, shares = stress.result, stress.shares
+    laws = _laws(result)
+    refusal = _stress_refused(result, laws) or _displacement_refused(companion, shares)
     if refusal:
         return refusal
-    discretization, u = stress.discretization, stress.dofs
+    discretization = result.discretization
     problem = discretization.problem
-    fields = CellFields.of(discretization, u, companion.degree)
+    fields = CellFields.of(discretization, result.dofs, companion.degree)
+    own = CellFields.of(discretization, before.dofs, companion.degree)
+    change = CellFields(fields.weights, fields.stress - own.stress, fields.t)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-    edges, slack = _defects(stress, laws, companion)
-    norm = friction_norm(problem, senses)
+    edges, slack = _defects(result, laws, companion)
+    norm = friction_norm(problem, shares)
     residual, defect = float(np.sqrt(2.0 * inside.sum())), slack
     defect += float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
     s = norm.value
-    shares = 0.0 * inside
+    parts = 0.0 * inside
     if s < slip_constants.LARGEST:
         on_edges = by_cell(discretization, 0.0 * inside, edges)
-        shares = 2.0 * slip_constants.amplification(s) ** 2 * inside + on_edges / slip_constants.coercivity(s)
-    return SlipBounds(
-        senses,
-        margin,
+        parts = 2.0 * slip_constants.amplification(s) ** 2 * inside + on_edges / slip_constants.coercivity(s)
+    return CoulombBounds(
+        shares,
         norm,
         residual,
         defect,
         slip_constants.error_bound(residual, defect, s),
+        float(np.sqrt(2.0 * strain_energy(change, problem.compliances))),
         float(np.sqrt(2.0 * strain_energy(fields, problem.compliances))),
-        shares,
+        parts,
         (*reasons, *(() if norm.proved else (norm.reason,))),
-        stress,
+        stress.places,
+        result,
         companion,
     )
 
 
-def _stress_refused(stress: ContactResult, laws: _Laws, margin: float) -> str:
+def _stress_refused(stress: ContactResult, laws: _Laws) -> str:
     """Why a stress is not admissible; empty if it is."""
     for name, (excess, pull) in _violations(stress, laws).items():
         if excess > ADMISSIBLE or pull > ADMISSIBLE:
             return f"The stress does not obey the law of contact {name!r} on whole edges."
-    return "The stress reaches its friction bound in the other sense too." if margin < LEAST_MARGIN else ""
+    return ""
 
 
-def _displacement_refused(companion: CompanionResult, senses: Mapping[str, int]) -> str:
-    """Why a displacement is not in K; empty if it is."""
+def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share]) -> str:
+    """Why a displacement is none of those that (D27) is for; empty if it is."""
     assert companion.state is not None
     contacts, c = companion.state.contacts, companion.state.c
     n, size, start = contacts.count, max(1.0, float(np.abs(c).max(initial=0.0))), 0
     for trace in contacts.traces:
         chosen = slice(start, start + trace.count)
         over, slip = c[:n][chosen] - trace.gap, c[n:][chosen] - trace.offset
-        if (trace.law == "unilateral" or trace.name in senses) and over.max() > _BACKWARDS * size:
+        if (trace.law == "unilateral" or trace.name in shares) and over.max() > _BACKWARDS * size:
             return f"The displacement passes the obstacle of contact {trace.name!r}."
-        if trace.name in senses and (senses[trace.name] * slip).min() < -_BACKWARDS * size:
-            return f"The displacement slips on contact {trace.name!r} against the sense of the others."
+        if trace.name in shares:
+            wanted = trace.slipping_on(shares[trace.name].slipping)
+            wrong = np.where(wanted == 0.0, np.abs(slip), -wanted * slip) > _BACKWARDS * size
+            if wrong.any():
+                x, y = trace.places[int(wrong.argmax())] * companion.scales.length + companion.problem.mesh.origin
+                return (
+                    f"Supports make {trace.name!r} slip at ({x:.6g}, {y:.6g}), where friction does not reach its bound."
+                )
         start += trace.count
     return ""
 
