@@ -2,10 +2,13 @@
 
 import gc
 import os
+import shutil
 from types import SimpleNamespace
 
 # Before NumPy is loaded. Each core has a process of tests already, and BLAS waits for its threads by spinning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from importlib.util import find_spec
 
 import pytest
 from xdist import is_xdist_controller
@@ -127,9 +130,13 @@ def shell(capfd, monkeypatch):
 @pytest.fixture(scope="module")
 def browser():
     """A Chromium without a window. Tests that miss it are skipped; where CI is set, they fail."""
-    from comparisons.lab.report import missing, open_browser
+    found = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome", "chrome"))
+    program = next(filter(None, found), None)
+    if program is None or find_spec("playwright") is None:
+        (pytest.fail if os.environ.get("CI") else pytest.skip)("playwright, or a Chromium on the path, is missing")
+    from playwright.sync_api import sync_playwright
 
-    if remedy := missing():
-        (pytest.fail if os.environ.get("CI") else pytest.skip)(remedy)
-    with open_browser() as opened:
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=program, args=["--disable-gpu", "--no-sandbox"])
         yield opened
+        opened.close()

@@ -2,7 +2,6 @@
 
 import math
 import re
-import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -332,23 +331,16 @@ def test_the_terminal_has_findings_tables_and_files(report, folder, capsys):
     assert 100 < max(map(len, table)) <= 120
 
 
-def test_a_page_opens_in_a_browser_without_an_error_and_its_tables_sort(folder):
-    """In a Chromium that is installed, at the width of a phone too."""
-    api = pytest.importorskip("playwright.sync_api")
-    program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if program is None:
-        pytest.skip("no Chromium is on the path")
+def test_a_page_opens_in_a_browser_without_an_error_and_its_tables_sort(browser, folder):
+    """At the width of a phone too."""
     said = []
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-gpu"])
-        with browser.new_page(offline=True) as page:
-            page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-            page.on("pageerror", lambda error: said.append(str(error)))
-            page.set_viewport_size({"width": 390, "height": 900})
-            page.goto((folder / "sample.html").as_uri())
-            assert page.evaluate("document.documentElement.scrollWidth") <= 390
-            heading = page.locator("table.sortable").first.locator("thead th").first
-            heading.locator("button").click()
-            assert heading.get_attribute("aria-sort") == "ascending"
-        browser.close()
+    with browser.new_page(offline=True) as page:
+        page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.set_viewport_size({"width": 390, "height": 900})
+        page.goto((folder / "sample.html").as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        heading = page.locator("table.sortable").first.locator("thead th").first
+        heading.locator("button").click()
+        assert heading.get_attribute("aria-sort") == "ascending"
     assert said == []

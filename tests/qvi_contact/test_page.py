@@ -11,7 +11,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from comparisons.lab.report import problems_on
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -116,10 +115,15 @@ class TestText:
 class TestBrowser:
     """The page in Chromium."""
 
-    def test_nothing_is_wrong_with_it(self, browser, tmp_path):
-        path = tmp_path / "page.html"
+    def test_it_complains_of_nothing_and_fits_the_window(self, browser, tmp_path):
+        path, said = tmp_path / "page.html", []
         path.write_text(page(), encoding="utf-8")
-        assert problems_on(browser, path) == []
+        with browser.new_page(offline=True) as tab:
+            tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+            tab.on("pageerror", lambda error: said.append(str(error)))
+            tab.goto(path.as_uri())
+            assert said == []
+            assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
     def test_settings_fit_a_phone(self, browser, tmp_path):
         """Digests of mesh files have no place to break of their own; the names before them are not broken."""
