@@ -25,6 +25,9 @@ def row(model, number, friction=0.2, status="done", reason="", result=None):
     return Row(0, "", case, status, reason, result or {}, None, 1.0, "", None, environment)
 
 
+SQUARES = "triangles, p = 4, cut squares"
+
+
 def solution(model, number, half_force, seconds, friction=0.2, **more):
     """A row with a solution, made up; unknowns are the square of the mesh's number."""
     costs = {"unknowns": number**2, "setup": [0.0], "solve": [seconds], "before": 2**26, "peak": 2**27}
@@ -37,7 +40,7 @@ def bracketed(lower, upper, friction=1.0, guaranteed=True, cells=8):
     kind = BracketKind.PROBLEM if guaranteed else BracketKind.GIVEN_BOUND
     bounds = {"lower": lower, "upper": upper}  # numbers that are no bounds must not be taken for such
     more = {"width": (upper - lower) / (upper + lower), "strain_error": 0.01, "guaranteed": guaranteed}
-    return solution("bracket, p = 3, graded", cells, None, 0.1, friction, kind=kind.name, **bounds, **more)
+    return solution("bracket, p = 5, bisected", cells, None, 0.1, friction, kind=kind.name, **bounds, **more)
 
 
 def costs(*rows):
@@ -53,7 +56,7 @@ def told(*rows):
 def tabled(name, *rows, columns):
     """These columns of a table of the report as texts."""
     runs = runs_of(rows)
-    return grid_of(room.tables_of(runs, room.costs_of(runs), room.known_of(runs))[name], columns, room.FORMS).rows
+    return grid_of(room.tables_of(runs, room.costs_of(runs))[name], columns, room.FORMS).rows
 
 
 @pytest.mark.usefixtures("outlined")
@@ -141,7 +144,10 @@ class TestFindings:
         assert (values["bounds"], values["doubtful"]) == ([], [{"friction": 1.0, "count": 2}])
 
     def test_an_indicator_is_no_bound(self):
-        rows = [bracketed(214.1, 214.3, 0.2, guaranteed=False), solution("rectangles, graded", 8, 214.2, 0.1)]
+        rows = [
+            bracketed(214.1, 214.3, 0.2, guaranteed=False),
+            solution(SQUARES, 8, 214.2, 0.1),
+        ]
         assert told(*rows)["bounds"] == []
 
     def test_failures_are_counted_and_told(self, without):
@@ -149,7 +155,7 @@ class TestFindings:
         result = {"status": "not converged", "message": "residual 1e-3", "half_force": 214.2, "residual": float("inf")}
         rows = [row("GetFEM, Q2, strips", n, result=result) for n in (1, 2)]
         rows += [row("GetFEM, Q2, strips", 3, status="crashed", reason="signal 11")]
-        rows += [solution("rectangles, graded", 8, 214.2, 0.1)]
+        rows += [solution(SQUARES, 8, 214.2, 0.1)]
         runs, values, lines = runs_of(rows), told(*rows), tabled("failures", *rows, columns=("status", "message"))
         assert (values["runs"], values["solved"], values["failing"]) == (4, 1, "3 of GetFEM")
         assert lines[1:] == [("not converged", "residual 1e-3"), ("crashed", "signal 11")]
@@ -181,7 +187,7 @@ class TestReference:
         known = room.reference(runs_of([wide, narrow]), 0.12)
         assert known.value == pytest.approx(214.367655, abs=1e-9)
         assert known.uncertainty == pytest.approx(5e-6 + room.RESOLUTION * known.value)
-        assert "guaranteed bounds of bracket, p = 3, graded, 8² cells" in known.source
+        assert "guaranteed bounds of bracket, p = 5, bisected, level 8" in known.source
         assert room.reference(runs_of([bracketed(214.2, 214.21, 0.12, False)]), 0.12) is None
         assert room.reference(runs_of([bracketed(214.36765, 214.36766)]), 1.0).value == LIMIT[1.0]
 
@@ -203,19 +209,19 @@ class TestReference:
 
 
 def test_errors_below_the_uncertainty_are_shown_as_such():
-    here = solution("rectangles, graded", 8, LIMIT[0.2] * (1.0 + 5e-10), 0.1)
+    here = solution(SQUARES, 8, LIMIT[0.2] * (1.0 + 5e-10), 0.1)
     assert tabled("rows-mu-0_2", here, columns=("shown",)) == [
         ("≤ 1.4e-9",)
     ]  # with the uncertainty of the value itself
 
 
 DRAWN = (
-    solution("rectangles, graded", 8, 214.365, 0.1, 1.0),
+    solution(SQUARES, 8, 214.365, 0.1, 1.0),
     solution("GetFEM, Q2, strips", 3, 214.347, 0.1, 1.0),
     row("GetFEM, Q2, graded", 8, 1.0, status="crashed", reason="signal 11"),
     bracketed(214.365, 214.368),
     bracketed(214.1, 214.3, 0.2, guaranteed=False),
-    solution("rectangles, graded", 8, 214.2, 0.1),
+    solution(SQUARES, 8, 214.2, 0.1),
 )
 
 
@@ -230,10 +236,15 @@ def texts():
 class TestFigures:
     """What is drawn."""
 
-    BRACKET = "bracket, p = 3, graded"
+    BRACKET = "bracket, p = 5, bisected"
 
     def labels(self, texts):
-        names = ("rectangles, graded", "GetFEM, Q2, strips", "GetFEM, Q2, graded", f"{self.BRACKET}: guaranteed")
+        names = (
+            SQUARES,
+            "GetFEM, Q2, strips",
+            "GetFEM, Q2, graded",
+            f"{self.BRACKET}: guaranteed",
+        )
         return [name for name in names if name in texts]
 
     def test_errors_have_a_curve_for_each_model_that_was_solved(self, texts):
@@ -242,14 +253,18 @@ class TestFigures:
         }
         assert set(texts) == {"bounds-mu-0_2", "bounds-mu-1", "intervals-mu-1"} | errors
         found = texts["error-time-mu-1"]
-        assert self.labels(found) == ["rectangles, graded", "GetFEM, Q2, strips", f"{self.BRACKET}: guaranteed"]
+        assert self.labels(found) == [
+            SQUARES,
+            "GetFEM, Q2, strips",
+            f"{self.BRACKET}: guaranteed",
+        ]
         assert room.COSTS[1].label in found
-        assert self.labels(texts["error-unknowns-mu-0_2"]) == ["rectangles, graded"]  # an indicator is no error
+        assert self.labels(texts["error-unknowns-mu-0_2"]) == [SQUARES]  # an indicator is no error
         names = [code.name for code in room.CODES.values() if code.name in texts["best-unknowns-mu-1"]]
-        assert names == ["this package on rectangles", "GetFEM"]
+        assert names == ["this package", "GetFEM"]
 
     def test_bounds_are_bars_and_an_indicator_is_named_so(self, texts):
-        assert self.labels(texts["bounds-mu-1"]) == ["rectangles, graded", f"{self.BRACKET}: guaranteed"]
+        assert self.labels(texts["bounds-mu-1"]) == [f"{self.BRACKET}: guaranteed"]
         assert f"{self.BRACKET}: indicator" in texts["bounds-mu-0_2"]
         assert f"{self.BRACKET}: guaranteed" not in texts["bounds-mu-0_2"]
 
@@ -263,7 +278,7 @@ class TestFigures:
     def test_all_bars_and_marks_are_inside_the_picture_of_bounds(self, last):
         runs = runs_of([bracketed(*last), *DRAWN[:3], bracketed(214.365, 214.368)])
         known = room.reference(runs, 1.0)
-        bottom, top = room.limits(runs[runs.mesh == "graded"], known)
+        bottom, top = room.limits(runs[runs.mesh == "bisected"], known)
         ends = [end / known.value - 1.0 for end in (*last, 214.365, 214.368)]
         assert bottom < min(ends) < max(ends) < top
         marks = room.ticks(bottom, top, known.floor)
