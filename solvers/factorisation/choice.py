@@ -23,7 +23,7 @@ CHOICES: Final = (*OTHERS, *BACKENDS)
 """What can be asked for."""
 
 _ALWAYS_CONDENSED: Final = 400  # unknowns of the interface
-_SLOWER: Final = 3.6  # sparse operations beside dense ones, measured by python -m comparisons systems
+_SLOWER: Final = 3.6  # sparse operations beside dense ones, measured with plates and walls
 _MOST_THREADS: Final = 1024  # more do not pay on any machine, and libraries take no number of any size
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
