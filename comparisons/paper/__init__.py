@@ -6,9 +6,11 @@ __getattr__ = front(
     __name__,
     {
         "figures": ("contact_tractions", "convergence", "principal_stresses", "table_1"),
-        "measures": ("back_end_rows", "figure_rows", "table_rows", "values_of", "verdict"),
         "reference": ("load",),
-        "report": ("PICTURES", "TABLES", "as_document", "write"),
+        "report": (
+            "PICTURES", "TABLES", "as_document", "back_end_rows", "figure_rows", "table_rows", "values_of", "verdict",
+            "write",
+        ),
         "study": ("run", "step_count"),
     },
-)
+)  # fmt: skip

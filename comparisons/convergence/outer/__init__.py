@@ -5,7 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "measures": ("on_meshes", "runs_of", "solution_found", "tables_of", "values_of"),
+        "report": ("on_meshes", "runs_of", "solution_found", "tables_of", "values_of"),
         "study": ("LOOPS", "run", "study_of"),
     },
 )

@@ -1,11 +1,357 @@
 """The report of the study, from its rows alone."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.convergence.outer.figures import figures
-from comparisons.convergence.outer.measures import FORMS, runs_of, tables_of, values_of
+from pandas import DataFrame, Series
+
+from comparisons.convergence.bodies import NAMES, PLACE
+from comparisons.convergence.outer.study import CONDENSED, INNER, LOOPS, MAX_ITERATIONS, PATIENCE, PLAIN, TOLERANCE
+from comparisons.convergence.solves import in_words
 from comparisons.lab.report import Document, environment_grids, render
-from comparisons.lab.study import Row
+from comparisons.lab.report.drawing import (
+    LOOKS,
+    drawn,
+    failing_band,
+    legend_below,
+    panelled,
+    plain_ticks,
+    powers_of_two,
+)  # fmt: skip
+from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
+from comparisons.lab.study import Row, frame_of, largest_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+    Panel = Callable[[Axes, str, DataFrame], None]
+
+SOLUTIONS: Final = {"open": 0.0, "slip": 5.0 / 3.0, "stick": 17.0 / 9.0}
+"""The three solutions of the problem that has them: state → pressure r_N; by hand, see `bodies`."""
+
+_NUMBERS: Final = (
+    "start", "iterations", "factor", "low", "high", "linearised", "exact", "sharper", "kappa", "normal", "slipping",
+    "open", "points",
+)  # fmt: skip
+"""Columns that are numbers, NaN where a run has none; see `study.run`."""
+
+FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
+    "friction": fixed("g"), "steps": count, "seconds": seconds, "accuracy": scientific,
+    **dict.fromkeys(("rate", "ratio", "linearised", "exact", "bound", "root"), significant),
+    **dict.fromkeys(("quicker", "typical", "slowest", "smallest", "largest", "spread"), partial(significant, digits=2)),
+}  # fmt: skip
+"""Column of a table → how its numbers read."""
+
+
+def runs_of(rows: Sequence[Row]) -> DataFrame:
+    """One line a run, by problem, mesh, μ and loop.
+
+    The columns are those of `frame_of` and `in_words`, and solved, falling (stopped while its residuals fell), steps
+    (iterations if solved), rate (contraction if the loop converges), ratio (time over that of the condensed method
+    where both solve the problem), bound μγ and root μ√κ.
+    """
+    runs = in_words(frame_of(rows, _NUMBERS, ("seconds", "residuals", "course")))
+    runs["solved"] = runs.status == "solved"
+    runs["steps"] = runs.iterations.where(runs.solved)
+    runs["rate"] = runs.factor.where(runs.course == "converges")
+    runs["falling"] = ~runs.solved & (runs.course == "converges")
+    runs["bound"], runs["root"] = runs.friction / runs.sharper, runs.friction / runs.kappa
+    direct = runs[(runs.loop == CONDENSED) & runs.solved & (runs.problem != "three")].set_index(PLACE).seconds
+    runs["ratio"] = (runs.seconds / runs[PLACE].apply(tuple, axis=1).map(direct.to_dict())).where(runs.solved)
+    runs["order"] = runs.problem.map({name: place for place, name in enumerate(runs.problem.unique())})
+    runs["number"] = runs.loop.map(list(LOOPS).index)
+    return runs.sort_values(["order", "cells", "friction", "number"], kind="stable", ignore_index=True)
+
+
+def single(runs: DataFrame) -> DataFrame:
+    """Those of problems that all loops start from the bonded state."""
+    return runs[runs.problem != "three"]
+
+
+def main_bodies(runs: DataFrame) -> list[str]:
+    """Of each problem the mesh with the most frictions, the finest of several."""
+    found = []
+    for _, several in single(runs).groupby("order"):
+        counts = several.groupby(["cells", "body"]).friction.nunique().reset_index()
+        found.append(str(counts.sort_values(["friction", "cells"]).body.iloc[-1]))
+    return found
+
+
+def on_meshes(runs: DataFrame) -> DataFrame:
+    """Runs of the plain loop at the μ that it has on at least two meshes of a problem, by problem, μ and mesh."""
+    plain = single(runs)[single(runs).loop == PLAIN].sort_values(["problem", "friction", "cells"])
+    return plain[plain.groupby(["problem", "friction"]).cells.transform("size") > 1]
+
+
+def by_loop(runs: DataFrame) -> list[tuple[str, "DataFrame"]]:
+    """Loops that were run, in their order."""
+    return [(loop, found) for loop in LOOPS if len(found := runs[runs.loop == loop])]
+
+
+def values_of(runs: DataFrame) -> dict[str, Any]:
+    """The numbers of the report's sentences."""
+    found = single(runs)
+    direct, others = found[found.loop == CONDENSED], found[found.loop != CONDENSED]
+    stopped = others[others.status == "max_iterations"].iterations
+    ratios = found[(found.loop != CONDENSED) & (found.cells > 0)].ratio.dropna()
+    return {
+        "limit": None if stopped.empty else int(stopped.max()), "missing": int((~runs.has).sum()),
+        "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in by_loop(found)},
+        "least": direct.steps.min(), "most": direct.steps.max(), "low": found.friction.min(),
+        "high": found.friction.max(), "worst": largest_of(ratios, runs), **_of_contraction(found), **_of_bound(found),
+        **_of_starts(runs[runs.problem == "three"]), "loops": {name: loop.options() for name, loop in LOOPS.items()},
+        "inner": INNER, "tolerance": TOLERANCE, "iterations": MAX_ITERATIONS, "patience": PATIENCE,
+    }  # fmt: skip
+
+
+def _of_contraction(found: DataFrame) -> dict[str, Any]:
+    """How well theory foresees the contraction, and whether a linearised one below 1 is enough, one above too much."""
+    plain = found[(found.loop == PLAIN) & found.rate.notna()]
+    exact = (plain.rate / plain.exact - 1.0).abs().dropna()
+    meshes = plain[plain.solved & (plain.cells > 0)]
+    off = (meshes.rate / meshes.linearised - 1.0).abs().dropna()
+    above, below = found[found.linearised >= 1.0], found[found.linearised < 1.0]
+    stuck = below[~below.solved & ~below.falling]
+    return {
+        "exact": exact.max(), "exact_runs": len(exact), "typical": off.median(), "mesh_runs": len(off),
+        "off": off.max(), "far": largest_of(off, meshes), "above": len(above), "lucky": int(above.solved.sum()),
+        "below": len(below), "stuck": len(stuck), "still": int(below.falling.sum()),
+        "stuck_at": listing(list(dict.fromkeys(f"{run.body} at μ = {run.friction:g}" for run in stuck.itertuples()))),
+    }  # fmt: skip
+
+
+def _of_bound(found: DataFrame) -> dict[str, Any]:
+    """What the plain loop does below and beyond the bound of uniqueness."""
+    plain = found[(found.loop == PLAIN) & found.bound.notna()]
+    sure, beyond = plain[plain.bound < 1.0], plain[plain.bound >= 1.0]
+    return {
+        "sure": len(sure), "sure_solved": int(sure.solved.sum()), "beyond": len(beyond),
+        "beyond_solved": int(beyond.solved.sum()), "farthest": plain[plain.solved].bound.max(),
+    }  # fmt: skip
+
+
+def _of_starts(several: DataFrame) -> dict[str, Any]:
+    """Which of the three solutions is found, and by how many loops in different ones from different starts."""
+    ends = several.apply(solution_found, axis=1) if len(several) else []
+    counts = Counter(ends)
+    started = several.assign(end=list(ends))[several.start.notna()] if len(several) else several
+    known = {loop: set(found.end) & set(SOLUTIONS) for loop, found in started.groupby("loop")}
+    return {
+        "starts": {name: counts[name] for name in dict.fromkeys([*SOLUTIONS, *counts])}, "started": len(known),
+        "different": sum(len(found) > 1 for found in known.values()), "several": len(several),
+    }  # fmt: skip
+
+
+def solution_found(run: Any) -> str:
+    """Which of the three solutions a run ended in; the status if in none."""
+    if not run.solved or run.normal != run.normal:
+        return str(run.status)
+    name = min(SOLUTIONS, key=lambda state: abs(SOLUTIONS[state] + run.normal))
+    return name if abs(SOLUTIONS[name] + run.normal) < 1e-6 else "none of the three"
+
+
+def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
+    """The tables by name."""
+    found, meshes = single(runs), on_meshes(runs)
+    return {
+        "loops": _loops(found), "limits": _limits(found), "contraction": _contraction(found[found.loop == PLAIN]),
+        "spread": _spread(meshes), "meshes": meshes, "runs": found,
+        "solutions": _solutions(runs[runs.problem == "three"]),
+    }  # fmt: skip
+
+
+def _loops(found: DataFrame) -> DataFrame:
+    """Each loop beside the plain one and beside the condensed method."""
+    plain = found[found.loop == PLAIN].set_index(PLACE)[["steps", "solved"]].add_suffix("_plain")
+    lines = []
+    for loop, runs in by_loop(found):
+        beside = runs.set_index(PLACE).join(plain)
+        hard = beside[beside.solved_plain == False]  # noqa: E712 - not where there is no plain run
+        times = runs[runs.cells > 0].ratio.dropna()
+        lines.append({
+            "loop": loop, "share": _share(runs.solved), "hard": _share(hard.solved),
+            "quicker": (beside.steps / beside.steps_plain).dropna().median(), "typical": times.median(),
+            "slowest": times.max(),
+        })  # fmt: skip
+    return DataFrame(lines)
+
+
+def _limits(found: DataFrame) -> DataFrame:
+    """Which frictions the plain loop solves on the main mesh of each problem."""
+    lines = []
+    for body in main_bodies(found):
+        runs = found[(found.body == body) & (found.loop == PLAIN)]
+        failed, falling = runs[~runs.solved & ~runs.falling], runs[runs.falling]
+        lines.append({
+            "body": body, "share": _share(runs.solved), "farthest": significant(runs[runs.solved].friction.max()),
+            "fails": listing([f"{run.friction:g} ({run.status})" for run in failed.itertuples()]),
+            "falling": listing([f"{run.friction:g} ({significant(run.rate)})" for run in falling.itertuples()]),
+        })  # fmt: skip
+    return DataFrame(lines)
+
+
+def _contraction(plain: DataFrame) -> DataFrame:
+    """Observed contraction of the plain loop beside theory."""
+    return plain.assign(
+        interval=[f"{significant(run.low)} to {significant(run.high)}" if run.rate == run.rate else NOTHING
+                  for run in plain.itertuples()],
+        states=[" / ".join(map(count, (run.slipping, run.open, run.points))) for run in plain.itertuples()],
+    )  # fmt: skip
+
+
+def _spread(meshes: DataFrame) -> DataFrame:
+    """How much the contraction of the plain loop changes from mesh to mesh."""
+    lines = [
+        {"name": runs["name"].iloc[0], "friction": runs.friction.iloc[0], "share": _share(runs.rate.notna()),
+         "smallest": runs.rate.min(), "largest": runs.rate.max(), "spread": runs.rate.max() / runs.rate.min()}
+        for _, runs in meshes.groupby(["problem", "friction"])
+    ]  # fmt: skip
+    return DataFrame(lines)
+
+
+def _share(good: Series) -> str:
+    return f"{int(good.sum())} of {len(good)}"
+
+
+def _solutions(several: DataFrame) -> DataFrame:
+    """Which of three solutions each loop finds, from each start."""
+    starts = sorted(several.start.dropna().unique())
+    lines = []
+    for loop, found in by_loop(several):
+        ends = {run.start: solution_found(run) for run in found.itertuples()}
+        only = next(iter(ends.values())) if found.start.isna().all() else NOTHING
+        lines.append({"loop": loop, **{f"start s = {start:g}": ends.get(start, only) for start in starts}})
+    return DataFrame(lines, columns=["loop", *(f"start s = {start:g}" for start in starts)])
+
+
+_SIZE: Final = (8.0, 2.6, 0.9)  # of pictures, see `panelled` [inch]
+
+_RATES: Final = (1e-2, 10.0, 60.0)
+"""Lowest rate drawn, beginning of the band of what fails, top."""
+
+_COUNTS: Final = (0.8, 300.0, 1000.0)
+_RATIOS: Final = (0.3, 3e3, 1e4)
+
+
+def figures(runs: DataFrame) -> dict[str, str]:
+    """Name → picture; empty where matplotlib is not installed."""
+    found = single(runs)
+    main = {body: found[found.body == body] for body in main_bodies(runs)}
+    iterations = partial(_numbers_panel, column="steps", label="iterations to 1e-8 [-]", limits=_COUNTS)
+    times = partial(_numbers_panel, column="ratio", label="time over condensed [-]", limits=_RATIOS)
+    drawings: dict[str, Callable[[], Canvas]] = {
+        "rates": partial(_drawing, main, _rate_panel), "iterations": partial(_drawing, main, iterations),
+        "times": partial(_drawing, main, times), "histories": partial(_drawing, shown_places(main), _history_panel),
+        "mesh": partial(_drawing, dict(iter(on_meshes(runs).groupby("problem"))), _mesh_panel, shared=False),
+    }  # fmt: skip
+    return {name: drawn(f"outer-{name}", draw) for name, draw in drawings.items()}
+
+
+def _drawing(groups: dict[str, DataFrame], panel: "Panel", shared: bool = True) -> "Canvas":
+    """A panel for each group, and one legend for all."""
+    canvas, panels = panelled(len(groups), *_SIZE)
+    for axes, (title, runs) in zip(panels, groups.items(), strict=True):
+        panel(axes, title, runs)
+    if shared:
+        legend_below(canvas)
+    return canvas
+
+
+def _rate_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
+    _frame(axes, title, "contraction [-]", _RATES)
+    axes.axhline(1.0, color="black", linewidth=0.8)
+    plain = runs[runs.loop == PLAIN]
+    for name, style, label in (("linearised", "-", "plain, linearised"), ("bound", ":", "bound μγ of plain")):
+        known = plain[(plain[name] > _RATES[0]) & (plain[name] < _RATES[1])]
+        if len(known):
+            axes.plot(known.friction, known[name], color="black", linestyle=style, linewidth=0.9, label=label)
+    for loop, found in by_loop(runs[runs.loop != CONDENSED]):
+        rated = found[found.rate > _RATES[0]]
+        _marks(axes, loop, rated.friction, rated.rate)
+        for run in rated.dropna(subset=["low", "high"]).itertuples():
+            ends = [max(run.low, _RATES[0]), min(run.high, _RATES[1])]
+            axes.plot([run.friction] * 2, ends, color=LOOPS[loop].colour, linewidth=1.0)
+        _failures(axes, loop, found, _RATES)
+
+
+def _numbers_panel(
+    axes: "Axes", title: str, runs: DataFrame, column: str, label: str, limits: tuple[float, float, float]
+) -> None:
+    """A column of the runs of each loop that has it."""
+    _frame(axes, title, label, limits)
+    if column == "ratio":
+        axes.axhline(1.0, color="black", linewidth=0.8)
+    for loop, found in by_loop(runs[(runs.loop != CONDENSED) | (column != "ratio")]):
+        known = found[found[column].notna()]
+        _marks(axes, loop, known.friction, known[column])
+        _failures(axes, loop, found, limits)
+
+
+def _history_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
+    axes.set(xscale="log", yscale="log", ylim=(1e-10, 3.0), xlabel="iteration [-]", ylabel="residual [-]")
+    plain_ticks(axes.xaxis, axes.yaxis)
+    axes.set_title(title, fontsize=9)
+    axes.axhline(TOLERANCE, color="black", linewidth=0.8, linestyle="--")
+    for run in runs[runs.has & (runs.residuals.str.len() > 0)].itertuples():
+        look, shown = LOOPS[run.loop], [max(value, 1e-10) for value in run.residuals]
+        axes.plot(range(1, len(shown) + 1), shown, color=look.colour, linestyle=look.line, linewidth=1.1,
+                  label=run.loop, marker=look.marker, markersize=4, markevery=max(1, len(shown) // 6))  # fmt: skip
+        if not run.solved:
+            axes.plot([len(shown)], [shown[-1]], color=look.colour, marker="x", markersize=8, markeredgewidth=2)
+
+
+def shown_places(main: dict[str, DataFrame]) -> dict[str, DataFrame]:
+    """Of each main problem the runs at the middle μ of those the plain loop solves, and of those it does not."""
+    shown = {}
+    for body, runs in main.items():
+        for solved in (True, False):
+            found = runs[(runs.loop == PLAIN) & (runs.solved == solved)].friction.tolist()
+            for friction in found[len(found) // 2 : len(found) // 2 + 1]:
+                shown[f"{body}, μ = {friction:g}"] = runs[runs.friction == friction]
+    return shown
+
+
+def _mesh_panel(axes: "Axes", problem: str, plain: DataFrame) -> None:
+    """Contraction of the plain loop against the mesh."""
+    _frame(axes, NAMES.get(problem, problem), "contraction [-]", _RATES)
+    powers_of_two(axes)
+    axes.set_xlabel("cells a side [-]")
+    axes.axhline(1.0, color="black", linewidth=0.8)
+    for number, (friction, found) in enumerate(plain.groupby("friction")):
+        colour, marker, _ = LOOKS[number % len(LOOKS)]
+        rated, local = found[found.rate > 0.0], found[found.linearised > 0.0]
+        axes.plot(rated.cells, rated.rate, color=colour, marker=marker, markersize=5, label=f"μ = {friction:g}")
+        if len(local):
+            axes.plot(local.cells, local.linearised, color=colour, linestyle=":", linewidth=1.0)
+        failed = found[~found.solved].cells
+        axes.plot(failed, [20.0 * 1.15**number] * len(failed), "x", color=colour, markersize=7, markeredgewidth=2)
+    axes.legend(fontsize=7, frameon=False, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.2))  # not over curves
+
+
+def _frame(axes: "Axes", title: str, label: str, limits: tuple[float, float, float]) -> None:
+    bottom, band, top = limits
+    axes.set(yscale="log", ylim=(bottom, top), xlabel="friction μ [-]", ylabel=label)
+    plain_ticks(axes.yaxis)
+    failing_band(axes, band, top)
+    axes.set_title(title, fontsize=9)
+
+
+def _marks(axes: "Axes", loop: str, x: Series, y: Series) -> None:
+    look = LOOPS[loop]
+    axes.plot(x, y, color=look.colour, linestyle=look.line, marker=look.marker, markersize=5, linewidth=1.1,
+              label=loop)  # fmt: skip
+
+
+def _failures(axes: "Axes", loop: str, runs: DataFrame, limits: tuple[float, float, float]) -> None:
+    """Crosses in the band for runs that fail, each loop at its own height."""
+    _, band, top = limits
+    share = (1 + list(LOOPS).index(loop)) / (len(LOOPS) + 1)
+    frictions = runs[~runs.solved].friction
+    axes.plot(frictions, [band * (top / band) ** share] * len(frictions), "x", color=LOOPS[loop].colour, markersize=6,
+              markeredgewidth=1.5)  # fmt: skip
 
 
 def report(rows: Sequence[Row], quick: bool = False) -> Document:

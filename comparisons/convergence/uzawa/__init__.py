@@ -5,7 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "measures": ("growth", "paper_runs", "runs_of", "tables_of", "values_of"),
+        "report": ("growth", "paper_runs", "runs_of", "tables_of", "values_of"),
         "study": ("Extent", "NEAR", "SEARCHED", "STILL", "run", "study_of"),
     },
 )
