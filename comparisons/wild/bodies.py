@@ -11,7 +11,7 @@ import numpy as np
 
 from qvi_contact import InputError, TriangleMesh
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.gallery import arc, fan
+from qvi_contact.gallery.meshes import arc, fan
 
 T = TypeVar("T")
 SIDES: Final = ("bottom", "right", "top", "left")
@@ -216,7 +216,7 @@ def _through_a_file(mesh: TriangleMesh, ending: str) -> TriangleMesh:
         more["field_data"] = {name: np.array([n, 2 if n == 1 else 1]) for n, name in enumerate(names, start=1)}
     elif ending == "med":
         more["cell_data"] = {"cell_tags": [-tag for tag in tags]}
-    found = meshio.Mesh(points, blocks, **more)
+    found: Any = meshio.Mesh(points, list[tuple[str, Any]](blocks), **more)
     if ending == "med":
         found.cell_tags = {-n: [name] for n, name in enumerate(names, start=1)}
     elif ending == "inp":
@@ -226,7 +226,8 @@ def _through_a_file(mesh: TriangleMesh, ending: str) -> TriangleMesh:
         }
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"mesh.{ending}"
-        found.write(path, **({"file_format": "gmsh22", "binary": False} if ending == "msh" else {}))
+        options: dict[str, Any] = {"file_format": "gmsh22", "binary": False} if ending == "msh" else {}
+        found.write(path, **options)
         return TriangleMesh.load(path)
 
 

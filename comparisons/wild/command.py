@@ -16,7 +16,7 @@ QUICK_ESTIMATES = "results/estimates/estimates-quick.sqlite"
 @click.command(cls=ListCommand, short_help="Generated problems: what becomes of each.")
 @study_options(STORE, timeout=120.0, memory=4096)
 @click.option("--quick", is_flag=True, help=f"Five problems of each family, kept in {QUICK_STORE}.")
-@click.option("--each", type=COUNT, metavar="NUMBER", help="Problems of each family.  [default: 160]")
+@click.option("--each", type=COUNT, metavar="NUMBER", help="Problems of each family.  [default: 61]")
 @click.option("--only", multiple=True, metavar="FAMILY…", help="Only these families; give another --store too.")
 @out_option("results/wild")
 @json_option

@@ -148,7 +148,7 @@ def thirds(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray, FloatArray]:
 def side_of(mesh: TriangleMesh, cells: IntArray, edges: Edges) -> IntArray:
     """Which side of these cells (n,) edges are: that opposite to the corner that is no end."""
     corners = mesh.cells[cells]
-    return np.argmax((corners != edges.first[:, None]) & (corners != edges.second[:, None]), axis=1)
+    return np.asarray(np.argmax((corners != edges.first[:, None]) & (corners != edges.second[:, None]), axis=1))
 
 
 def tractions(normals: FloatArray, stress: FloatArray) -> FloatArray:

@@ -33,7 +33,7 @@ from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
 
 NAME: Final = "wild"
-EACH, QUICK = 160, 5
+EACH, QUICK = 61, 5
 """Problems of a family, in full and quick."""
 
 REFUSED, ACCEPTED, SOLVED, WRONG = "refused", "accepted", "solved", "wrong"
