@@ -32,8 +32,8 @@ from qvi_contact.solution.on_arcs import rest_on_arcs
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
 from solvers import Iteration
-from solvers.basics.narration import narrated
-from solvers.basics.watch import watched
+from solvers.basics.progress import narrated
+from solvers.basics.progress import watched
 from solvers.factorisation import FactorisationError
 from solvers.solve import check_settings
 

@@ -17,7 +17,7 @@ from scipy.sparse import linalg
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.errors import SolveError
 from solvers.basics.types import load
-from solvers.basics.watch import left
+from solvers.basics.progress import left
 
 _TOLERANCE: Final = 1e-9  # of the solver
 _DAMPED: Final = 1e-14  # added to the normal equations of E, whose rows may depend on each other

@@ -28,8 +28,8 @@ from qvi_contact.problem.conditions import Condition, Contact, Traction, compone
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
-from solvers.basics.narration import narrated
-from solvers.basics.watch import watched
+from solvers.basics.progress import narrated
+from solvers.basics.progress import watched
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, Answer, solved
 
 if TYPE_CHECKING:

@@ -39,7 +39,7 @@ from qvi_contact.mesh.triangle_checks import (
     refuse_flaws,
 )
 from solvers.basics.names import known_name
-from solvers.basics.pickles import Stated
+from solvers.basics.types import Stated
 from solvers.basics.types import load
 
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike

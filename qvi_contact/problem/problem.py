@@ -26,7 +26,7 @@ from qvi_contact.problem.conditions import (
     components,
 )
 from qvi_contact.problem.material import Material, Region, cell_materials
-from solvers.basics.pickles import Stated
+from solvers.basics.types import Stated
 from solvers.basics.types import load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"

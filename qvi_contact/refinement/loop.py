@@ -10,7 +10,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
 from qvi_contact.refinement.rounds import A, R, StopError, Strategy, TooLargeError
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.watch import expired
+from solvers.basics.progress import expired
 
 
 @dataclass(frozen=True, eq=False)

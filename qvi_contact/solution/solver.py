@@ -19,10 +19,10 @@ from qvi_contact.solution.reach import solve_within_reach
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 from solvers.basics.checks import true_or_false
-from solvers.basics.narration import narrated
-from solvers.basics.watch import Progress, tell, watched
+from solvers.basics.progress import narrated
+from solvers.basics.progress import Progress, tell, watched
 from solvers.factorisation import FactorisationError
-from solvers.solution.start import Start
+from solvers.solution import Start
 from solvers.solve import check_settings, default_method, facts_of
 
 _MANY_CELLS = 20_000  # whose discretisation takes seconds
