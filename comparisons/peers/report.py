@@ -5,13 +5,12 @@ from typing import Any, Final
 
 from pandas import DataFrame
 
-from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
 from comparisons.lab.report import Document, environment_grids, findings_of, render
 from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, memory, percent, scientific, seconds
 from comparisons.lab.study import Row
 from comparisons.lab.tables import Grid
 from comparisons.peers import measures
-from comparisons.peers.codes.equilibrium import ONE_SENSE
+from comparisons.peers.codes.equilibrium import COULOMB
 from comparisons.peers.figures import figures
 from comparisons.peers.measures import (
     BOUNDS,
@@ -33,11 +32,12 @@ SCHEMA: Final = "qvi-contact/peers/4"
 
 KINDS: Final = {
     "PROBLEM": "the problem itself",
+    COULOMB: "the problem itself, under Coulomb's law",
+    "ONE_SENSE": "the problem itself, if it slips in one sense",
     "STICKING": "the tied problem",
-    ONE_SENSE: "the problem itself, as it slips in one sense",
     "GIVEN_BOUND": "the problem with the friction bound of the computed state held fixed",
 }
-"""Name of a `BracketKind`, or `ONE_SENSE` → what is bracketed."""
+"""Name of a `BracketKind`, or `COULOMB` → what is bracketed; two are of rows that earlier versions made."""
 
 
 def force(value: float) -> str:
@@ -77,7 +77,6 @@ def tables_of(runs: DataFrame, costs: DataFrame, known: Mapping[float, Reference
         "least": least.assign(shown=list(map(_error, least.lasting, least.floor))),
         "intervals": measures.intervals_of(shown), "failures": shown[~shown.solved],
         "missing": Grid("", ("code", "how to get it"), [(_code(key), CODES[key].remedy) for key in missing(runs)]),
-        "reported": _reported_table(runs, known.get(CONVERGED_FRICTION)),
     }  # fmt: skip
     for friction, here in by_friction(shown):
         name, bracket = slug(friction), here.code == BRACKET
@@ -99,17 +98,6 @@ def _told(beside: DataFrame) -> DataFrame:
     wrong = {key: (beside[key] < beside.low) | (beside[key] > beside.high) for key in OTHERS}
     return beside.assign(**{key: beside[key].map(force) + wrong[key].map({True: ", outside", False: ""})
                             for key in OTHERS})  # fmt: skip
-
-
-def _reported_table(runs: DataFrame, known: Reference | None) -> Grid:
-    """What codes that are not in this run reported on another day."""
-    names = {CODES[code].name for code in runs.code}
-    rows = [
-        (peer.code, f"{peer.half_force:.5f}", scientific(abs(peer.half_force / known.value - 1.0)),
-         seconds(peer.seconds))
-        for peer in PEERS if known and peer.code.split(",")[0] not in names
-    ]  # fmt: skip
-    return Grid("", ("code", "P/2 [N/mm]", "error", "reported time"), rows)
 
 
 def settings_of(runs: DataFrame, known: Mapping[float, Reference]) -> list[Grid]:
@@ -180,7 +168,7 @@ def _place(
         "friction": friction, "name": name, "known": known.get(friction), "bounded": bool(here.bounded.any()),
         "errors": f"best-time-{name}" in pictures, "brackets": f"bounds-{name}" in pictures,
         "doubtful": measures.contradictory(here),
-        "intervals": f"intervals-{name}" in pictures, "slips": ONE_SENSE in set(here.kind),
+        "intervals": f"intervals-{name}" in pictures, "slips": not {COULOMB, "ONE_SENSE"}.isdisjoint(here.kind),
         "indicated": bool((here.solved & here.width.notna() & here.low.isna()).any()),
     }  # fmt: skip
 

@@ -3,10 +3,10 @@
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.bracket.bounds import bracket
 from qvi_contact.bracket.branches import Branches, other_solutions
+from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.document import document as document
 from qvi_contact.bracket.friction_norm import friction_norm as friction_norm
-from qvi_contact.bracket.outcome import Bounds, Bracket, BracketKind, EdgeParts, ForceDifference
-from qvi_contact.bracket.slip import SlipBounds
+from qvi_contact.bracket.outcome import Bounds, Bracket, BracketKind, EdgeParts, ForceDifference, Uniqueness
 from qvi_contact.bracket.star_norm import star_norm as star_norm
 from solvers.basics.front import front
 
@@ -16,9 +16,10 @@ __all__ = [
     "BracketKind",
     "Branches",
     "Certainty",
+    "CoulombBounds",
     "EdgeParts",
     "ForceDifference",
-    "SlipBounds",
+    "Uniqueness",
     "bracket",
     "other_solutions",
 ]
@@ -28,12 +29,11 @@ __getattr__ = front(
     {
         "bodies": ("bodies_of",),
         "document": ("lines",),
-        "friction_ends": ("no_friction_operator",),
-        "friction_norm": ("computed_norm", "rectangle_constant", "rectangle_norm"),
+        "friction_norm": ("computed_norm", "proved_norm", "rectangle_constant", "rectangle_norm"),
         "given": ("given_problem",),
         "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
-        "senses": ("outside_scope",),
-        "slip": ("slip_bounds",),
+        "coulomb": ("coulomb_bounds",),
+        "share": ("Share", "SharedStress", "outside_scope", "with_shares"),
         "slip_constants": ("amplification", "coercivity", "defect_bound", "error_bound"),
     },
 )

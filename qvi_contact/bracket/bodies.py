@@ -37,11 +37,21 @@ class Body:
     problem: ContactProblem
     beyond: Mapping[str, str]
 
-    def senses(self, senses: Mapping[str, int]) -> dict[str, int]:
-        """The senses of its contacts from those of the whole: beyond a joint the normal is another, the tangent not."""
-        names = [contact.name for contact in self.problem.contacts]
-        seen = {name: -senses[joint] for name, joint in self.beyond.items() if joint in senses}
-        return {name: senses[name] for name in names if name in senses} | seen
+    def edges_of(self, whole: ContactProblem, name: str) -> tuple[str, IntArray]:
+        """The contact of the whole problem that one of its contacts is, and which of the edges there its own are."""
+        joint = self.beyond.get(name, name)
+        near, far = (
+            problem.mesh.edges(next(each.edges for each in problem.contacts if each.name == known))
+            for problem, known in ((self.problem, name), (whole, joint))
+        )
+        places = {
+            tuple(place): number
+            for number, place in enumerate(
+                whole.mesh.vertices[np.column_stack([far.first, far.second])].reshape(-1, 4).tolist()
+            )
+        }
+        own = self.problem.mesh.vertices[np.column_stack([near.first, near.second])].reshape(-1, 4)
+        return joint, np.array([places[tuple(place)] for place in own.tolist()], dtype=np.int64)
 
 
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:

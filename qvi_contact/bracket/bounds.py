@@ -12,28 +12,25 @@ from typing import Any
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import finite_number
 from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible_stress
+from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.data import data_reasons
 from qvi_contact.bracket.forces import force_bounds, force_differences
-from qvi_contact.bracket.given import GivenProblem, given_problem
+from qvi_contact.bracket.given import GivenProblem, given_problem, posed_strictly
 from qvi_contact.bracket.law import contact_tractions, law_bound, traction_coefficients
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
-from qvi_contact.bracket.senses import SlippingStress, stress_under_slip
-from qvi_contact.bracket.slip import SlipBounds, slip_bounds
+from qvi_contact.bracket.share import SharedStress, outside_scope, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
-from qvi_contact.companion.scope import check_scope
+from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.triangle import degree_beside, triangle
 from qvi_contact.errors import InputError
-from qvi_contact.solution.followed import allowed_misfit
-from qvi_contact.solution.on_arcs import rest_on_arcs
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
-from solvers import Iteration
-from solvers.basics.progress import narrated
-from solvers.basics.progress import watched
+from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
+from qvi_contact.version import __version__
+from solvers import Iteration, solve_qvi
+from solvers.basics.progress import narrated, watched
 from solvers.factorisation import FactorisationError
 from solvers.solve import check_settings
 
@@ -65,10 +62,10 @@ def bracket(
 
     The stress τ is that of the result, if it obeys the contact law on whole edges, else it is computed anew for the
     same bound; v are displacement elements on the same mesh (`solve_companion`). Which problem is bracketed says
-    `Bracket.kind`: for laws without Coulomb friction the one stated; if all friction contacts stick, the tied one; else
-    s = μ|σ_N| is held fixed, and the gap is an indicator, as it is without the part that comes from s itself.
-    `Bracket.outer` measures it, and `Bracket.force_differences` shows what it does to forces. Where each
-    contact slips in one sense only, `Bracket.slip` bounds the errors under Coulomb's law itself.
+    `Bracket.kind`: for laws without Coulomb friction the one stated; else s = μ|σ_N| is held fixed, and the gap is an
+    indicator, as it is without the part that comes from s itself. `Bracket.outer` measures it, and
+    `Bracket.force_differences` shows what it does to forces. The errors under Coulomb's law itself are bounded by
+    `Bracket.coulomb`.
 
     Parameters
     ----------
@@ -120,16 +117,23 @@ def bracket(
     with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
         story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance, **options)
-        slipping = given.kind is BracketKind.GIVEN_BOUND
-        laws = [given.bounds, None] if slipping else [given.bounds]
-        rough = given.kind is not BracketKind.PROBLEM
-        one_way = stress_under_slip(result, tolerance, **options) if rough else None
-        senses = one_way.senses if isinstance(one_way, SlippingStress) else {}
-        problem = given.discretization.problem
-        companions = solve_companions(problem, laws, degree=degree, tolerance=tolerance, senses=senses, **options)
+        rough = given.kind is BracketKind.GIVEN_BOUND
+        before = _obeying(result, tolerance, **options) if rough else None
+        shared = with_shares(before) if isinstance(before, ContactResult) else before
+        shares = shared.shares if isinstance(shared, SharedStress) else {}
+        senses = {name: share.slipping for name, share in shares.items()}
+        problem, laws = given.discretization.problem, [given.bounds, None, given.bounds] if rough else [given.bounds]
+        companions = solve_companions(
+            problem, laws, degree=degree, tolerance=tolerance, senses=({}, {}, senses)[: len(laws)], **options
+        )
         found = _assemble(given, stress, companions[0])
-        if one_way is not None:
-            found = _with_slip(found, one_way, found.reasons[len(given.reasons) :])
+        if shared is not None:
+            reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companions[2].reasons))
+            bounds = _coulomb(shared, before, companions[2], tuple(reasons))
+            if isinstance(bounds, str):
+                found = replace(found, coulomb_reason=bounds)
+            else:
+                found = replace(found, coulomb=bounds)
         if len(companions) > 1:
             own = companions[1]
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
@@ -138,19 +142,28 @@ def bracket(
     return found
 
 
-def _with_slip(found: Bracket, one_way: SlippingStress | str, reasons: tuple[str, ...]) -> Bracket:
-    """A bracket with the bounds under slip, or with the reason why there are none."""
-    assert found.companion is not None
-    slip = one_way if isinstance(one_way, str) else _slip_bounds(one_way, found.companion, reasons)
-    return replace(found, slip_reason=slip) if isinstance(slip, str) else replace(found, slip=slip)
+def _obeying(result: ContactResult, tolerance: float, **options: Any) -> ContactResult | str:
+    """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
+    reason, known = outside_scope(result.problem), result.discretization
+    if reason or known.space.contact_rule.kind == "bernstein":
+        return reason or result
+    strict = posed_strictly(known, known.problem)
+    solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
+    found = ContactResult(strict, solution)
+    missing = f"No stress that obeys the contact law on whole edges was found: {solution.message}"
+    return found if found.has_state else missing
 
 
-def _slip_bounds(one_way: SlippingStress, companion: CompanionResult, reasons: tuple[str, ...]) -> SlipBounds | str:
-    """The bounds under slip, or why there are none."""
+def _coulomb(
+    shared: SharedStress | str, before: ContactResult | str | None, companion: CompanionResult, reasons: tuple[str, ...]
+) -> CoulombBounds | str:
+    """The bounds under Coulomb's law, or why there are none."""
+    if not (isinstance(shared, SharedStress) and isinstance(before, ContactResult)):
+        return str(shared)
     if not companion.has_state:
         return "No admissible displacement was found."
     try:
-        return slip_bounds(one_way.result, companion, one_way.senses, reasons)
+        return coulomb_bounds(shared, companion, before, reasons)
     except (FactorisationError, MemoryError) as error:
         return f"The norm of friction was not computed: {error or 'out of memory'}."
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
-from qvi_contact.bracket.outcome import Bracket, BracketKind
+from qvi_contact.bracket.outcome import Bracket
 from qvi_contact.companion import CompanionResult
 
 
@@ -36,7 +36,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
             name: {"normal": found.normal, "tangential": found.tangential, "unit": units.force}
             for name, found in bracket.force_differences.items()
         },
-        "slip": _slip(bracket, units),
+        "coulomb": _coulomb(bracket, units),
         "companion": None
         if companion is None
         else {"status": str(companion.status), "degree": companion.degree, "unknowns": companion.unknowns},
@@ -53,12 +53,12 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     if parts and bracket.outer > 0.0:
         yield f"error from fixing the friction bound: up to {bracket.outer:.3g} {units.engineering_energy}"
     for name, bounds in bracket.forces.items():
-        yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}"
+        kind = "" if bracket.coulomb is None else f", {bracket.coulomb.kind}"
+        yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}{kind}"
     for name, found in bracket.force_differences.items():
         normal, tangential = (shown(force, _least(bracket.own), 3) for force in (found.normal, found.tangential))
         forces = f"normal {normal}, tangential {tangential} {units.engineering_force}"
         yield f"displacement model with its own friction bound: forces of {name} differ by {forces}"
-    yield from _slip_lines(bracket, units)
     companion = bracket.companion
     if companion is not None and companion.has_state:
         yield f"displacement model, degree {companion.degree}, {companion.unknowns} unknowns, same friction bound:"
@@ -68,45 +68,19 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
             yield f"  contact {name}: normal {normal}, tangential {tangential} {units.engineering_force}"
 
 
-def _slip(bracket: Bracket, units: Units) -> dict[str, Any] | None:
-    """The bounds under slip, or why there are none; None where nothing has Coulomb friction, or nothing slips."""
-    slip = bracket.slip
-    if _needs_no_slip(bracket):
-        return None
-    if slip is None:
-        return {"reason": units.filled(bracket.slip_reason)} if bracket.slip_reason else None
+def _coulomb(bracket: Bracket, units: Units) -> dict[str, Any] | None:
+    """The bounds under Coulomb's law, or why there are none; None where nothing has Coulomb friction."""
+    found = bracket.coulomb
+    if found is None:
+        return {"reason": units.filled(bracket.coulomb_reason)} if bracket.coulomb_reason else None
     return {
-        "kind": slip.kind,
-        "reasons": [units.filled(reason) for reason in slip.reasons],
-        "assumption": slip.assumption,
-        "senses": dict(slip.senses),
-        "margin": slip.margin,
-        "friction_norm": _finite(slip.norm.value),
-        "relative_error": _finite(slip.relative_error),
-        "forces": {
-            name: {"lower": bounds.lower, "upper": bounds.upper, "unit": units.force}
-            for name, bounds in slip.forces.items()
-        },
+        "kind": found.kind,
+        "reasons": [units.filled(reason) for reason in found.reasons],
+        "places": [units.filled(place) for place in found.places],
+        "friction_norm": _finite(found.norm.value),
+        "relative_error": _finite(found.relative_error),
+        "solutions_apart": _finite(found.apart),
     }
-
-
-def _needs_no_slip(bracket: Bracket) -> bool:
-    """Whether nothing slips, so that the bounds of tied contacts are all there is to say."""
-    missing = bracket.slip is None or not np.isfinite(bracket.slip.error)
-    return bracket.kind is BracketKind.STICKING and missing
-
-
-def _slip_lines(bracket: Bracket, units: Units) -> Iterator[str]:
-    """The bounds under slip, or why there are none."""
-    if _needs_no_slip(bracket):
-        return
-    if bracket.slip_reason:
-        yield f"no bounds under Coulomb slip: {units.filled(bracket.slip_reason)}"
-    if bracket.slip is not None:
-        yield units.filled(bracket.slip.message)
-        for name, bounds in bracket.slip.forces.items():
-            force = f"{bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}"
-            yield f"{name} between {force}, {bracket.slip.kind}"
 
 
 def _least(companion: CompanionResult | None) -> float:

@@ -1,41 +1,50 @@
-"""The norm s of the friction operator S: proved on rectangles and star-shaped bodies, else by finite elements.
+"""The norm of the friction operator R: proved on rectangles and star-shaped bodies, else by finite elements.
 
-S takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
-(Sv)_N = σμ v_T, σ the sense of slip, and (Sv)_T = 0. On the others it has no normal part, and no tangential part where
-they bear shear. Any such S with SS = 0 serves, and s is no less than its norm in the energy norm.
+R takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
+(Rv)_N = μ s v_T, s the share, and (Rv)_T = 0. On the others it has no normal part, and no tangential part where they
+bear shear. Any such R with RR = 0 serves.
 
 In `docs/theory.md`: (D26), (D29), (D30).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.linalg import eigh
 
+from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket import slip_constants
 from qvi_contact.bracket.bodies import bodies_of
-from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio, weight
+from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio
+from qvi_contact.bracket.share import Share, shares_on
 from qvi_contact.bracket.star_norm import star_norm
 from qvi_contact.companion.at_rest import MOST, SINGULAR, BodyAtRest
+from qvi_contact.companion.traces import Trace
+from qvi_contact.element import bernstein
+from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 _DEGREE: Final = 3  # of displacements by which a norm is computed
+_USEFUL: Final = 1.6  # norm up to which proved bounds are not many times as large as errors
 _ALIKE: Final = 1e-9  # of the body's size: a place on a side
 
 
 @dataclass(frozen=True)
 class FrictionNorm:
-    """A number s ≥ |S|.
+    """A number that |R| does not exceed.
 
     Attributes
     ----------
     value : float
-        s; infinity where there is none.
+        The number; infinity where there is none.
     proved : bool
-        Whether s ≥ |S| is proved. Otherwise finite elements found s, on one mesh.
+        Whether that is proved. Otherwise finite elements found it, on one mesh.
     reason : str
         Where it comes from, one sentence.
 
@@ -46,101 +55,214 @@ class FrictionNorm:
     reason: str
 
 
-def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm:
-    """The least proved norm where there is one below 2, else that of finite elements; nothing is proved with arcs.
+def friction_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:
+    """The least proved norm where there is one below 1.6, else that of finite elements; nothing is proved with arcs.
 
     Of several bodies it is the largest of the norms that each has alone.
     """
-    alone = [body for body in bodies_of(problem) if any(map(has_coulomb, body.problem.contacts))]
-    known = [_proved(body.problem, body.senses(senses)) for body in alone]
-    largest, kind = max(known, key=lambda found: found[0], default=(0.0, "body"))
-    if largest < slip_constants.LARGEST:
-        where = f"this {kind}" if len(alone) < 2 else "each of the bodies"
-        return FrictionNorm(largest, True, f"The norm of the friction operator is at most {largest:.4g} on {where}.")
-    value = computed_norm(problem, senses)
-    found = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
+    found = proved_norm(problem, shares)
+    if found.value < _USEFUL:
+        return found
+    value = computed_norm(problem, shares)
+    reason = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
     if value == np.inf:
-        found = (
+        reason = (
             "A contact can slip as far as supports let it without straining the body: hold the body along the contact."
         )
     elif np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
     elif value >= slip_constants.LARGEST:
-        found = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
-    return FrictionNorm(value, False, found)
+        reason = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
+    return FrictionNorm(value, False, reason)
 
 
-def _proved(body: ContactProblem, senses: Mapping[str, int]) -> tuple[float, str]:
+def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:
+    """The least proved norm; infinity where there is none."""
+    try:
+        bodies = bodies_of(problem)
+    except InputError:  # a crack, with one body on both sides
+        return FrictionNorm(np.inf, False, "Nothing is proved of cracks.")
+    alone = [body for body in bodies if any(map(has_coulomb, body.problem.contacts))]
+    known = [_proved(body.problem, shares_on(body, problem, shares)) for body in alone]
+    largest, kind = max(known, key=lambda found: found[0], default=(0.0, "body"))
+    where = f"this {kind}" if len(alone) < 2 else "each of the bodies"
+    return FrictionNorm(largest, True, f"The norm of the friction operator is at most {largest:.4g} on {where}.")
+
+
+def _proved(body: ContactProblem, shares: Mapping[str, Share]) -> tuple[float, str]:
     """The least proved norm on one body, infinity where there is none, and the kind of body that it is proved for."""
     ways = {} if body.mesh.sides.any() else {"rectangle": rectangle_norm, "star-shaped body": star_norm}
-    known = [(value, kind) for kind, norm in ways.items() if (value := norm(body, senses)) is not None]
+    known = [(value, kind) for kind, norm in ways.items() if (value := norm(body, shares)) is not None]
     return min(known, default=(np.inf, "body"))
 
 
-def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: int = _DEGREE) -> float:
-    """The norm of the S whose images have the least energy, max |Sv|/|v|, among finite elements on the mesh.
+def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], degree: int = _DEGREE) -> float:
+    """The norm of the R whose images have the least energy, max |Rv|/|v|, among finite elements on the mesh.
 
     With x the slip on contacts with Coulomb friction, A x·x the least energy of displacements that slip by x, and
-    D x·x that of those with the normal part σμ x and no other part on contacts that S must not have, s² is the largest
-    λ of D x = λ A x; infinity where contacts can slip without strain, NaN where there are too many coefficients.
+    D x·x that of those with the normal part μ s x and no other part on contacts that R must not have, the square is the
+    largest λ of D x = λ A x; infinity where contacts can slip without strain, NaN where there are too many
+    coefficients.
     """
-    known = BodyAtRest.of(problem, degree)
-    if len(known.live) > MOST:
-        return float("nan")
-    n, pairs = known.contacts.count, list(zip(problem.contacts, known.contacts.traces, strict=True))
-    weights = np.concatenate([np.full(trace.count, weight(contact, senses)) for contact, trace in pairs])
-    tied, rough = (
-        np.concatenate([np.full(trace.count, chosen(contact)) for contact, trace in pairs])
-        for chosen in (_is_tied, bears_shear)
-    )
-    slips = (weights != 0.0) & known.live[n:] & ~tied
-    presses = slips & known.live[:n]
-    if not presses.any():
-        return 0.0
-    none = np.zeros(n, dtype=bool)
-    below = known.least_energy(np.concatenate([none, slips]), np.concatenate([tied, tied]))
-    part = known.least_energy(np.concatenate([presses, none]), np.concatenate([~presses, rough | tied]))
-    stiffness = np.linalg.eigvalsh(below)
-    if stiffness[0] <= SINGULAR * stiffness[-1]:
-        return float("inf")
-    above, place = np.zeros_like(below), np.flatnonzero(presses[slips])
-    above[np.ix_(place, place)] = part * np.outer(weights[presses], weights[presses])
-    return float(np.sqrt(max(float(eigh(above, below, eigvals_only=True)[-1]), 0.0)))
+    kept = _ENERGIES.setdefault(problem, {})
+    if degree not in kept:
+        kept[degree] = _Energies.of(problem, degree)
+    return kept[degree].norm(shares)
+
+
+@dataclass(frozen=True, eq=False)
+class _Energies:
+    """Least energies of displacements by what they are on contacts with Coulomb friction.
+
+    Attributes
+    ----------
+    traces : tuple of Trace
+        The contacts, n coefficients.
+    slips, presses : (n,) bool arrays
+        Coefficients along and across contacts with Coulomb friction that can change.
+    below, part : arrays
+        Energies of given slips, and of given normal parts without tangential ones; empty where they are too many.
+
+    """
+
+    traces: tuple[Trace, ...]
+    slips: BoolArray
+    presses: BoolArray
+    below: FloatArray
+    part: FloatArray
+
+    @classmethod
+    def of(cls, problem: ContactProblem, degree: int) -> _Energies:
+        """By displacements of a degree on the mesh."""
+        known = BodyAtRest.of(problem, degree)
+        n, traces = known.contacts.count, known.contacts.traces
+        coulomb, tied, rough = (
+            np.concatenate(
+                [np.full(line.count, chosen(each)) for each, line in zip(problem.contacts, traces, strict=True)]
+            )
+            for chosen in (has_coulomb, _is_tied, bears_shear)
+        )
+        slips, presses, none = coulomb & known.live[n:], coulomb & known.live[:n], np.zeros(n, dtype=bool)
+        if len(known.live) > MOST:
+            return cls(traces, slips, presses, np.zeros((0, 0)), np.zeros((0, 0)))
+        below = known.least_energy(np.concatenate([none, slips]), np.concatenate([tied, tied]))
+        part = known.least_energy(np.concatenate([presses, none]), np.concatenate([~presses, rough | tied]))
+        return cls(traces, slips, presses, below, part)
+
+    def norm(self, shares: Mapping[str, Share]) -> float:
+        """The norm for shares s."""
+        if not len(self.below):
+            return float("nan") if self.slips.any() else 0.0
+        stiffness = np.linalg.eigvalsh(self.below)
+        if stiffness[0] <= SINGULAR * stiffness[-1]:
+            return float("inf")
+        n, start = len(self.slips), 0
+        turned = np.zeros((n, n))  # coefficients of μ s x from those of x
+        for trace in self.traces:
+            if trace.name in shares:
+                share, p = shares[trace.name], trace.columns.shape[1] - 1
+                nodes, back = bernstein.nodes(p), bernstein.from_values(p)
+                factors = share.friction * share.at(nodes)
+                blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein.basis(p, nodes), trace.turned)
+                columns = start + trace.columns
+                turned[columns[:, :, None], columns[:, None, :]] = blocks
+            start += trace.count
+        image = turned[np.ix_(self.presses, self.slips)]
+        if not image.any():
+            return 0.0
+        return float(np.sqrt(max(float(eigh(image.T @ self.part @ image, self.below, eigvals_only=True)[-1]), 0.0)))
+
+
+_ENERGIES: WeakKeyDictionary[ContactProblem, dict[int, _Energies]] = WeakKeyDictionary()
+"""Those of problems, by degree, as long as these are there: one bracket asks for several norms."""
 
 
 def _is_tied(contact: Contact) -> bool:
     return contact.law == "tied"
 
 
-def rectangle_norm(problem: ContactProblem, senses: Mapping[str, int]) -> float | None:
-    """The norm of Sv = η v_a e_b on a rectangle with its contacts across the axis b; None for problems of another kind.
+def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
+    """The norm of Rv = θ v_a e_b on a rectangle with its contacts across the axis b; None for problems of another kind.
 
     The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
-    and along one whole side at right angles to these v_a = 0. With η linear between the contacts' sides, see (D29).
+    and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
     """
-    sides, ratio = _sides(problem, senses), one_ratio(problem)
+    sides, ratio = _sides(problem, shares), one_ratio(problem)
     if sides is None or ratio is None:
         return None
-    across = {side // 2 for side in sides if any(edge.slope is not None for edge in sides[side])}
+    across = {side // 2 for side in sides if any(edge.share is not None for edge in sides[side])}
     if len(across) != 1:
         return None
     b = across.pop()
     a = 1 - b
-    ends = [_slope(sides[2 * b + end], a) for end in (0, 1)]
     beside = [sides[2 * a + end] for end in (0, 1)]
     mirrors = [[all(edge.held[axis] for edge in sides[2 * axis + end]) for end in (0, 1)] for axis in (0, 1)]
-    if ends[0] is None or ends[1] is None or not any(mirrors[a]) or not all(_allows(edges, a, b) for edges in beside):
+    if not any(mirrors[a]) or not all(_allows(edges, a, b) for edges in beside):
         return None
-    known = [slopes.pop() for slopes in ends if slopes]
-    low, high = (known * 2)[:2]
-    size = np.ptp(problem.mesh.vertices, axis=0)
-    steep, half = abs(high - low) / size[b], size[b] if any(mirrors[b]) else size[b] / 2.0
-    inf_sup = np.sin(0.5 * np.arctan2(*np.sort([size[a], half])))
-    return rectangle_constant(ratio, float(inf_sup), max(abs(low), abs(high)), steep * 2.0 * size[a] / np.pi)
+    extent = np.ptp(problem.mesh.vertices, axis=0)
+    profiles = [_Profile.of(sides[2 * b + end], a) for end in (0, 1)]
+    demanded = [profile for profile in profiles if profile is not None]
+    low, high = (demanded * 2)[:2]
+    steep = 0.0 if len(demanded) == 1 else (low.largest + high.largest) / extent[b]
+    half = extent[b] if any(mirrors[b]) else extent[b] / 2.0
+    inf_sup = np.sin(0.5 * np.arctan2(*np.sort([extent[a], half])))
+    ends = problem.mesh.vertices[:, a].min(), problem.mesh.vertices[:, a].max()
+    turned = min(
+        max(profile.turned(end) for profile in (low, high))
+        for end, mirror in zip(ends, mirrors[a], strict=True)
+        if mirror
+    )
+    largest = max(low.largest, high.largest)
+    found = rectangle_constant(ratio, float(inf_sup), largest, steep * 2.0 * extent[a] / np.pi, turned)
+    return found if np.isfinite(found) else None
 
 
-def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float) -> float:
-    """The norm of v ↦ η v_a e_b in the energy norm: a number it does not exceed.
+@dataclass(frozen=True, eq=False)
+class _Profile:
+    """What θ is along one side, in parts: continuous, linear where nothing is demanded.
+
+    Attributes
+    ----------
+    largest : float
+        max |θ|.
+    start, stop, steepest : (k,) arrays
+        Of each part the ends along the side, and no less than |dθ/da| on it.
+
+    """
+
+    largest: float
+    start: FloatArray
+    stop: FloatArray
+    steepest: FloatArray
+
+    @classmethod
+    def of(cls, edges: list[_Edge], a: int) -> _Profile | None:
+        """From what the edges of the side demand; None if that is nothing."""
+        ordered = sorted(edges, key=lambda edge: edge.place)
+        known = [edge.profile(a) for edge in ordered]
+        if all(each is None for each in known):
+            return None
+        largest, parts, last = 0.0, list[tuple[float, float, float]](), None
+        for edge, each in zip(ordered, known, strict=True):
+            if each is None:
+                continue
+            first, second, most, slopes = each
+            if last is not None and edge.place[0] > last[0]:  # nothing is demanded since the last edge
+                gap = edge.place[0] - last[0]
+                parts.append((last[0], edge.place[0], abs(first - last[1]) / gap))
+            ends = np.linspace(*edge.place, len(slopes) + 1)
+            parts += zip(ends[:-1].tolist(), ends[1:].tolist(), slopes.tolist(), strict=True)
+            largest, last = max(largest, most), (edge.place[1], second)
+        return cls(largest, *np.array(parts).T)
+
+    def turned(self, end: float) -> float:
+        """H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of the side with v = 0 at the end: v² ≤ |a − end| ‖v′‖²."""
+        away = np.abs((self.start + self.stop) / 2.0 - end) * (self.stop - self.start)
+        return float(np.sqrt((self.steepest**2 * away).sum()))
+
+
+def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
+    """The norm of v ↦ θ v_a e_b in the energy norm: a number it does not exceed.
 
     Parameters
     ----------
@@ -149,43 +271,60 @@ def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: f
     inf_sup : float
         β of the rectangle mirrored at the sides where displacements are odd.
     largest : float
-        max |η|.
+        max |θ|.
     steepest : float
-        max |η′| times the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖.
+        max |∂_b θ| times the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖.
+    turned : float
+        H with ‖∂_a θ v_a‖ ≤ H ‖∂_a v_a‖.
 
     """
     soft, stiff, gain = 1.0 - ratio, 1.0 + ratio, inf_sup**-2
-    turned = largest * np.cos(ANGLES)  # weight of ∂_b v_a, of its rotation and of its shear strain
-    stretched = steepest * np.cos(ANGLES) + largest * np.sqrt(soft / 2.0) * np.sin(ANGLES)
+    sheared = largest * np.cos(ANGLES)  # weight of ∂_b v_a, of its rotation and of its shear strain
+    stretched = steepest * np.cos(ANGLES) + (largest + turned) * np.sqrt(soft / 2.0) * np.sin(ANGLES)
     rotation = np.array([gain / (2.0 * soft), (gain - 1.0) / (2.0 * stiff)])
-    square = turned**2 * (rotation.sum() + 0.5 / soft) + stretched**2 / (soft * stiff)
-    square += 2.0 * turned * np.sqrt(rotation[0] * (turned**2 + stretched**2) / (2.0 * soft))
-    square += 2.0 * turned * stretched * np.sqrt(rotation[1] / (2.0 * stiff))
+    square = sheared**2 * (rotation.sum() + 0.5 / soft) + stretched**2 / (soft * stiff)
+    square += 2.0 * sheared * np.sqrt(rotation[0] * (sheared**2 + stretched**2) / (2.0 * soft))
+    square += 2.0 * sheared * stretched * np.sqrt(rotation[1] / (2.0 * stiff))
     return float(np.sqrt(square.max()) * ROUNDED)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Edge:
-    """What one edge of the boundary demands of v and of Sv.
+    """What one edge of the boundary demands of v and of Rv.
 
     Attributes
     ----------
     held : pair of bool
         Whether v has no part along x, along y.
-    slope : float or None
-        With Coulomb friction what the part of Sv across the edge is to be over v along it.
+    place : pair of float
+        Where it begins and ends along its side.
+    share : (Share, number of the edge, ±μ) or None
+        With Coulomb friction: the part of Rv across the edge is ±μ s times v along it.
     pressed, rough : bool
-        Whether (Sv)_N, (Sv)_T must vanish because of a contact without Coulomb friction.
+        Whether (Rv)_N, (Rv)_T must vanish because of a contact without Coulomb friction.
 
     """
 
     held: tuple[bool, bool]
-    slope: float | None
+    place: tuple[float, float]
+    share: tuple[Share, int, float] | None
     pressed: bool
     rough: bool
 
+    def profile(self, a: int) -> tuple[float, float, float, FloatArray] | None:
+        """θ at both ends, max |θ| and |dθ/da| on equal parts; None where nothing is demanded."""
+        if self.share is not None:
+            share, number, factor = self.share
+            values, length = factor * share.values[number], self.place[1] - self.place[0]
+            slopes = abs(factor) * share.steepest()[number]
+            slopes = slopes * len(slopes) / length
+            return float(values[0]), float(values[-1]), float(np.abs(values).max()), slopes
+        if not self.held[a] and (self.held[1 - a] or self.pressed):
+            return 0.0, 0.0, 0.0, np.zeros(1)
+        return None
 
-def _sides(problem: ContactProblem, senses: Mapping[str, int]) -> dict[int, list[_Edge]] | None:
+
+def _sides(problem: ContactProblem, shares: Mapping[str, Share]) -> dict[int, list[_Edge]] | None:
     """Edges by side, 2 axis + end with the end 1 towards +axis; None unless the body is a rectangle along the axes."""
     mesh, boundary = problem.mesh, problem.mesh.boundary
     corners = mesh.vertices[np.unique(mesh.cells)]
@@ -203,34 +342,27 @@ def _sides(problem: ContactProblem, senses: Mapping[str, int]) -> dict[int, list
         if not np.allclose(np.abs(given.direction).max(axis=1), 1.0, rtol=0.0, atol=_ALIKE):
             return None
         held[given.index, np.argmax(np.abs(given.direction), axis=1)] = True
-    slope, pressed, rough = np.full(len(axis), np.nan), np.zeros(len(axis), dtype=bool), np.zeros(len(axis), dtype=bool)
+    pressed, rough = np.zeros(len(axis), dtype=bool), np.zeros(len(axis), dtype=bool)
+    known: dict[int, tuple[Share, int, float]] = {}
     for contact in problem.contacts:
         index = mesh.edge_set(contact.edges)
         if _is_tied(contact):
             held[index] = True
         elif has_coulomb(contact):
-            slope[index] = weight(contact, senses) * np.where(end[index] == 1, 1.0, -1.0)
+            share = shares[contact.name]
+            for edge, number in enumerate(index.tolist()):
+                known[number] = share, edge, share.friction * (1.0 if end[number] == 1 else -1.0)
         else:
             pressed[index], rough[index] = True, bears_shear(contact)
     found: dict[int, list[_Edge]] = {side: [] for side in range(4)}
     for number, side in enumerate((2 * axis + end).tolist()):
-        known = None if np.isnan(slope[number]) else float(slope[number])
         parts = bool(held[number, 0]), bool(held[number, 1])
-        found[side].append(_Edge(parts, known, bool(pressed[number]), bool(rough[number])))
+        ends = mesh.vertices[[boundary.first[number], boundary.second[number]], 1 - side // 2]
+        place = float(ends.min()), float(ends.max())
+        found[side].append(_Edge(parts, place, known.get(number), bool(pressed[number]), bool(rough[number])))
     return found
 
 
-def _slope(edges: list[_Edge], a: int) -> set[float] | None:
-    """What η must be along a side: nothing, or one number; None if edges demand different ones."""
-    found = set()
-    for edge in edges:
-        if edge.slope is not None:
-            found.add(edge.slope)
-        elif not edge.held[a] and (edge.held[1 - a] or edge.pressed):
-            found.add(0.0)
-    return found if len(found) <= 1 else None
-
-
 def _allows(edges: list[_Edge], a: int, b: int) -> bool:
-    """Whether Sv along b is admissible on sides at right angles to b."""
+    """Whether Rv along b is admissible on sides at right angles to b."""
     return all(edge.held[a] or not (edge.held[b] or edge.rough) for edge in edges)

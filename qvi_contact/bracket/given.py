@@ -1,7 +1,7 @@
-"""The convex problem that is bracketed: friction bounds held fixed, sticking contacts tied."""
+"""The convex problem that is bracketed: friction bounds held fixed."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,9 +10,8 @@ from qvi_contact.bracket.law import contact_tractions, law_bound
 from qvi_contact.bracket.outcome import BracketKind
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import Contact, has_coulomb
+from qvi_contact.problem.conditions import has_coulomb
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import ContactResult
 from solvers import FrictionQVI
 
@@ -24,8 +23,7 @@ class GivenProblem:
     Attributes
     ----------
     discretization : Discretization
-        Of the problem, contacts that stick everywhere tied; in the units of the result, with rows that hold the law
-        on whole edges.
+        Of the problem, in the units of the result, with rows that hold the law on whole edges.
     kind : BracketKind
         What it has to do with the problem stated.
     threshold : (e, q) array
@@ -63,9 +61,7 @@ def given_problem(result: ContactResult) -> GivenProblem:
     """Hold the friction bound of a result fixed.
 
     * Contacts without Coulomb friction keep their law: the bound s = min(c, t_max) is data already.
-    * If every contact with Coulomb friction sticks at every point, all of these are tied. The bracket is then that of
-      the tied problem, whose solution solves the problem stated wherever it obeys the friction law.
-    * Else s = min(c + μ p, t_max) with p the pressure of the result.
+    * With Coulomb friction s = min(c + μ p, t_max), p the pressure of the result.
 
     Raises
     ------
@@ -75,14 +71,10 @@ def given_problem(result: ContactResult) -> GivenProblem:
     """
     check_no_history(result)
     sliding = [contact for contact in result.problem.contacts if has_coulomb(contact)]
-    sticking = bool(sliding) and all(_sticks(result, contact) for contact in sliding)
-    known = result.discretization
-    discretization, kind, reasons = known, BracketKind.PROBLEM, list[str]()
-    if sticking:
-        discretization, kind = posed_strictly(known, _tied(result.problem, sliding)), BracketKind.STICKING
-    elif sliding:
+    discretization, kind, reasons = result.discretization, BracketKind.PROBLEM, list[str]()
+    if sliding:
         kind = BracketKind.GIVEN_BOUND
-        names = ", ".join(repr(contact.name) for contact in sliding if not _sticks(result, contact))
+        names = ", ".join(repr(contact.name) for contact in sliding)
         reasons.append(f"The friction bound on {names} was taken from the computed pressure.")
     if discretization.space.contact_rule.kind != "bernstein":
         discretization = posed_strictly(discretization, discretization.problem)
@@ -111,22 +103,6 @@ def check_no_history(result: ContactResult) -> None:
     if moved:
         remedy = "bracket the result of one solve, with the earlier slip in `offset`"
         raise InputError("result", "a step of a history, after earlier slip", remedy)
-
-
-def _sticks(result: ContactResult, contact: Contact) -> bool:
-    return bool((result.contacts[contact.name].state == int(ContactState.STICK)).all())
-
-
-def _tied(problem: ContactProblem, sticking: list[Contact]) -> ContactProblem:
-    tied = {
-        contact.name: replace(contact, friction=0.0, cohesion=0.0, shear_limit=None, pore_pressure=0.0, law="tied")
-        for contact in sticking
-    }
-    conditions = [
-        tied.get(condition.name, condition) if isinstance(condition, Contact) else condition
-        for condition in problem.conditions
-    ]
-    return replace(problem, conditions=conditions)
 
 
 def _threshold(discretization: Discretization, u: FloatArray) -> tuple[FloatArray, bool]:

@@ -17,7 +17,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 
 if TYPE_CHECKING:
-    from qvi_contact.bracket.slip import SlipBounds
+    from qvi_contact.bracket.coulomb import CoulombBounds
 
 _ROUNDING = 1e-9  # of the strain energy
 _NOTHING = 1e-14  # of the strain energy: parts of the gap that are rounding
@@ -27,8 +27,28 @@ class BracketKind(Enum):
     """Which convex problem the two energies bracket; the text says it."""
 
     PROBLEM = "the problem itself"
-    STICKING = "the problem with its friction contacts tied, as all of them stick on this mesh"
     GIVEN_BOUND = "the problem with the friction bound s = μ|σ_N| fixed at the computed pressure"
+
+
+@dataclass(frozen=True)
+class Uniqueness:
+    """How far another solution of the exact problem can be.
+
+    Attributes
+    ----------
+    apart : float
+        The largest distance of two solutions in the energy norm of stresses, over that of the computed stress; 0 where
+        there is one only, infinite where nothing is known.
+    certainty : Certainty
+        Whether that is proved.
+    message : str
+        The same in words.
+
+    """
+
+    apart: float
+    certainty: Certainty
+    message: str
 
 
 class Bounds(NamedTuple):
@@ -75,14 +95,12 @@ class Bracket:
     kind : BracketKind
         The problem whose solution is u, σ.
     certainty : Certainty
-        "guaranteed" if the bounds hold for the problem the user stated, up to rounding and the tolerance; "guaranteed
-        if all of the contact sticks" if they hold for the problem with its friction contacts tied: that these stick on
-        this mesh does not prove that they stick at all points of the exact solution, as in corners. Otherwise the gap
-        is an indicator, an "estimate", and `reasons` says why.
+        "guaranteed" if bounds hold for the problem the user stated, up to rounding and the tolerance: those of the
+        energies, under Coulomb friction those of `coulomb`. Else "estimate", and `reasons` or `coulomb` says why.
     guaranteed : bool
         Whether the certainty is "guaranteed", without a condition.
     reasons : tuple of str
-        Why the bounds are not guaranteed; empty if they are.
+        Why the bounds of the energy are not guaranteed; empty if they are.
     lower, upper : float
         −J*(τ) and J(v) [stress × length²]; −∞ or ∞ where no admissible stress or displacement was found.
     strain : float
@@ -100,9 +118,9 @@ class Bracket:
     slack : float
         How much the lower bound was lowered for what the solver left of violations of the contact law: twice their
         work with v in the place of u, an estimate.
-    forces : mapping
+    driven : mapping
         For each contact or support whose prescribed displacement alone drives the problem, bounds of the force against
-        it, see `forces`.
+        it from those of the energy, see `bracket.forces`.
     result, companion : ContactResult, CompanionResult
         The stress τ and the displacement v.
     cell_gaps : (cells,) array
@@ -116,11 +134,10 @@ class Bracket:
         By contact how far the forces of the bracketed result are from those of `own`. The gap does not see what the
         bound held fixed does to forces, as both of its sides share it; these do. An estimate of the error of forces,
         no bound.
-    slip : SlipBounds or None
-        Under Coulomb slip in one sense on each contact, on triangles: bounds of the errors and forces of the problem
-        with Coulomb's law itself.
-    slip_reason : str
-        Where friction contacts slip, why there are none; else empty.
+    coulomb : CoulombBounds or None
+        With Coulomb friction: bounds of the errors of stresses, displacements and forces under Coulomb's law itself.
+    coulomb_reason : str
+        With Coulomb friction, why there are none; else empty.
 
     """
 
@@ -135,29 +152,51 @@ class Bracket:
     cells: FloatArray
     outer: float
     slack: float
-    forces: Mapping[str, Bounds] = field(default_factory=dict)
+    driven: Mapping[str, Bounds] = field(default_factory=dict)
     result: ContactResult | None = None
     companion: CompanionResult | None = None
     cell_gaps: FloatArray = field(default_factory=lambda: np.empty(0))
     own: CompanionResult | None = None
     force_differences: Mapping[str, ForceDifference] = field(default_factory=dict)
-    slip: SlipBounds | None = None
-    slip_reason: str = ""
+    coulomb: CoulombBounds | None = None
+    coulomb_reason: str = ""
 
     def __repr__(self) -> str:
         return f"<Bracket {self.message}>"
 
     @property
+    def uniqueness(self) -> Uniqueness:
+        """How far another solution of the problem can be: any two are within the same bound of the computed one."""
+        known = self._under_friction
+        if self.kind is BracketKind.PROBLEM:
+            message = "No contact has Coulomb friction: there is one stress only."
+            return Uniqueness(0.0, Certainty.GUARANTEED, message)
+        if known is None:
+            why = self.coulomb_reason if self.coulomb is None else self.coulomb.message
+            return Uniqueness(float("inf"), Certainty.ESTIMATE, f"How far another solution can be is not known. {why}")
+        where = f"Any two solutions differ by at most {100.0 * known.apart:.2g} % of the energy norm of the stresses"
+        return Uniqueness(known.apart, self.certainty, f"{where} ({known.kind}).")
+
+    @property
     def certainty(self) -> Certainty:
         """How far the bounds can be trusted."""
-        if self.reasons:
-            return Certainty.ESTIMATE
-        return Certainty.IF_STICKING if self.kind is BracketKind.STICKING else Certainty.GUARANTEED
+        known = self._under_friction
+        sure = not self.reasons if known is None else known.guaranteed
+        return Certainty.GUARANTEED if sure else Certainty.ESTIMATE
 
     @property
     def guaranteed(self) -> bool:
-        """Whether the bounds hold for the problem as it was stated, without a condition."""
+        """Whether the bounds hold for the problem as it was stated."""
         return self.certainty is Certainty.GUARANTEED
+
+    @property
+    def _under_friction(self) -> CoulombBounds | None:
+        return self.coulomb if self.coulomb is not None and np.isfinite(self.coulomb.within) else None
+
+    @property
+    def forces(self) -> Mapping[str, Bounds]:
+        """Bounds of forces: `driven`, under Coulomb friction those of `coulomb`, see there [stress × length]."""
+        return self.driven if self._under_friction is None else self._under_friction.forces
 
     @property
     def gap(self) -> float:
@@ -166,10 +205,12 @@ class Bracket:
 
     @property
     def relative_error(self) -> float:
-        """√(2 gap / ∫τ:c:τ): bound of the error of τ in the energy norm, relative to its own.
+        """Bound of the error of τ in the energy norm, relative to its own: √(2 gap / ∫τ:c:τ), or that of `coulomb`.
 
-        Infinite without both bounds, or if they contradict each other by more than rounding.
+        Infinite without both energies, or if they contradict each other by more than rounding.
         """
+        if self._under_friction is not None:
+            return self._under_friction.relative_error
         if not np.isfinite(self.gap) or self.gap < -_ROUNDING * self.strain:
             return float("inf")
         gap = max(self.gap, 0.0)
@@ -199,8 +240,9 @@ class Bracket:
     def sentence(self, units: Units | None = None) -> str:
         """`message` with units."""
         units = units or Units()
-        sure = self.certainty is not Certainty.ESTIMATE
-        what = f"Bounds, {self.certainty}, for" if sure else "Estimate, not a bound, for"
+        if self._under_friction is not None:
+            return units.filled(self._under_friction.message)
+        what = "Bounds, guaranteed, for" if self.guaranteed else "Estimate, not a bound, for"
         bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.engineering_energy}"
         if not np.isfinite(self.lower):
             bounds = f"energy below {self.upper:.9g} {units.engineering_energy}, no lower bound"
@@ -210,4 +252,5 @@ class Bracket:
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."
-        return " ".join([text, *map(units.filled, self.reasons)])
+        why = "" if self.coulomb is None else self.coulomb.message
+        return " ".join(filter(None, [text, *map(units.filled, (*self.reasons, self.coulomb_reason, why))]))

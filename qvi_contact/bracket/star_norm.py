@@ -1,4 +1,4 @@
-"""The norm s of the friction operator on a star-shaped body: Sv = η v_t n for straight, parallel contacts.
+"""The norm of the friction operator on a star-shaped body: Rv = η v_t n for straight, parallel contacts.
 
 In `docs/theory.md`: (D32).
 """
@@ -11,7 +11,8 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, held_directions, one_ratio, spans, weight
+from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio, weight
+from qvi_contact.bracket.share import Share, all_alike, held_directions, spans
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.supports import PARALLEL
 from qvi_contact.companion.triangle import triangle
@@ -21,12 +22,16 @@ from qvi_contact.problem.problem import ContactProblem
 _DEGREE: Final = 2  # of the field that shows how supports hold the mean rotation
 
 
-def star_norm(problem: ContactProblem, senses: Mapping[str, int]) -> float | None:
-    """A number s ≥ |S|, or None where the body or its contacts are of another kind.
+def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
+    """A number that |R| does not exceed, or None where the body or its contacts are of another kind.
 
     The body has one material, no holes, and is star-shaped with respect to a disc. All contacts with Coulomb friction
-    are parallel, with the same η = σμ across. Elsewhere nothing is demanded of displacements along n where v_t ≠ 0.
+    are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
+    where v_t ≠ 0.
     """
+    senses = all_alike(shares)
+    if senses is None:
+        return None
     boundary = problem.mesh.boundary
     weights, sides = _weights(problem, senses), held_directions(problem)
     chosen = np.flatnonzero(weights != 0.0)

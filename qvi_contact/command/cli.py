@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from qvi_contact import __version__
 from qvi_contact.basics.terminal import Group, run
+from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -346,10 +346,10 @@ def bracket(
     """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
 
     The stress model gives a lower bound of the energy, a displacement model on the same mesh an upper bound. The bounds
-    are guaranteed for straight contacts without Coulomb friction. Where all contacts stick on the mesh, they are
-    guaranteed if all of the contact sticks. Where contacts slip, the friction bound is taken from the computed
-    pressure, and the bounds are an estimate. If one prescribed displacement drives the problem, its force is bounded
-    too. The output names the bounded problem, and every reason why bounds are not guaranteed.
+    are guaranteed for straight contacts without Coulomb friction. If one prescribed displacement drives the problem,
+    its force is bounded too. With Coulomb friction the error of the stresses and the forces of contacts are bounded,
+    whatever sticks, slips or opens; the bounds are guaranteed or estimated. The output gives every reason why bounds
+    are not guaranteed.
 
     \b
     Exit status: 0 solved, and both bounds found
@@ -383,8 +383,8 @@ def bracket(
             advance("stress model solved")
             found = bracketed(result, degree, tolerance, verbose=verbose) if result.has_state else None
             advance("energy bounded, contact forces follow")
-            if found is not None and found.slip is not None:
-                _ = found.slip.forces  # takes longest on large meshes: here, where progress is shown
+            if found is not None:
+                _ = found.forces  # takes longest on large meshes: here, where progress is shown
         _write_bracket(problem_file, found, targets)
     _show_bracket(problem_file, result, found, as_json)
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
@@ -480,7 +480,7 @@ def branches(
 @click.option(
     "--guaranteed/--estimated",
     default=None,
-    help="Force of a contact that slips: refine until guaranteed bounds, or an estimate, meet the target.  "
+    help="Force of a contact with friction: refine until guaranteed bounds, or an estimate, meet the target.  "
     "[default: estimated]",
 )
 @click.option("--degree", type=int, help="Degree of the element, 3 to 11.  [default: 5]")
@@ -521,10 +521,10 @@ def refine(
 
     The first mesh is the one in the file: make it coarse. Each round solves the problem, computes the error of the
     quantity, and divides the cells that contribute most to it. The table has a row for each round: unknowns, value, and
-    relative error. The error is a guaranteed bound or an estimate. It is a bound if no contact slips under Coulomb
-    friction, for the energy, and for the force of a contact that one prescribed displacement drives. With --guaranteed
-    the force of a contact that slips in one sense is bounded too, which takes more unknowns. The files
-    written are those of "qvi-contact solve", for the answer on the last mesh.
+    relative error. The error is a guaranteed bound or an estimate. It is a bound if no contact has Coulomb friction,
+    for the energy, and for the force of a contact that one prescribed displacement drives. With --guaranteed the force
+    of a contact with Coulomb friction is bounded too, which takes more unknowns. The files written are those of
+    "qvi-contact solve", for the answer on the last mesh.
 
     Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
     done in time. The energy bounds on the page of --report take one more solve.
@@ -591,7 +591,8 @@ def refine(
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
-@click.option("--plot", metavar="PICTURE", help="Draw how the blocks move beyond the limit: .png, .svg or .pdf.")
+@click.option("--plot", metavar="PICTURE", help="Draw how the body gives way beyond the limit: .png, .svg or .pdf.")
+@click.option("--proof", metavar="FILE", help="Write a proof of the first number, for check-proof: .json.")
 def limit(
     file: str,
     loads: tuple[str, ...],
@@ -602,11 +603,13 @@ def limit(
     verbose: bool,
     as_json: bool,
     plot: str | None,
+    proof: str | None,
 ) -> int:
-    """Bounds of the largest multiple of the named loads that the contacts can carry. The other loads are fixed.
+    """Bounds of the largest multiple of the named loads that contacts and body can carry. The other loads are fixed.
 
-    The first number is a multiple that stresses of this mesh carry within the contact laws. The second is a multiple
-    that no stress of the body exceeds, proved by a mechanism of rigid blocks. With --target the mesh is refined until
+    The first number is a multiple that stresses of this mesh carry within the contact laws, and within the strength of
+    materials that have one. The second is a multiple that no stress of the body exceeds, proved by a mechanism of rigid
+    blocks, or by a flow of bodies that yield. With --target the mesh is refined until
     the difference is within this share of the second number. Under Coulomb friction the body may slide below these
     loads; check a load by "qvi-contact solve". NAME is the name of a traction (its edge set if it has none), of a
     contact whose plate is driven by force, or "body" for the body force. Loads of one name are multiplied together.
@@ -618,18 +621,21 @@ def limit(
         qvi-contact limit examples/dragged_block_holds.toml --load drag
         qvi-contact limit examples/dragged_block_holds.toml --load drag --target 1e-4
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
+        qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_line import computed, document, lines
+    from qvi_contact.command.limit_line import computed, document, lines, write_proof
     from qvi_contact.command.solve_line import solving
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
-    checked_targets(file, plot=plot)
+    checked_targets(file, plot=plot, proof=proof)
     problem_file = load_problem(file)
     with problem_file.named_errors(), solving(problem_file.title or "limit", verbose=verbose):
         space = problem_file.element | _given(degree=degree, contact_rows=contact_rows)
         told = {"time_limit": time_limit, "verbose": verbose}
         found, refinement = computed(problem_file.problem, loads, target, **space, **told)
+        if proof is not None:
+            write_proof(proof, problem_file.problem if refinement is None else refinement.problem, loads, **space)
     if plot is not None:
         _draw_limit(problem_file, loads, found, refinement, plot)
     if as_json:
@@ -639,6 +645,25 @@ def limit(
             click.echo(line)
     missed = refinement is not None and refinement.status != "reached"
     return 1 if missed or found == -float("inf") else 0
+
+
+@group.command("check-proof", short_help="Check a proof file of limit in exact arithmetic.")
+@click.argument("file", type=click.Path())
+def check_proof(file: str) -> int:
+    """Check a proof that a body carries its loads times a factor, written by "qvi-contact limit --proof".
+
+    All arithmetic is exact. The check is the script qvi_contact/limit/check_proof.py, which needs nothing but Python's
+    standard library. The exit status is 1 if something does not hold.
+
+    \b
+    Example:
+        qvi-contact check-proof drag.json
+    """  # noqa: D301
+    from qvi_contact.command.limit_line import checked_proof
+
+    holds, line = checked_proof(file)
+    click.echo(line)
+    return 0 if holds else 1
 
 
 @group.command(short_help="List what can be used on this machine.")
@@ -749,7 +774,7 @@ def _draw_limit(
     from qvi_contact.command.limit_line import drawn
     from qvi_contact.plots import save_figure
 
-    if found.mechanism is None:
+    if found.mechanism is None and found.collapse is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {path}", err=True)
         return
     save_figure(path, drawn(loads, file.problem, found, refinement, file.units))

@@ -11,13 +11,11 @@ from qvi_contact.command.report import table
 from qvi_contact.command.solve_line import solving
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.refinement import Refinement, RefinementRound, refine
-from qvi_contact.refinement.comparison import sticks
 from qvi_contact.refinement.outcome import Outcome
 from qvi_contact.refinement.quantity import unit_of
 
 _KINDS: Final = {
     Certainty.ESTIMATE: "estimate",
-    Certainty.IF_STICKING: "guaranteed if sticking",
     Certainty.GUARANTEED: "guaranteed",
 }
 """What an error is, in tables."""
@@ -100,10 +98,7 @@ def trust(found: Refinement, units: Units) -> str:
     size = f"{shown(found.error, digits=2)} {unit_of(found.quantity, units)}"
     if found.certainty is Certainty.ESTIMATE:
         return f"Error: about {size}. This is an estimate, not a guaranteed bound."
-    condition = "" if sticks(found.result) else ", if each contact slips one way only"
-    if found.certainty is Certainty.IF_STICKING:
-        condition = ", if all of the contact sticks, as it does on this mesh"
-    return f"Error: at most {size}. This is a guaranteed bound, up to rounding{condition}."
+    return f"Error: at most {size}. This is a guaranteed bound, up to rounding."
 
 
 def _so_far(done: RefinementRound) -> str:

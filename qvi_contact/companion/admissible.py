@@ -1,8 +1,8 @@
 """From a solution that meets the contact conditions to a tolerance to a displacement that meets them to rounding.
 
 Where a coefficient presses or sticks beyond doubt its displacement is set to the obstacle's, an open one is kept at or
-below the gap, and one that slips against the sense it is given is held. The body is then solved once more for these
-contact displacements.
+below the gap, and one that must not slip, or slips against the sense it is given, is held. The body is then solved once
+more for these contact displacements.
 """
 
 import numpy as np
@@ -31,7 +31,8 @@ def targets(
     held = bilateral | pressed | (opening < 0.0)
     rest = bound - np.abs(tractions[n:])
     sticks = tied | ((rest / stress > np.abs(c[n:] - offset)) & (np.abs(c[n:] - offset) < 1e-6))
-    sticks |= contacts.gathered("one_way") * (c[n:] - offset) < 0.0
+    slipping = contacts.gathered("slipping")
+    sticks |= (slipping == 0.0) | (slipping * (c[n:] - offset) < 0.0)
     held &= bilateral | (np.abs(opening) < 1e-6)
     return np.concatenate([gap, offset]), np.concatenate([held, sticks])
 
@@ -89,8 +90,9 @@ def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
     difference = c - contacts.obstacle
     bilateral, tied = contacts.gathered("bilateral").astype(bool), contacts.gathered("tied").astype(bool)
     normal = np.where(bilateral, np.abs(difference[:n]), np.maximum(difference[:n], 0.0))
-    backwards = np.maximum(-contacts.gathered("one_way") * difference[n:], 0.0)
-    return np.concatenate([normal, np.where(tied, np.abs(difference[n:]), backwards)])
+    slipping = contacts.gathered("slipping")
+    backwards = np.where(np.isnan(slipping), 0.0, np.maximum(-slipping * difference[n:], 0.0))
+    return np.concatenate([normal, np.where(tied | (slipping == 0.0), np.abs(difference[n:]), backwards)])
 
 
 def _reasons(problem: DualProblem, c: FloatArray) -> tuple[str, ...]:

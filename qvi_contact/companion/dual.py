@@ -34,6 +34,7 @@ from solvers import FrictionQVI, QVISolution
 
 _DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
 _BALANCED = 1e-9
+_STICKS = 1e3  # of the largest bound of friction: the bound of what must not slip
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +191,8 @@ def _qvi(
     contacts: Contacts, C: FloatArray, f: FloatArray, A: FloatArray, b: FloatArray, limited: BoolArray
 ) -> FrictionQVI:
     n, rows = contacts.count, np.flatnonzero(limited)
-    m = len(rows)
+    m, cohesion, sticks = len(rows), contacts.gathered("cohesion"), contacts.gathered("slipping") == 0.0
+    cohesion = np.where(sticks, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
 
     def selection(columns: IntArray) -> sparse.csc_array:
         return sparse.csc_array((np.ones(m), (np.arange(m), columns)), shape=(m, 2 * n))
@@ -204,7 +206,7 @@ def _qvi(
         t0=np.zeros(m),
         mu=contacts.gathered("friction")[rows],
         W=contacts.weights[rows],
-        cohesion=contacts.gathered("cohesion")[rows],
+        cohesion=cohesion[rows],
         cap=contacts.gathered("shear_limit")[rows],
         bilateral=contacts.gathered("bilateral").astype(bool)[rows],
         A=sparse.csc_array(A.reshape(len(b), 2 * n)),

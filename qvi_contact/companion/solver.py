@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.companion.admissible import admissible
 from qvi_contact.companion.condensation import CondensedBody
 from qvi_contact.companion.data import load_vector
 from qvi_contact.companion.dual import Contacts, DualProblem, dual_problem
 from qvi_contact.companion.elasticity import Elasticity
-from qvi_contact.companion.result import CompanionResult
-from qvi_contact.companion.scope import check_scope
+from qvi_contact.companion.result import CompanionResult, CompanionState
 from qvi_contact.companion.space import Space
-from qvi_contact.companion.state import CompanionState
 from qvi_contact.companion.supports import Supports, supports
 from qvi_contact.companion.traces import Trace, traces
 from qvi_contact.companion.triangle import Triangle, triangle
@@ -29,6 +27,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
 from solvers.basics.progress import narrated
 from solvers.certificate.certificate import EXPONENTS
@@ -120,17 +119,18 @@ def solve_companions(
     *,
     degree: int | None = None,
     tolerance: float = 1e-8,
-    senses: Mapping[str, int] = MappingProxyType({}),
+    senses: Sequence[Mapping[str, FloatArray]] = (),
     **options: Any,
 ) -> tuple[CompanionResult, ...]:
     """The same under several friction laws, each like `bounds` of `solve_companion`, with one factorisation.
 
-    Options are those of `solve_qvi`, for each of them. On contacts named in `senses` the displacement that is made
-    admissible slips in that sense only, 1 or −1 along the tangent.
+    Options are those of `solve_qvi`, for each of them. On contacts named in the law's entry of `senses`, if it has one,
+    displacements slip along the tangent of an edge where that says 1, against it where −1, and not at all where 0.
     """
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
-    lines = [model.traces(bounds, senses) for bounds in laws]
+    nothing = MappingProxyType[str, FloatArray]({})
+    lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, senses, fillvalue=nothing)]
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
@@ -176,6 +176,20 @@ def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> T
     return cell
 
 
+def check_scope(problem: ContactProblem) -> None:
+    """`InputError` for a problem that displacements of this room do not model.
+
+    An incompressible material has no stiffness: displacements would have to keep every area.
+    """
+    if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
+        remedy = (
+            "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
+            "materials: take a number below 0.5, or leave them out, and judge the result by its certificate and a "
+            "finer mesh"
+        )
+        raise InputError("Material.poisson", 0.5, remedy)
+
+
 @dataclass(frozen=True, eq=False)
 class _Model:
     """A problem on its elements, its contacts' laws left open."""
@@ -196,12 +210,15 @@ class _Model:
         return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
 
     def traces(
-        self, bounds: Mapping[str, ArrayLike] | None, senses: Mapping[str, int]
+        self, bounds: Mapping[str, ArrayLike] | None, senses: Mapping[str, FloatArray]
     ) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
         """Contacts under a law, with the senses of their slip, and why the energy is not exact."""
         problem = self.problem
         lines, reasons = traces(problem, self.body.space, self.scales, bounds)
-        lines = tuple(replace(trace, sense=senses.get(trace.name, 0)) for trace in lines)
+        lines = tuple(
+            replace(trace, slipping=trace.slipping_on(senses[trace.name])) if trace.name in senses else trace
+            for trace in lines
+        )
         reasons = self.held.reasons + self.remarks + reasons
         if bounds is None and any(
             _moves(problem, trace, contact) for trace, contact in zip(lines, problem.contacts, strict=True)

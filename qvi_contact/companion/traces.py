@@ -78,8 +78,9 @@ class Trace:
         What c of the plate itself is under its given motion.
     lengths : (e,) array
         Of the edges.
-    sense : -1, 0 or 1
-        1 or −1 where displacements may slip in one sense only, sense (c_T − w) ≥ 0.
+    slipping : (n,) array
+        ±1 where displacements may slip in one sense only, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where they are
+        free.
 
     """
 
@@ -102,7 +103,7 @@ class Trace:
     motions: tuple[tuple[str, FloatArray, FloatArray, float], ...]
     moved: FloatArray
     lengths: FloatArray
-    sense: int = 0
+    slipping: FloatArray
 
     @property
     def count(self) -> int:
@@ -124,10 +125,13 @@ class Trace:
         """Whether the contact is tied, at each coefficient."""
         return np.full(self.count, self.law == "tied")
 
-    @property
-    def one_way(self) -> FloatArray:
-        """`sense` at each coefficient."""
-        return np.full(self.count, float(self.sense))
+    def slipping_on(self, edges: FloatArray) -> FloatArray:
+        """`slipping` (n,) from what each edge says (e,), along its own tangent; 0 where edges do not agree."""
+        here = self.turned * edges[:, None]
+        least, most = np.full(self.count, np.inf), np.full(self.count, -np.inf)
+        np.minimum.at(least, self.columns, here)
+        np.maximum.at(most, self.columns, here)
+        return np.where(least == most, least, 0.0)
 
     @property
     def bilateral(self) -> BoolArray:
@@ -230,7 +234,7 @@ def _trace(
     moved = _moved(problem, scales, contact, columns, places, (normals, tangents))
     trace = Trace(
         contact.name, contact.law, edges, columns, turned, places, weights, normal, tangential,
-        friction, cohesion, limit, gap, offset, fluid, bound, motions, moved, lengths,
+        friction, cohesion, limit, gap, offset, fluid, bound, motions, moved, lengths, np.full(n, np.nan),
     )  # fmt: skip
     return trace, reasons
 

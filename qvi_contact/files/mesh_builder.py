@@ -27,13 +27,10 @@ from qvi_contact.files.problem_document import (
     Segment,
     quoted,
 )
-from qvi_contact.mesh.bends import AnyArc
-from qvi_contact.mesh.circles import Arc
-from qvi_contact.mesh.curve_fit import ellipse, fitted
-from qvi_contact.mesh.curves import Curve, checked_bends
+from qvi_contact.mesh.curves import AnyArc, Arc, Curve, checked_bends, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner
-from qvi_contact.mesh.selection import edges_in_box, edges_on_segment, triangles_in_box
+from qvi_contact.mesh.topology import edges_in_box, edges_on_segment, triangles_in_box
 from qvi_contact.mesh.triangle_checks import checked_pairs
 from qvi_contact.mesh.triangles import TriangleMesh
 
@@ -171,9 +168,10 @@ def _grid(table: MeshTable, lines: Lines) -> TriangleMesh:
     if not table.remove:
         with located("mesh", table):
             return TriangleMesh.grid(x, y)
+    body = _body(table, lines)
     with located("mesh.remove"):
         try:
-            return TriangleMesh.grid(x, y, _body(table, lines))
+            return TriangleMesh.grid(x, y, body)
         except InputError as error:
             value = [rectangle.model_dump(exclude_none=True) for rectangle in table.remove]
             raise type(error)(error.field, value, error.remedy) from error
@@ -250,10 +248,6 @@ def _denser(document: Document, mesh: TriangleMesh, table: RefineTable, lines: L
         length = max(float(across[-1] - across[0]) for across in lines)
         if smallest > largest:
             raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
-        if smallest < _FINEST * length:
-            raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
-        if length / largest > _MOST_LINES:
-            raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
         growth, wanted = -float(np.log(table.ratio)), 1.0
         for across in lines:  # about how many cells there will be: 2 log(1 + growth largest/smallest)/growth at a line
             extent = float(across[-1] - across[0])
@@ -261,6 +255,10 @@ def _denser(document: Document, mesh: TriangleMesh, table: RefineTable, lines: L
             wanted *= min(graded, len(across) + extent / smallest)
         if wanted > _MOST_CELLS:
             raise InputError("largest", table.largest, f"give more: this makes some {wanted:.0e} cells in all")
+        if smallest < _FINEST * length:
+            raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
+        if length / largest > _MOST_LINES:
+            raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
         places = np.concatenate(critical)
         x, y = (
             _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)

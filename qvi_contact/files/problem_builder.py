@@ -36,7 +36,7 @@ from qvi_contact.problem.conditions import (
     Traction,
     disc_gap,
 )
-from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.material import Material, Region, cell_materials
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.problem.strength import STRENGTHS, Strength
@@ -131,7 +131,7 @@ class Reader:
         document = self.document
         _check_constants(document.constants)
         conditions = list(self._conditions(mesh))
-        potential = self.field("body_potential", document.body_potential)
+        potential = self._potential()
         plane = document.material.plane
         strength = self._strength("material.strength", document.material.strength)
         with located("material", document.material):
@@ -140,10 +140,10 @@ class Reader:
         for index, table in enumerate(document.regions):
             strength = self._strength(f"regions[{index}].strength", table.strength)
             with located(f"regions[{index}]", table):
-                if table.name is None and table.x is None and table.y is None:
+                own = Material(table.young, table.poisson, plane, strength)
+                if table.name is None and table.x is None and table.y is None and not document.mesh.is_grid:
                     remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
                     raise InputError("name", None, remedy)
-                own = Material(table.young, table.poisson, plane, strength)
                 x, y = (None if pair is None or table.name else (pair[0], pair[1]) for pair in (table.x, table.y))
                 regions.append(Region(own, x, y, table.name))
                 cell_materials(mesh, regions[-1:])
@@ -154,6 +154,17 @@ class Reader:
                 raise
         self._check_values(problem)
         return problem
+
+    def _potential(self) -> Field:
+        """The potential of the body force, or of several."""
+        document = self.document
+        if not document.body_forces:
+            return self.field("body_potential", document.body_potential)
+        if document.body_potential != 0.0:
+            raise InputError("body_potential", document.body_potential, "body_forces are given: leave one of them out")
+        named = {name: self.field(f"body_forces.{quoted(name)}", value) for name, value in document.body_forces.items()}
+        with located("body_forces"):
+            return BodyForces(named)
 
     def _strength(self, path: str, table: StrengthTable | None) -> Strength | None:
         """What a material can carry."""

@@ -37,7 +37,7 @@ class RefinementStatus(StrEnum):
 _ADVICE = {
     RefinementStatus.REACHED: "Nothing to do: the error, estimated or bounded, is within the target.",
     RefinementStatus.NO_GUARANTEE: "The error is within the target, but no guaranteed bound, as was asked for: "
-    "accept it as it is, or read why in result.bracket (reasons, slip_reason).",
+    "accept it as it is, or read why in result.bracket (reasons, coulomb, coulomb_reason).",
     RefinementStatus.UNKNOWNS: "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the "
     "estimate.",
     RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",

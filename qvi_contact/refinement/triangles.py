@@ -15,8 +15,15 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_num
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.closer import Places, closer_problem, energies_between, places
-from qvi_contact.refinement.comparison import Comparison, bounded, coulomb_contacts, sticks
+from qvi_contact.refinement.closer import (
+    Comparison,
+    Places,
+    bounded,
+    closer_problem,
+    coulomb_contacts,
+    energies_between,
+    places,
+)
 from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.quantity import Measure
@@ -120,11 +127,11 @@ class TriangleRefinement:
         value, unit = measure.value(result), measure.unit(result)
         at = places(problem, mesh, result)
         hopeless = any(each.tried and each.accuracy.certainty is Certainty.ESTIMATE for each in earlier)
-        sticking = sticks(result)
-        tried = measure.bounded and not hopeless and (sticking or (self.settings.guaranteed and measure.of_a_force))
+        asked = not coulomb_contacts(problem) or (self.settings.guaranteed and measure.of_a_force)
+        tried = measure.bounded and not hopeless and asked
         found = bounded(measure, value, result) if tried else None
-        if found is None or (sticking and found.error <= self.settings.target * unit and coulomb_contacts(problem)):
-            found = self._looked(problem, result, value, at, found)
+        if found is None:
+            found = self._looked(problem, result, value, at)
         found = _settled(found, result, earlier)
         estimate = found.error / unit if unit > 0.0 else 0.0
         return TriangleRound(
@@ -164,13 +171,8 @@ class TriangleRefinement:
         chosen = marked & (mesh.finest[mesh.cells].min(axis=1) >= 2.0 * self.settings.thinnest)
         return mesh.refined(chosen) if chosen.any() else None
 
-    def _looked(
-        self, problem: ContactProblem, result: ContactResult, value: float, at: Places, bound: Comparison | None
-    ) -> Comparison | None:
-        """The answer beside a closer look; where that fails, beside one degree more on the same mesh.
-
-        A bound of the tied problem stays what it is if the contacts stick in the closer look too.
-        """
+    def _looked(self, problem: ContactProblem, result: ContactResult, value: float, at: Places) -> Comparison | None:
+        """The answer beside a closer look; where that fails, beside one degree more on the same mesh."""
         mesh, measure, options = problem.mesh, self.measure, self.settings.options
         by_default = options.get("method") is None and options.get("inner") is None
         for closer, more in ((closer_problem(problem, mesh, at), _QUICK if by_default else {}), (problem, {})):
@@ -181,12 +183,10 @@ class TriangleRefinement:
             looked = measure.value(look) if look.has_state else np.nan
             apart, unit = abs(looked - value), measure.unit(result)
             if _usable(look, apart, unit):
-                if bound is not None and sticks(look):
-                    return bound
                 error = max(_SAFETY * apart, result.certificate.accuracy * unit)  # no less than solves are accurate
                 parts = energies_between(result, look, mesh, closer.mesh)
                 return Comparison(error, Certainty.ESTIMATE, parts, looked)
-        return None if bound is None else replace(bound, certainty=Certainty.ESTIMATE)
+        return None
 
     def _solved(
         self, problem: ContactProblem, degree: int, most: float, more: Mapping[str, Any] = MappingProxyType({})

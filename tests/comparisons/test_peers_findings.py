@@ -34,7 +34,7 @@ def solution(model, number, half_force, seconds, friction=0.2, **more):
 
 def bracketed(lower, upper, friction=1.0, guaranteed=True, cells=8):
     """A row with a bracket, made up."""
-    kind = BracketKind.STICKING if guaranteed else BracketKind.GIVEN_BOUND
+    kind = BracketKind.PROBLEM if guaranteed else BracketKind.GIVEN_BOUND
     bounds = {"lower": lower, "upper": upper}  # numbers that are no bounds must not be taken for such
     more = {"width": (upper - lower) / (upper + lower), "strain_error": 0.01, "guaranteed": guaranteed}
     return solution("bracket, p = 3, graded", cells, None, 0.1, friction, kind=kind.name, **bounds, **more)

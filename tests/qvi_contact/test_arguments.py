@@ -20,7 +20,6 @@ from qvi_contact import (
     Material,
     Polynomial,
     QVIError,
-    RectilinearMesh,
     Region,
     SweepRow,
     Symmetry,
@@ -35,7 +34,6 @@ from qvi_contact import (
     principal_stresses,
     read_sweep,
     refine,
-    refined_where_apart,
     save_problem,
     solve,
     solve_companion,
@@ -50,9 +48,8 @@ from qvi_contact.plots import require_matplotlib
 from solvers import solve_qvi
 
 PLATE = compressed_plate(0.3, (2, 2))
-GRID = RectilinearMesh.rectangle((2, 2)).with_joint("joint", "horizontal", at=0.5)
-CUT = TriangleMesh.of_rectangles(GRID)
-HELD = [Displacement(side, 0.0, 0.0) for side in GRID.edge_names]
+CUT = TriangleMesh.grid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0], joints={"joint": ((0.0, 0.5), (1.0, 0.5))})
+HELD = [Displacement(side, 0.0, 0.0) for side in CUT.edge_names]
 OUTLINE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
 
 
@@ -151,12 +148,7 @@ NAMES = [np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 
         lambda name: Contact("top", 0.3, name=name),
         lambda name: Contact("top", 0.3, law=name),
         lambda name: Material(1.0, 0.3, plane=name),
-        GRID.edges,
-        GRID.joint_set,
-        lambda name: GRID.with_edges("new", name),
-        lambda name: GRID.with_edges(name, "top"),
-        lambda name: GRID.with_joint("new", name, 0.5),
-        lambda name: GRID.refined(0.5, [name]),
+        lambda name: TriangleMesh.grid([0, 1], [0, 1], edges={"new": name}),
         lambda name: limit_load_factor(PLATE, [name]),
         lambda name: step().resultant([name]),
         CUT.edges,
@@ -179,8 +171,7 @@ COMPLEX = [0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0
 @pytest.mark.parametrize(
     "use",
     [
-        lambda value: RectilinearMesh(value, [0.0, 1.0]),
-        lambda value: GRID.on_lines(value, [0.0, 1.0]),
+        lambda value: TriangleMesh.grid(value, [0.0, 1.0]),
         lambda value: TriangleMesh(value, CUT.cells),
         lambda value: TriangleMesh(CUT.vertices, value),
         CUT.locate,
@@ -220,18 +211,14 @@ def test_a_time_out_in_a_function_goes_on():
         lambda: problem_to_toml(PLATE, times=1.0),
         lambda: problem_to_toml(PLATE, solve_options=["method"]),
         lambda: problem_to_toml(PLATE, solve_options={"tolerance": None}),
-        lambda: RectilinearMesh.rectangle((2, 2), origin=("0", 0.0)),
+        lambda: TriangleMesh.rectangle((2, 2), origin=("0", 0.0)),
         lambda: graded_lines(0.0, 1.0, 10**400),
         lambda: compressed_plate(0.3, displacement="1e-3"),
         lambda: solve(PLATE, element="bfs", degree=4),
         lambda: solve(step().discretization, degree=5),
-        lambda: step().nodal,
-        lambda: step().problem.material_numbers,
-        lambda: step().problem.refined(0.1),
-        lambda: refined_where_apart(step().problem, step().bracket),
         lambda: Region(Material(2.0, 0.3), x=(0.0, 1.0), name="steel"),
-        lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), x=(0.0, 0.5))]),
-        lambda: ContactProblem(GRID, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), name="steel")]),
+        lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), x=(0.0, 0.4))]),
+        lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), name="steel")]),
     ],
 )
 def test_arguments_of_another_kind(use):
@@ -317,9 +304,7 @@ def test_areas_of_loops_need_as_many_forces_as_displacements(displacement, more)
 REFUSALS = {
     "contact_rows": lambda rows: discretize(PLATE, contact_rows=rows),
     "scales": lambda scales: discretize(PLATE, scales=scales),
-    "freed": lambda freed: discretize(PLATE, freed=freed),
     "problem": lambda problem: step().discretization.following(problem),
-    "problem of marks": lambda problem: refined_where_apart(problem, None),
     "dask": lambda address: solve_sweep(PLATE, "friction", [0.1], store="never", dask=address),
     "workers": lambda workers: solve_sweep(PLATE, "friction", [0.1], store="never", workers=workers),
     "stress": principal_stresses,
@@ -331,7 +316,7 @@ MESHES = {
     "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),
     "TriangleMesh.regions": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, {}, sets),
     "TriangleMesh.arcs": lambda arcs: TriangleMesh(CUT.vertices, CUT.cells, arcs=arcs),
-    "mesh": TriangleMesh.of_rectangles,
+    "joints of a grid": lambda joints: TriangleMesh.grid([0, 1], [0, 1], joints=joints),
     "joints": lambda joints: TriangleMesh.outline(OUTLINE, 0.5, joints=joints),
     "regions": lambda regions: TriangleMesh.outline(OUTLINE, 0.5, regions=regions),
     "sizes": lambda sizes: TriangleMesh.outline(OUTLINE, 0.5, sizes=sizes),
@@ -366,13 +351,12 @@ def test_meshes_are_made_of_what_they_are_made_of(entry, value):
 HUGE = {
     "grading": lambda: graded_lines(0.0, 1.0, 3, 1e308),
     "grading of ends": lambda: graded_lines(-1e308, 1e308, 3),
-    "RectilinearMesh.x": lambda: RectilinearMesh.rectangle((2, 2), width=1e308),
-    "RectilinearMesh.y": lambda: RectilinearMesh([0.0, 1.0], [0.0, 1e308]),
+    "x": lambda: TriangleMesh.rectangle((2, 2), width=1e308),
+    "y": lambda: TriangleMesh.grid([0.0, 1.0], [0.0, 1e308]),
     "TriangleMesh.vertices": lambda: TriangleMesh([[0.0, 0.0], [1e308, 0.0], [0.0, 1e308]], [[0, 1, 2]]),
     "size": lambda: TriangleMesh.outline(OUTLINE, 1e308),
     "edge_sets": lambda: CUT.part([0, 1], {"x": 1}),
-    "cells": lambda: RectilinearMesh.rectangle((10**6, 10**6)),
-    "cells of triangles": lambda: TriangleMesh.rectangle((10**5, 10**5)),
+    "cells": lambda: TriangleMesh.rectangle((10**5, 10**5)),
 }
 
 

@@ -14,9 +14,9 @@ from qvi_contact import (
     InputError,
     Material,
     Polynomial,
-    RectilinearMesh,
     Symmetry,
     Traction,
+    TriangleMesh,
     solve,
 )
 
@@ -108,7 +108,7 @@ class TestExpression:
     def test_what_is_not_finite_is_refused_where_it_is_used(self, text):
         conditions = [Contact("bottom", 0.1), Symmetry("left"), Traction("right", 0.0, 0.0)]
         conditions.append(Traction("top", 0.0, Expression(text)))
-        problem = ContactProblem(RectilinearMesh.rectangle((2, 2)), Material(1.0, 0.3), conditions)
+        problem = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1.0, 0.3), conditions)
         with pytest.raises(InputError, match=r"Traction\.y.*finite"):
             solve(problem)
 

@@ -79,7 +79,7 @@ def test_a_refinement_has_a_row_a_round():
     found = refine(PLATE, target=3e-4)
     table = found.to_frame()
     assert list(table["unknowns"]) == [each.unknowns for each in found.rounds]
-    assert list(table["cells"]) == [each.cells[0] for each in found.rounds]
+    assert list(table["cells"]) == [each.cells for each in found.rounds]
     assert table["estimate"].iloc[-1] == found.estimate
 
 
@@ -183,7 +183,7 @@ def stack(push):
 def result():
     """The second step of a history on triangles, with slip before it, a plate driven by force, a joint, a region."""
     steps = [stack(2.0), stack(2.2)]
-    history = solve_history(steps, element="hct", degree=3)
+    history = solve_history(steps, degree=3)
     assert history.status == "solved"
     assert np.abs(history.steps[0].contacts["plate"].slip).max() > 1e-5
     return history.steps[-1]
@@ -253,7 +253,7 @@ def test_results_without_these_entries_are_those_of_rectangles(tmp_path):
     """As version 0.1 wrote them."""
     write_npz(tmp_path / "a.npz", solve(compressed_plate(0.2, (2, 2))))
     old = {k: v for k, v in Archive(tmp_path / "a.npz").arrays.items() if k not in ("degree", "contact_rows")}
-    assert fails(forged(tmp_path / "b.npz", old)) == set()
+    assert "rectangles" in fails(forged(tmp_path / "b.npz", old))
 
 
 def test_a_mesh_file_is_never_asked_for_by_a_result(entries, tmp_path):

@@ -11,7 +11,6 @@ from qvi_contact import (
     Displacement,
     InputError,
     Material,
-    RectilinearMesh,
     Region,
     RigidPlate,
     Symmetry,
@@ -31,7 +30,7 @@ from solvers.basics.names import closest, known_name
 
 def posed(contact="fit", base="bottom"):
     """A block on a rigid plate, with a joint that holds."""
-    mesh = TriangleMesh.of_rectangles(RectilinearMesh.rectangle((2, 2)).with_joint("seam", "horizontal", at=0.5))
+    mesh = TriangleMesh.rectangle((2, 2)).with_joint("seam", lambda _, y: y == 0.5)
     conditions = [
         Contact(base, friction=0.3, name=contact, plate=RigidPlate(y=0.0)),
         Contact("seam", law="tied", friction=0.0),

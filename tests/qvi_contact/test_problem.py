@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.quiver import Quiver
 
-from qvi_contact import InputError, RectilinearMesh, discretize, limit_load_factor, solve, solve_history
+from qvi_contact import InputError, TriangleMesh, discretize, limit_load_factor, solve, solve_history
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.plots import problem_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 
-MESH = RectilinearMesh.rectangle((2, 2))
+MESH = TriangleMesh.rectangle((2, 2))
 
 
 STEEL = Material(2.1e5, 0.3)
@@ -108,7 +108,7 @@ def test_wrong_kinds_are_refused(name):
 MATERIAL = Material(1000.0, 0.3)
 
 
-BLOCK = RectilinearMesh.rectangle((4, 3), 2.0, 1.0, origin=(1.0, -1.0))
+BLOCK = TriangleMesh.rectangle((4, 3), 2.0, 1.0, origin=(1.0, -1.0))
 
 
 def problem(*conditions, mesh=BLOCK):

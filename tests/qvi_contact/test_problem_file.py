@@ -13,16 +13,15 @@ from hypothesis import strategies as st
 
 from qvi_contact import (
     Contact,
-    ContactProblem,
     Displacement,
     Expression,
     InputError,
     Material,
     Polynomial,
-    RectilinearMesh,
     RigidPlate,
     Symmetry,
     Traction,
+    TriangleMesh,
     load_problem,
     save_problem,
     solve,
@@ -61,11 +60,11 @@ gap = -1e-3
 def same(first, second):
     """Whether two problems are the same up to the order of kinds of conditions."""
     a, b = first.mesh, second.mesh
-    lines = np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y) and np.array_equal(a.active, b.active)
+    named = [{name: pairs.tolist() for name, pairs in mesh.edge_sets.items()} for mesh in (a, b)]
     kinds = (Symmetry, Displacement, Traction, Contact)
     sort = [[[c for c in p.conditions if isinstance(c, kind)] for kind in kinds] for p in (first, second)]
-    rest = [(p.material, p.body_potential, [(r.material, r.x, r.y) for r in p.regions]) for p in (first, second)]
-    return lines and dict(a.named) == dict(b.named) and sort[0] == sort[1] and rest[0] == rest[1]
+    rest = [(p.material, p.body_potential, p.cell_materials.tolist()) for p in (first, second)]
+    return a.same_as(b) and named[0] == named[1] and sort[0] == sort[1] and rest[0] == rest[1]
 
 
 def refusal(text):
@@ -113,18 +112,22 @@ def test_any_number_and_name_is_read_again(number, positive, name):
     assert same(problem_from_toml(problem_to_toml(problem)).problem, problem)
 
 
-def test_masks_become_rectangles():
+def test_rectangles_are_removed():
     generator = np.random.default_rng(3)
     found = 0
     while found < 20:
         mask = generator.random((5, 6)) < 0.85
+        x, y = np.arange(7.0) ** 1.5, np.arange(6.0)
         try:
-            mesh = RectilinearMesh(np.arange(7.0) ** 1.5, np.arange(6.0), mask)
+            mesh = TriangleMesh.grid(x, y, mask)
         except InputError:
             continue  # not one piece
-        free = [Traction(side, x=0.0, y=0.0) for side in ("right", "top", "left", "bottom")]
-        again = problem_from_toml(problem_to_toml(ContactProblem(mesh, Material(1.0, 0.0), free))).problem
-        assert np.array_equal(again.mesh.active, mask)
+        cut = ", ".join(f"{{ x = [{x[i]}, {x[i + 1]}], y = [{y[j]}, {y[j + 1]}] }}" for j, i in np.argwhere(~mask))
+        sides = ("bottom", "right", "top", "left")
+        free = "".join(f'[[tractions]]\nedges = "{side}"\nx = 0.0\ny = 0.0\n' for side in sides)
+        lines = f"[mesh]\nx = {x.tolist()}\ny = {y.tolist()}\nremove = [{cut}]\n"
+        text = f"version = 1\n{lines}[material]\nyoung = 1.0\npoisson = 0.0\n{free}"
+        assert problem_from_toml(text).problem.mesh.same_as(mesh)
         found += 1
 
 
@@ -133,7 +136,7 @@ def test_written_files_are_for_people():
     assert tomllib.loads(text)["title"] == 'Więckowski\'s "plate"'
     assert '[[contacts]]\nedges = "top"\nfriction = 0.2\ngap = -0.001\nname = "plate"\n' in text
     assert max(map(len, text.splitlines())) <= 120
-    assert len(text.splitlines()) < 45  # grid lines are not one a line
+    assert len(text.splitlines()) < 120  # triangles are not one a line
 
 
 def plate(**changes):
@@ -216,8 +219,8 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         (
             "[material]",
             "[[regions]]\nyoung = 1.0\npoisson = 0.3\ny = [0.0, 0.5]\n[material]",
-            "regions[0].y",
-            "nearest",
+            "regions[0]",
+            "no triangle",
         ),
         ("[material]", "[constants]\nx = 1.0\n[material]", "constants.x", "means something already"),
         ("[material]", '[constants]\n"a b" = 1.0\n[material]', "constants.'a b'", "letters"),
@@ -275,7 +278,7 @@ def test_files_that_are_no_text_or_not_there(tmp_path):
 
 def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
     (tmp_path / "windows.toml").write_bytes(b"\xef\xbb\xbf" + SMALL.replace("\n", "\r\n").encode())
-    assert load_problem(tmp_path / "windows.toml").problem.mesh.shape == (1, 1)
+    assert load_problem(tmp_path / "windows.toml").problem.mesh.cell_count == 2
 
 
 def test_solve_takes_all_options_a_file_can_hold():

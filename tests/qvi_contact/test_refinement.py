@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, RefinementStatus, TriangleMesh, refine, solve
-from qvi_contact.bracket import Certainty
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from qvi_contact.refinement import CellErrors, closer_problem, energies_between, marked_lines, places
@@ -62,16 +61,6 @@ class TestSettledForces:
         assert len(ratios) >= 2
         assert (ratios < FACTOR).all(), ratios
         assert (ratios >= 1.0).all(), ratios
-
-    def test_bounds_hold_where_nothing_slips(self, case):
-        friction, outcome = case
-        sticks = friction == 1.0
-        known = Certainty.IF_STICKING if sticks else Certainty.ESTIMATE
-        assert {outcome.certainty, *(each.certainty for each in outcome.rounds)} == {known}
-        assert not outcome.guaranteed
-        if sticks:
-            errors = [abs(each.value / FORCES[friction] - 1.0) for each in outcome.rounds]
-            assert all(each.estimate >= error for each, error in zip(outcome.rounds, errors, strict=True))
 
     def test_few_unknowns_do(self, case):
         friction, outcome = case
@@ -293,7 +282,7 @@ class TestEnds:
         assert outcome.estimate == np.inf
         assert "exceeds what friction" in repr(outcome)
 
-    @pytest.mark.parametrize(("friction", "most", "limit", "bounded"), [(0.2, 90, 2.5, True), (0.1, 24, 0.5, False)])
+    @pytest.mark.parametrize(("friction", "most", "limit", "bounded"), [(0.0, 90, 2.5, True), (0.1, 24, 0.5, False)])
     def test_no_time_for_a_closer_look(self, clock, friction, most, limit, bounded):
         """Each takes a second or two: an answer whose accuracy nobody can tell is none, or all that there is."""
 
@@ -302,7 +291,8 @@ class TestEnds:
             return -1e-3 + 0.0 * x
 
         top, *others = sorted(plate(friction).conditions, key=lambda each: not isinstance(each, Contact))
-        problem = replace(plate(friction), conditions=[replace(top, gap=gap), *others])
+        top = replace(top, gap=gap, cohesion=0.0 if friction else 8.0)
+        problem = replace(plate(friction), conditions=[top, *others])
         outcome = refine(problem, None, 1e-9, degree=3, time_limit=limit)
         assert outcome.status is RefinementStatus.TIME_LIMIT
         assert len(outcome.rounds) == 1
@@ -319,8 +309,8 @@ def test_looks_that_move_are_no_measure_of_less():
     assert error / FACTOR < outcome.estimate < FACTOR * error
 
 
-class TestGuaranteedUnderSlip:
-    """Where one sense of slip is known the force can be refined until its bounds are within the target."""
+class TestGuaranteedUnderFriction:
+    """The force can be refined until its guaranteed bounds are within the target."""
 
     @pytest.mark.parametrize("friction", [0.05, 0.2])
     def test_the_bounds_hold_in_every_round(self, friction):
@@ -330,10 +320,11 @@ class TestGuaranteedUnderSlip:
         errors = [abs(each.value / FORCES[friction] - 1.0) for each in outcome.rounds if each.guaranteed]
         assert all(error <= each.estimate for error, each in zip(errors, outcome.rounds[-len(errors) :], strict=True))
         assert outcome.result.discretization.qvi.n <= 900
-        force = outcome.result.bracket.slip.forces[FORCE]
+        force = outcome.result.bracket.forces[FORCE]
         assert force.lower < FORCES[friction] < force.upper
 
-    def test_mixed_senses_are_estimated(self):
+    def test_what_is_not_proved_is_estimated(self):
+        """A block that slips outwards at both ends of its top."""
         block = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
         conditions = [
             Contact("top", 0.05, gap=-1e-3, name="plate"),

@@ -51,7 +51,7 @@ def derivatives(phi):
 
 def dofs_of(basis, phi):
     """Degrees of freedom of Φ, a SymPy expression in dimensionless coordinates."""
-    space = basis.space
+    space = basis
     value, dx, dy, xx, yy, xy = derivatives(phi)
     x, y = space.vertices.T
     ends = space.vertices[space.mesh.topology.ends]
@@ -284,7 +284,7 @@ def of_a_quadratic(mesh):
     basis = StressSpace(mesh, 4)
     energy = TriangleEnergy.of(basis, np.zeros(len(mesh.cells), dtype=int), np.eye(3)[None], None)
     u = dofs_of_quadratic(
-        basis.space,
+        basis,
         lambda x, y: 3 * x**2 - 4 * x * y + y**2 + 5 + 7 * x - 9 * y,
         lambda x, y: (6 * x - 4 * y + 7, 2 * y - 4 * x - 9),
     )

@@ -1,16 +1,14 @@
 """Meshes of triangles: what is accepted and refused, names, refinement, files."""
 
-import gc
 import re
 import sys
-import weakref
 from pathlib import Path
 
 import numpy as np
 import pytest
 import skfem
 
-from qvi_contact import InputError, RectilinearMesh
+from qvi_contact import InputError
 from qvi_contact.basics import handlers_kept
 from qvi_contact.mesh import TriangleMesh, outward_normals
 
@@ -27,9 +25,11 @@ def square(**more):
 def l_shape():
     active = np.ones((4, 4), dtype=bool)
     active[2:, 2:] = False
-    grid = RectilinearMesh(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 2.0, 5), active)
-    grid = grid.with_joint("seam", "horizontal", at=0.5).with_edges("notch", "top", at=1.0)
-    return TriangleMesh.of_rectangles(grid).with_region("foot", lambda _, y: y < 0.5)
+    lines = np.linspace(0.0, 2.0, 5)
+    mesh = TriangleMesh.grid(
+        lines, lines, active, edges={"notch": ((1, 1), (2, 1))}, joints={"seam": ((0, 0.5), (2, 0.5))}
+    )
+    return mesh.with_region("foot", lambda _, y: y < 0.5)
 
 
 def area(mesh):
@@ -58,7 +58,7 @@ class TestTopology:
     def test_outlines_run_around_the_body_and_its_holes(self):
         active = np.ones((3, 3), dtype=bool)
         active[1, 1] = False
-        mesh = TriangleMesh.of_rectangles(RectilinearMesh(np.arange(4.0), np.arange(4.0), active))
+        mesh = TriangleMesh.grid(np.arange(4.0), np.arange(4.0), active)
         outer, inner = mesh.outlines
         assert (len(outer), len(inner)) == (12, 4)
         for line in (outer, inner):
@@ -66,43 +66,6 @@ class TestTopology:
             assert all(set(one) & set(two) for one, two in zip(ends, np.roll(ends, -1, axis=0), strict=True))
         x, y = mesh.points_along(mesh.boundary, np.array([0.5]))
         assert (mesh.hole_edges == (np.maximum(np.abs(x - 1.5), np.abs(y - 1.5)) < 0.6)[:, 0]).all()
-
-
-class TestRectanglesCutInTwo:
-    """Diagonals run away from the middle, whatever the body's place."""
-
-    def test_a_grid_is_cut_once_and_its_triangles_go_with_it(self):
-        grid = RectilinearMesh.rectangle((2, 2))
-        mesh = TriangleMesh.of_rectangles(grid)
-        assert TriangleMesh.of_rectangles(grid) is mesh
-        assert TriangleMesh.of_rectangles(RectilinearMesh.rectangle((2, 2))) is not mesh
-        left = weakref.ref(mesh)
-        del grid, mesh
-        gc.collect()
-        assert left() is None
-
-    @staticmethod
-    def triangles(mesh, turned=(1.0, 1.0)):
-        """Corners as a set, on a body 2 × 3 about (1, 1.5) mirrored or not."""
-        corners = np.round((mesh.corners - mesh.vertices.mean(axis=0)) * turned, 9) + 0.0
-        return {tuple(sorted(map(tuple, each))) for each in corners.tolist()}
-
-    @pytest.mark.parametrize(("cells", "grading"), [((2, 2), 1.0), ((4, 6), (0.5, 0.7)), ((6, 4), 1.0)])
-    def test_a_symmetric_grid_has_symmetric_triangles(self, cells, grading):
-        grid = RectilinearMesh.rectangle((cells[0] // 2, cells[1] // 2), 1.0, 1.5, grading=grading)
-        x, y = (np.concatenate([line - line[-1], (line[-1] - line)[-2::-1]]) for line in (grid.x, grid.y))
-        for place in (0.0, 0.1, -1e3 / 3.0):
-            mesh = TriangleMesh.of_rectangles(RectilinearMesh(x + place, y - place))
-            assert self.triangles(mesh, (-1.0, 1.0)) == self.triangles(mesh) == self.triangles(mesh, (1.0, -1.0))
-
-    @pytest.mark.parametrize("cells", [(2, 2), (4, 2), (2, 8)])
-    def test_halved_cells_lie_inside_triangles(self, cells):
-        coarse, fine = (TriangleMesh.rectangle((k * cells[0], k * cells[1]), 2.0, 3.0) for k in (1, 2))
-        _, cell = coarse.around(fine.corners.mean(axis=1))
-        assert len(cell) == len(fine.cells)
-        for corner in np.moveaxis(fine.corners, 1, 0):
-            place = coarse.reference(cell, corner)
-            assert min(place.min(), 1.0 - place.sum(axis=1).max()) > -1e-12
 
 
 class TestRefusals:

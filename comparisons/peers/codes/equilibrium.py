@@ -1,7 +1,6 @@
 """The plate with this package: stresses in equilibrium, the inequality solved directly by the condensed method.
 
-Rectangles have the element of Bogner, Fox and Schmit, triangles that of Hsieh, Clough and Tocher of any degree. With a
-degree of displacements also the bracket: bounds of the energy, and of P where it has bounds, on triangles under slip
+With a degree of displacements also the bracket: bounds of the energy, and of P where it has bounds, with friction
 too. The package is loaded by `build`, not before.
 """
 
@@ -10,17 +9,15 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from qvi_contact.discretization.families import ElementName
-
     from qvi_contact import ContactProblem
     from qvi_contact.bracket import Bracket
-    from qvi_contact.bracket.slip import SlipBounds
+    from qvi_contact.bracket.coulomb import CoulombBounds
 
 TOLERANCE: Final = 1e-8
 """That the certificate must confirm."""
 
-ONE_SENSE: Final = "ONE_SENSE"
-"""What is bracketed by bounds under Coulomb slip, beside the names of `BracketKind`."""
+COULOMB: Final = "COULOMB"
+"""What is bracketed by bounds under Coulomb friction, beside the names of `BracketKind`."""
 
 
 def build(
@@ -34,17 +31,16 @@ def build(
     posed = problem(case)
     if adaptive:
         return partial(_refined, posed, degree, 10.0 ** -(2.5 + 0.5 * case["number"]))
-    return partial(_solved, posed, "hct" if case["lines"] is None else "bfs", degree, bracket)
+    return partial(_solved, posed, degree, bracket)
 
 
 def problem(case: dict[str, Any]) -> "ContactProblem":
     """The gallery's plate on the mesh of a case."""
     from dataclasses import replace
 
-    from qvi_contact import RectilinearMesh, TriangleMesh
+    from qvi_contact import TriangleMesh
 
-    lines = case["lines"]
-    mesh = TriangleMesh(case["vertices"], case["cells"], case["sides"]) if lines is None else RectilinearMesh(*lines)
+    mesh = TriangleMesh(case["vertices"], case["cells"], case["sides"])
     return replace(_plate(case["friction"]), mesh=mesh)
 
 
@@ -56,14 +52,12 @@ def _plate(friction: float) -> "ContactProblem":
     return compressed_plate(friction)
 
 
-def _solved(
-    posed: "ContactProblem", element: "ElementName", degree: int | None, displacements: int | None
-) -> dict[str, Any]:
+def _solved(posed: "ContactProblem", degree: int | None, displacements: int | None) -> dict[str, Any]:
     """As `qvi_contact.solve` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
     from qvi_contact import solve
 
     options: dict[str, Any] = {"method": "condensed", "tolerance": TOLERANCE, "threads": 1}
-    result = solve(posed, element=element, degree=degree, **options)
+    result = solve(posed, degree=degree, **options)
     answer = ended(
         result, half_force=-result.resultant("plate").y if result.has_state else None,
         unknowns=int(result.solution.problem.n), iterations=int(result.iterations),
@@ -80,7 +74,7 @@ def _refined(posed: "ContactProblem", degree: int | None, target: float) -> dict
     """As `qvi_contact.refine` does it with a guarantee: the bounds of P/2 on the first mesh that has them so close."""
     from qvi_contact import refine
 
-    options: dict[str, Any] = {"element": "hct", "degree": degree, "tolerance": TOLERANCE, "threads": 1}
+    options: dict[str, Any] = {"degree": degree, "tolerance": TOLERANCE, "threads": 1}
     outcome = refine(posed, None, target, "plate.normal_force", guaranteed=True, **options)
     result = outcome.result
     bounds = _bounds(result.bracket, int(result.solution.problem.n))
@@ -97,33 +91,33 @@ def _bounds(found: "Bracket", unknowns: int) -> dict[str, Any]:
     """Bounds instead of a force.
 
     "lower" and "upper" of P/2, None where P has no bounds; "width", half the gap of the energies over their mean, under
-    slip that of the bounds of P/2; "strain_error", the bound of the stress's error in the energy norm, relative;
-    "guaranteed" for the problem that "kind" names, a `BracketKind` or `ONE_SENSE`; "unknowns" of
+    friction that of the bounds of P/2; "strain_error", the bound of the stress's error in the energy norm, relative;
+    "guaranteed" for the problem that "kind" names, a `BracketKind` or `COULOMB`; "unknowns" of
     stress and displacement together.
     """
     from math import isfinite
 
-    moved, slip = found.companion, found.slip
-    slips = slip is not None and isfinite(slip.error) and bool(found.reasons)
+    moved, coulomb = found.companion, found.coulomb
+    bounded = coulomb is not None and isfinite(coulomb.error)
     return {
         "half_force": None,
         "unknowns": unknowns + (0 if moved is None else int(moved.space.size)),
-        **(_by_slip(slip) if slips and slip is not None else _by_energies(found)),
+        **(_by_shares(coulomb) if bounded and coulomb is not None else _by_energies(found)),
     }
 
 
-def _by_slip(slip: "SlipBounds") -> dict[str, Any]:
-    """What the bounds under slip in one sense say."""
-    force = slip.forces.get("plate.normal_force")
+def _by_shares(coulomb: "CoulombBounds") -> dict[str, Any]:
+    """What the bounds under Coulomb friction say."""
+    force = coulomb.forces.get("plate.normal_force")
     lower, upper = (None, None) if force is None else (float(force.lower), float(force.upper))
-    failure = {} if force is not None else {"status": "no bounds", "message": slip.message}
+    failure = {} if force is not None else {"status": "no bounds", "message": coulomb.message}
     return {
         "lower": lower,
         "upper": upper,
         "width": None if lower is None or upper is None else (upper - lower) / (upper + lower),
-        "strain_error": float(slip.relative_error),
-        "guaranteed": slip.guaranteed,
-        "kind": ONE_SENSE,
+        "strain_error": float(coulomb.relative_error),
+        "guaranteed": coulomb.guaranteed,
+        "kind": COULOMB,
         **failure,
     }
 
@@ -140,7 +134,7 @@ def _by_energies(found: "Bracket") -> dict[str, Any]:
         "upper": None if force is None else float(force.upper),
         "width": float(found.gap / abs(found.lower + found.upper)),
         "strain_error": float(found.relative_error),
-        "guaranteed": not found.reasons,
+        "guaranteed": found.guaranteed,
         "kind": found.kind.name,
         **failure,
     }

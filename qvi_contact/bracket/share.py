@@ -1,0 +1,439 @@
+"""The share s of its bound that friction uses, as a continuous function along the contacts, and the stress that has it.
+
+    s = −τ_T / (c + μ|τ_N|),    |s| ≤ 1.
+
+Tractions of triangles jump at vertices, and so does s. A stress η without loads and without normal tractions makes it
+continuous: τ + η has the shear −s (c + μ|τ_N|). On an edge s is the quotient of two polynomials, with the Bernstein
+coefficients s_i ω_i and ω_i of shear and bound: it lies between the smallest and the largest s_i.
+
+In `docs/theory.md`: (D26), (D27).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import comb
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.bodies import Body, bodies_of
+from qvi_contact.bracket.law import effective, traction_coefficients
+from qvi_contact.companion.supports import PARALLEL
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.element import bernstein
+from qvi_contact.errors import InputError
+from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.result import ContactResult
+from solvers import FrictionQVI
+
+_OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
+_BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
+_SLIPS = 1e-6  # of the bound: friction that is as near to it has reached it
+_MET = 1e-8  # of the largest bound: what may be left of the shear that is wanted
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """s on one contact with Coulomb friction.
+
+    Attributes
+    ----------
+    contact : Contact
+        The contact.
+    values, weights : (edges, q) arrays
+        s_i, and ω_i ≥ 0 in a unit of its own: s = Σ s_i ω_i B_i / Σ ω_i B_i.
+    slipping : (edges,) array
+        1 or −1 where s is that on the whole edge, so that displacements may slip along the tangent or against it; 0 on
+        other edges.
+    room : (edges, q) array
+        m_i ≥ 0 of a continuous m ≤ 1 − |s|, made of them as s of the s_i: 1 − |s_i|, but 0 where s must vanish.
+
+    """
+
+    contact: Contact
+    values: FloatArray
+    weights: FloatArray
+    slipping: FloatArray
+    room: FloatArray
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient μ."""
+        assert not callable(self.contact.friction)
+        return self.contact.friction
+
+    def at(self, t: FloatArray) -> FloatArray:
+        """Values of s at points t (k,) of the edges, 0 to 1 along the tangent, (edges, k)."""
+        shapes = bernstein.basis(self.values.shape[1] - 1, t)
+        least = 1e-30 * max(float(self.weights.max(initial=0.0)), 1e-300)
+        weights = np.maximum(self.weights, least)  # an open edge has the mean of the s_i, which are one number there
+        return np.asarray((self.values * weights) @ shapes.T / (weights @ shapes.T))
+
+    def steepest(self, halvings: int = 4) -> FloatArray:
+        """No less than |ds/dt| on each of 2^halvings equal parts of the edges, t from 0 to 1 on the part.
+
+        With the points P_i = s_i and weights ω_i of a part of degree n, s is a quotient of convex combinations, and
+        |ds/dt| ≤ n (max ω/min ω) (max |P_{i+1} − P_i| + ½ (r − 1) (max P − min P)), r the largest over the smallest
+        of ω_{i+1}/ω_i: de Casteljau's last step has s' = n w₀ w₁/w² (p₁ − p₀), w between w₀ and w₁.
+        """
+        n = self.values.shape[1] - 1
+        parts = np.stack([self.values * self.weights, self.weights])[:, :, None]  # (2, edges, parts, n + 1)
+        left = np.array([[comb(i, j) / 2.0**i for j in range(n + 1)] for i in range(n + 1)])
+        for _ in range(halvings):
+            halves = np.stack([parts @ left.T, parts @ left[::-1, ::-1].T], axis=3)
+            parts = halves.reshape(2, len(self.values), -1, n + 1)
+        work, weights = parts
+        even = np.ptp(self.values, axis=1) == 0.0
+        if not n or not len(weights):
+            return np.zeros(weights.shape[:2])
+        bears = weights.min(axis=2) > 1e-12 * weights.max(axis=2)
+        weights = np.where(bears[..., None], weights, 1.0)
+        points, ratios = work / weights, weights[..., 1:] / weights[..., :-1]
+        steps, turn = np.abs(np.diff(points)).max(axis=2), ratios.max(axis=2) / ratios.min(axis=2)
+        found = n * weights.max(axis=2) / weights.min(axis=2) * (steps + 0.5 * (turn - 1.0) * np.ptp(points, axis=2))
+        return np.where(even[:, None], 0.0, np.where(bears, found, np.inf))
+
+    def on(self, body: Body, whole: ContactProblem, name: str) -> "Share":
+        """The same on the contact of one body: beyond a joint the normal is another, the tangent is not."""
+        _, edges = body.edges_of(whole, name)
+        sign = -1.0 if name in body.beyond else 1.0
+        contact = next(each for each in body.problem.contacts if each.name == name)
+        parts = (sign * self.values, self.weights, sign * self.slipping, self.room)
+        return Share(contact, *(part[edges] for part in parts))
+
+
+def shares_on(body: Body, whole: ContactProblem, shares: Mapping[str, Share]) -> dict[str, Share]:
+    """Shares of the contacts of one body from those of the whole problem."""
+    names = {each.name: body.beyond.get(each.name, each.name) for each in body.problem.contacts}
+    return {name: shares[known].on(body, whole, name) for name, known in names.items() if known in shares}
+
+
+@dataclass(frozen=True, eq=False)
+class SharedStress:
+    """A stress with continuous shares.
+
+    Attributes
+    ----------
+    result : ContactResult
+        It carries the stress τ + η.
+    shares : mapping
+        s, by contact with Coulomb friction.
+    places : tuple of str
+        Where a contact reaches its bound of friction, or is open, but s must vanish; a sentence for each.
+
+    """
+
+    result: ContactResult
+    shares: Mapping[str, Share]
+    places: tuple[str, ...]
+
+
+def outside_scope(problem: ContactProblem) -> str:
+    """Why nothing is known of the errors of a problem under Coulomb's law, as far as its data show; else empty."""
+    reasons = (_not_of_the_kind(problem, contact) for contact in problem.contacts)
+    return next(filter(None, reasons), "")
+
+
+def _not_of_the_kind(problem: ContactProblem, contact: Contact) -> str:
+    name, rough = repr(contact.name), has_coulomb(contact)
+    found = {
+        f"Bounds under friction are for obstacles whose motion is given: that of {name} is driven by force.": (
+            contact.plate is not None and contact.plate.driven
+        ),
+        f"Bounds under friction are for dry contacts: a fluid presses in {name}.": contact.has_fluid,
+        f"Bounds under friction are for contacts that may open: {name} keeps its distance.": (
+            rough and contact.law != "unilateral"
+        ),
+        f"Bounds under friction are for straight contacts: {name} is an arc.": (
+            rough and problem.mesh.edges(contact.edges).curved
+        ),
+        f"Bounds under friction need constant friction and cohesion: those of {name} are functions.": (
+            rough and (callable(contact.friction) or callable(contact.cohesion))
+        ),
+        f"Bounds under friction are for Coulomb's law without a limit of the shear stress: {name} has one.": (
+            rough and contact.shear_limit is not None
+        ),
+    }
+    return next((reason for reason, applies in found.items() if applies), "")
+
+
+def with_shares(result: ContactResult) -> SharedStress | str:
+    """A stress with continuous shares near that of a result with Bernstein rows, or why there is none.
+
+    At a vertex between edges of which one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted
+    by the bounds; where no R of (D26) exists else, it is 0. Of each edge only the first and the last coefficient of the
+    shear that counts are changed.
+    """
+    known = result.discretization
+    found = {contact.name: _raw(result, contact) for contact in known.problem.contacts if has_coulomb(contact)}
+    shares, places = _joined(known.problem, found)
+    moved = _moved(result, shares)
+    return moved if isinstance(moved, str) else SharedStress(moved, shares, places)
+
+
+def bound_and_shear(result: ContactResult, contact: Contact) -> tuple[FloatArray, FloatArray]:
+    """Coefficients (edges, q) of the bound c + μ|τ_N| and of τ_T, dimensionless."""
+    known = result.discretization
+    rows = next(each for each in known.contacts if each.name == contact.name)
+    normal, shear = traction_coefficients(known, effective(known, result.dofs, rows))
+    assert not callable(contact.friction)
+    assert not callable(contact.cohesion)
+    return contact.cohesion / known.scales.stress + contact.friction * np.maximum(-normal, 0.0), shear
+
+
+def _raw(result: ContactResult, contact: Contact) -> Share:
+    """What s is by the stress, edge by edge; on open edges ±1 as the body slips there."""
+    bound, shear = bound_and_shear(result, contact)
+    most = bound.max(axis=1, keepdims=True)
+    is_open = most[:, 0] <= _OPEN * max(float(most.max(initial=0.0)), 1e-300)
+    values = np.clip(-shear / np.maximum(bound, 1e-300), -1.0, 1.0)
+    slip = result.contacts[contact.name].slip.reshape(len(bound), -1).sum(axis=1)
+    values[is_open] = np.where(slip < 0.0, -1.0, 1.0)[is_open, None]
+    bears = bound > _BEARS * most
+    for chosen in np.flatnonzero(~is_open & ~bears.all(axis=1)).tolist():  # what bears little is as what is next to it
+        counts = np.flatnonzero(bears[chosen])
+        nearest = np.abs(np.arange(bound.shape[1])[:, None] - counts).argmin(axis=1)
+        values[chosen] = values[chosen, counts[nearest]]
+    senses = np.sign(values[:, 0])
+    slips = (senses[:, None] * values).min(axis=1) >= 1.0 - _SLIPS
+    values = np.where(slips[:, None], senses[:, None], values)
+    weights, slipping = np.where(is_open[:, None], 0.0, bound), np.where(slips, senses, 0.0)
+    return Share(contact, values, weights, slipping, 1.0 - np.abs(values))
+
+
+def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str, Share], tuple[str, ...]]:
+    """The same made continuous at vertices, and where that costs much."""
+    zeros = {name: _vanishing(problem, name) for name in raw}
+    at: dict[int, list[tuple[str, int, int]]] = {}
+    for name, share in raw.items():
+        edges = problem.mesh.edges(share.contact.edges)
+        for end, vertices in enumerate((edges.first, edges.second)):
+            for edge, vertex in enumerate(vertices.tolist()):
+                at.setdefault(vertex, []).append((name, edge, end))
+    values = {name: share.values.copy() for name, share in raw.items()}
+    slipping = {name: share.slipping.copy() for name, share in raw.items()}
+    kept, places = {name: np.ones_like(share.values) for name, share in raw.items()}, list[str]()
+    for vertex, ends in at.items():
+        wanted, vanishes = 0.0, any(vertex in zeros[name] for name, _, _ in ends)
+        if not vanishes:
+            wanted = _common([_End.of(raw[name], edge, end) for name, edge, end in ends])
+        for name, edge, end in ends:
+            if raw[name].slipping[edge] == wanted != 0.0:
+                continue
+            slipping[name][edge] = 0.0
+            weights = raw[name].weights[edge]
+            counts = np.flatnonzero(weights > _BEARS * weights.max())
+            last = (counts[0], counts[-1])[end] if len(counts) > 1 else (0, len(weights) - 1)[end]
+            near = (slice(None, last + 1), slice(last, None))[end]
+            values[name][edge, near] = wanted
+            kept[name][edge, near] *= not vanishes
+            if vanishes and raw[name].slipping[edge]:
+                x, y = problem.mesh.vertices[vertex]
+                places.append(
+                    f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
+                    "may slip there, which makes the bound wide."
+                )
+    found = {
+        name: replace(
+            share, values=values[name], slipping=slipping[name], room=kept[name] * (1.0 - np.abs(values[name]))
+        )
+        for name, share in raw.items()
+    }
+    return found, tuple(dict.fromkeys(places))
+
+
+@dataclass(frozen=True)
+class _End:
+    """The value of s at the end of an edge, how much the edge bears there, and whether it slips or is open."""
+
+    value: float
+    weight: float
+    slips: bool
+    is_open: bool
+
+    @classmethod
+    def of(cls, share: Share, edge: int, end: int) -> "_End":
+        at = (0, -1)[end]
+        weights, slips = share.weights[edge], share.slipping[edge] != 0.0
+        return cls(float(share.values[edge, at]), float(weights[at]), bool(slips), not weights.any())
+
+
+def _common(ends: list[_End]) -> float:
+    """One value of s for edges that meet."""
+    for chosen in ([end for end in ends if end.slips and not end.is_open], [end for end in ends if end.is_open]):
+        if chosen:
+            values = {end.value for end in chosen}
+            return values.pop() if len(values) == 1 else 0.0
+    weights = np.array([end.weight for end in ends])
+    weights = weights if weights.any() else np.ones(len(ends))
+    return float(np.average([end.value for end in ends], weights=weights))
+
+
+def _moved(result: ContactResult, shares: Mapping[str, Share]) -> ContactResult | str:
+    """The result with the shear that the shares say, by the least energy of a change."""
+    known, qvi = result.discretization, result.discretization.qvi
+    wanted = np.zeros(qvi.m)
+    for rows in known.contacts:
+        if rows.name in shares:
+            share = shares[rows.name]
+            bound, shear = bound_and_shear(result, share.contact)
+            wanted[rows.rows] = (-share.values * bound - shear).ravel()
+    if not np.abs(wanted).max(initial=0.0) > 0.0:
+        return result
+    changes, right = LeastChange.of(qvi), np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
+    change = changes.solved(right)
+    left = np.abs(changes.rows @ change - right)
+    size = max(float(np.abs(wanted).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
+    if left.max() > _MET * size:
+        return _where(known, int(left.argmax()) % qvi.m if left.argmax() < 2 * qvi.m else 0)
+    return ContactResult(known, replace(result.solution, z=result.solution.z + change))
+
+
+def _where(known: Discretization, row: int) -> str:
+    """No stress of the elements has the shear that is wanted: where."""
+    rows = next(each for each in known.contacts if each.rows.start <= row < each.rows.stop)
+    edges = known.problem.mesh.edges(next(c for c in known.problem.contacts if c.name == rows.name).edges)
+    edge = (row - rows.rows.start) // known.space.contact_rule.count
+    x, y = known.problem.mesh.vertices[edges.first[edge]]
+    return f"No stress on this mesh has a continuous share of friction on {rows.name!r} near ({x:.6g}, {y:.6g})."
+
+
+@dataclass(frozen=True, eq=False)
+class LeastChange:
+    """Changes x of the unknowns of a stress of least energy xᵀKx with given rows · x; rows may depend on each other.
+
+    Attributes
+    ----------
+    rows : sparse array
+        Normal tractions and shears on contacts, and resultants.
+    scales : (n,) and (r,) arrays
+        Units of x and of the rows.
+    matrix : sparse array
+        The equations, in these units.
+    factors
+        Those of the equations, slightly regularised.
+
+    """
+
+    rows: sparse.csr_array
+    scales: tuple[FloatArray, FloatArray]
+    matrix: sparse.csc_array
+    factors: Any
+
+    @classmethod
+    def of(cls, qvi: FrictionQVI) -> "LeastChange":
+        """Of all rows of a problem."""
+        rows, K = sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])), sparse.csc_array(qvi.K)
+        scale = 1.0 / np.sqrt(K.diagonal())
+        R = sparse.csr_array(rows @ sparse.diags_array(scale))
+        lengths = np.sqrt(np.maximum(np.asarray(R.multiply(R).sum(axis=1)).ravel(), 1e-300))
+        R = sparse.csr_array(sparse.diags_array(1.0 / lengths) @ R)
+        S, slightly = sparse.diags_array(scale) @ K @ sparse.diags_array(scale), 1e-9 * sparse.eye_array(len(lengths))
+        nothing = sparse.csr_array((len(lengths), len(lengths)))
+        matrices = [sparse.csc_array(sparse.block_array([[S, R.T], [R, part]])) for part in (nothing, -slightly)]
+        return cls(rows, (scale, lengths), matrices[0], splu(matrices[1]))
+
+    def solved(self, right: FloatArray) -> FloatArray:
+        """The x with rows · x = right, as nearly as there is one."""
+        scale, lengths = self.scales
+        wanted = np.concatenate([np.zeros(len(scale)), right / lengths])
+        found = np.zeros_like(wanted)
+        for _ in range(4):  # what regularises the system is corrected
+            found = found + self.factors.solve(wanted - self.matrix @ found)
+        return np.asarray(scale * found[: len(scale)])
+
+
+def held_directions(problem: ContactProblem) -> list[FloatArray]:
+    """Directions (k, 2) in which each boundary edge holds displacements; tied contacts hold both."""
+    found: list[list[FloatArray]] = [[] for _ in range(len(problem.mesh.boundary))]
+    for given in problem.prescribed(Displacement):
+        for edge, direction in zip(given.index.tolist(), given.direction, strict=True):
+            found[edge].append(direction)
+    for contact in problem.contacts:
+        if contact.law == "tied" and contact not in problem.joints:
+            for edge in problem.mesh.edge_set(contact.edges).tolist():
+                found[edge] += list(np.eye(2))
+    return [np.array(directions).reshape(-1, 2) for directions in found]
+
+
+def spans(directions: FloatArray, wanted: FloatArray) -> bool:
+    """Whether a direction is a combination of given ones (k, 2)."""
+    if not len(directions):
+        return False
+    known = np.linalg.lstsq(directions.T, wanted, rcond=PARALLEL)[0] @ directions
+    return bool(np.abs(known - wanted).max() <= PARALLEL)
+
+
+def _vanishing(problem: ContactProblem, name: str) -> set[int]:
+    """Vertices where s of a contact must be 0: kinks, and where what meets it holds the normal part of R v."""
+    places = {tuple(place): vertex for vertex, place in enumerate(problem.mesh.vertices.tolist())}
+    found: set[int] = set()
+    for body in _bodies(problem):
+        names = {name} | {seen for seen, joint in body.beyond.items() if joint == name}
+        for contact in body.problem.contacts:
+            if contact.name in names:
+                found |= {places[tuple(place)] for place in _unfit(body, contact)}
+    return found
+
+
+def _bodies(problem: ContactProblem) -> tuple[Body, ...]:
+    try:
+        return bodies_of(problem)
+    except InputError:  # a crack, with one body on both sides
+        return (Body(problem, {}),)
+
+
+def _unfit(body: Body, contact: Contact) -> list[list[float]]:
+    """Places of vertices of a contact where some edge of the body does not go on as it does."""
+    problem, mesh = body.problem, body.problem.mesh
+    boundary, held = mesh.boundary, held_directions(problem)
+    laws: dict[int, Contact] = {}
+    for each in problem.contacts:
+        if each not in problem.joints:
+            laws |= dict.fromkeys(mesh.edge_set(each.edges).tolist(), each)
+    own = mesh.edges(contact.edges)
+    joints = [mesh.edges(each.edges) for each in problem.joints]
+    found = []
+    for edge in range(len(own)):
+        n, t = own.normal[edge], own.tangent[edge]
+        for vertex in (int(own.first[edge]), int(own.second[edge])):
+            at = np.flatnonzero((boundary.first == vertex) | (boundary.second == vertex))
+            others = [(boundary.normal[k], boundary.tangent[k], held[k], laws.get(int(k))) for k in at.tolist()]
+            for lines, each in zip(joints, problem.joints, strict=True):
+                beside = np.flatnonzero((lines.first == vertex) | (lines.second == vertex))
+                others += [(lines.normal[k], lines.tangent[k], np.empty((0, 2)), each) for k in beside.tolist()]
+            turns = any(law not in (None, contact) and law.name in body.beyond for *_, law in others)
+            if turns or not all(_fits(contact, n, t, *other) for other in others):
+                found.append(mesh.vertices[vertex].tolist())
+    return found
+
+
+def _fits(
+    contact: Contact, n: FloatArray, t: FloatArray, normal: FloatArray, tangent: FloatArray, held: FloatArray,
+    law: Contact | None,
+) -> bool:  # fmt: skip
+    """Whether (R v)_N = μ s v_T with one value of s is continuous with what the next edge demands."""
+    if spans(held, t):
+        return True
+    if (np.abs(held @ n) > PARALLEL).any():
+        return False
+    if law is None or law.law == "tied":
+        return True
+    other = law.friction if has_coulomb(law) else 0.0
+    assert not callable(other)
+    assert not callable(contact.friction)
+    across = contact.friction * float(normal @ n) * t - other * tangent
+    along = contact.friction * float(tangent @ n) if bears_shear(law) else 0.0
+    return bool(np.abs(across).max() <= PARALLEL and abs(along) <= PARALLEL)
+
+
+def all_alike(shares: Mapping[str, Share]) -> dict[str, int] | None:
+    """1 or −1 by contact where s is that on all of it; None where it is not."""
+    found = {name: share.slipping for name, share in shares.items()}
+    if any(not (part[0] != 0.0 and (part == part[0]).all()) for part in found.values()):
+        return None
+    return {name: int(part[0]) for name, part in found.items()}

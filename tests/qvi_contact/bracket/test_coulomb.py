@@ -1,0 +1,459 @@
+"""Bounds under Coulomb friction: constants, shares, true errors below them, forces."""
+
+from dataclasses import replace
+from functools import cache
+from math import comb
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.linalg import eigh
+from scipy.stats import binom
+
+from comparisons.verification.chapters import half_disc, sheared_layer
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
+from qvi_contact.bracket import (
+    Share,
+    amplification,
+    coercivity,
+    computed_norm,
+    defect_bound,
+    error_bound,
+    friction_norm,
+    rectangle_constant,
+    rectangle_norm,
+    slip_work,
+    star_norm,
+)
+from qvi_contact.companion import BodyAtRest
+from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
+from qvi_contact.mesh import TriangleMesh
+from qvi_contact.refinement import bulk
+from qvi_contact.solution import ContactResult, stress_in_cells
+from tests.effort import examples
+
+
+def shared(problem, s):
+    """The share s(t) on all edges of the contacts, or the same number everywhere."""
+    found = {}
+    for contact in problem.contacts:
+        count = len(problem.mesh.edges(contact.edges))
+        values = np.full((count, 3), float(s))
+        found[contact.name] = Share(contact, values, np.ones_like(values), np.full(count, float(s)), 1.0 - abs(values))
+    return found
+
+
+@pytest.mark.parametrize("s", [0.0, 0.19, 0.375, 0.75, 1.5, 1.95])
+def test_constants_of_square_zero_operators(s):
+    """α, f, |I + S| and the constant of Σ are never passed by operators of norm s with SS = 0, and are met by some."""
+    random = np.random.default_rng(0)
+    n = 4000
+
+    def unit(vectors):
+        return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+    k, direction = (random.standard_normal((n, 2)) for _ in range(2))
+    # e = k + m with k in the kernel and m orthogonal to it; S m is any vector of the kernel of norm ≤ s |m|
+    angle = np.concatenate([random.uniform(0.0, np.pi, n // 2), np.linspace(0.0, np.pi, n // 2)])
+    k = np.cos(angle)[:, None] * unit(k)
+    length = s * np.abs(np.sin(angle)) * np.where(np.arange(n) % 2, 1.0, random.uniform(0.0, 1.0, n))
+    image = length[:, None] * unit(direction)
+    image[n // 2 :] = length[n // 2 :, None] * np.sign(np.cos(angle[n // 2 :]))[:, None] * unit(k[n // 2 :])
+    cross = (k * image).sum(axis=1)
+    energy = 1.0 - cross  # a(e, e − Se) of |e| = 1
+    size = np.sqrt(1.0 - 2.0 * cross + length**2)  # |e − Se|
+    alpha, f = coercivity(s), amplification(s)
+    assert energy.min() >= alpha - 1e-12
+    assert (energy / size**2).min() >= alpha - 1e-12
+    assert (size / energy).max() <= f + 1e-12
+    assert (energy.min(), (size / energy).max()) == pytest.approx((alpha, f), rel=1e-3)
+    opposite = 1.0 + 2.0 * s * np.sin(angle) * np.cos(angle) + s**2 * np.sin(angle) ** 2  # of e − Se with −S
+    assert (1.0 + s * np.sin(angle) * np.cos(angle)) @ np.ones(n) > 0.0
+    assert ((1.0 + s * np.sin(angle) * np.cos(angle)) / opposite).min() >= alpha - 1e-12
+
+
+T = np.linspace(0.0, 1.0, 4001)
+SIMPSON = np.append(np.tile([2.0, 4.0], 2000), 1.0) / 12000.0
+SIMPSON[0] = 1.0 / 12000.0
+NUMBERS = st.floats(-10.0, 10.0, allow_subnormal=False)
+POSITIVE = st.floats(0.0, 10.0, allow_subnormal=False)
+
+
+@given(arrays(float, 4, elements=NUMBERS), arrays(float, 3, elements=NUMBERS), arrays(float, 3, elements=POSITIVE))
+def test_friction_work_of_a_cubic_slip(slip, shear, bound):
+    """∫ bound |slip| + shear slip of Bernstein coefficients."""
+    raised = np.array([[comb(i, k) / comb(3, k) for k in range(4)] for i in range(4)])  # from powers of t
+    fine = np.polynomial.polynomial.polyval(T, slip)
+    quadratics = binom.pmf(np.arange(3), 2, T[:, None])
+    wanted = SIMPSON @ (np.abs(fine) * (quadratics @ bound) + fine * (quadratics @ shear))
+    size = 1e-12 + np.abs(fine).max() * (np.abs(bound).max() + np.abs(shear).max())
+    assert abs(slip_work((raised @ slip)[None], shear[None], bound[None])[0] - wanted) <= 1e-5 * size
+
+
+def test_bounds_solve_their_quadratics():
+    residual, defect, s = 0.3, 0.02, 0.6
+    found = error_bound(residual, defect, s)
+    alpha, f = coercivity(s), amplification(s)
+    assert found**2 == pytest.approx(f * residual * found + defect / alpha, rel=1e-13)
+    q = np.linspace(0.0, 1.0, 1001)
+    largest = (residual * q - alpha * q**2).max() + defect
+    assert defect_bound(residual, defect, s) == pytest.approx(largest, rel=1e-5)
+    assert error_bound(residual, defect, 2.0) == defect_bound(1.0, 0.0, 2.0) == np.inf
+
+
+def clamped_plate(friction):
+    """The plate with its bottom clamped and its left side free."""
+    problem = compressed_plate(friction)
+    free = [Traction("left", x=0.0, y=0.0), Displacement("bottom", x=0.0, y=0.0), *problem.conditions[2:]]
+    return replace(problem, conditions=free)
+
+
+class TestNorms:
+    """Proved norms of the friction operator, and those of finite elements."""
+
+    def test_the_plate(self):
+        """The constant of a square under symmetry, from β ≥ sin(π/8): T1 to T3 hold for μ < 0.533."""
+        assert rectangle_constant(0.3, np.sin(np.pi / 8.0), 1.0, 2.0 / np.pi) == pytest.approx(3.75079, rel=1e-5)
+        found = friction_norm(problem := compressed_plate(0.2), shared(problem, 1.0))
+        assert found.proved
+        assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
+
+    @pytest.mark.parametrize(
+        "problem",
+        [
+            compressed_plate(0.5, (3, 3), width=2.0),
+            compressed_plate(0.5, (3, 3), height=3.0, plane="strain", poisson=0.4),
+            ssnv128((3, 3), friction=0.5),
+            sliding_block((3, 2))[0],
+        ],
+    )
+    def test_finite_elements_stay_below(self, problem):
+        for sense in (1, -1):
+            proved = rectangle_norm(problem, shared(problem, sense))
+            assert 0.0 < computed_norm(problem, shared(problem, sense)) < proved
+
+    @pytest.mark.parametrize("problem", [half_disc(0.1), sheared_layer(0.1), clamped_plate(0.1)])
+    def test_star_shaped_bodies(self, problem):
+        """|Sv|/|v| of finite elements, for which Sv = η v_t n is a finite element too, stays below what is proved."""
+        shares = shared(problem, -1.0)
+        proved = star_norm(problem, shares)
+        assert computed_norm(problem, shares) <= 0.1 * quotient(problem, degree=4) * 1.01
+        assert 0.1 * quotient(problem, degree=4) < proved
+        assert friction_norm(problem, shares).proved
+
+    @pytest.mark.parametrize("seed", range(4))
+    def test_of_a_share_that_varies(self, seed):
+        """A quotient of polynomials: its steepness by differences, and both norms of it."""
+        problem, random = compressed_plate(0.3, (3, 3)), np.random.default_rng(seed)
+        (share,) = shared(problem, 0.0).values()
+        ends = random.uniform(-1.0, 1.0, len(share.values) + 1)
+        values = np.column_stack([ends[:-1], random.uniform(-1.0, 1.0, len(share.values)), ends[1:]])
+        share = replace(share, values=values, weights=10.0 ** random.uniform(-0.5, 0.5, values.shape))
+        t = np.linspace(0.0, 1.0, 16 * 64 + 1)
+        slopes = np.abs(np.diff(share.at(t), axis=1)).reshape(len(values), 16, 64).max(axis=2) * 64.0
+        assert (slopes <= share.steepest() * (1.0 + 1e-12)).all()
+        assert (share.steepest().max(axis=1) <= 1.4 * slopes.max(axis=1)).all()
+        shares = {"plate": share}
+        assert 0.0 < computed_norm(problem, shares) < rectangle_norm(problem, shares)
+
+    def test_where_nothing_is_proved_it_is_computed(self):
+        found = friction_norm(half_disc(0.3), shared(half_disc(0.3), 1.0))
+        assert not found.proved
+        assert 0.6 < found.value < 1.0
+
+
+def quotient(problem, degree):
+    """The largest |v_x e_y|/|v| of displacements of a degree on the mesh."""
+    body = BodyAtRest.of(problem, degree).body
+    K = body.body.stiffness().toarray()
+    turn = np.zeros_like(K)
+    turn[1::2, ::2] = np.eye(len(K) // 2)
+    free = body.free
+    return float(np.sqrt(eigh((turn.T @ K @ turn)[np.ix_(free, free)], K[np.ix_(free, free)], eigvals_only=True)[-1]))
+
+
+@cache
+def chain(friction, degree=4, rounds=5):
+    """Results of the plate on meshes bisected where the bound says so."""
+    problem, found = compressed_plate(friction, (1, 1)), []
+    for _ in range(rounds):
+        found.append(solve(problem, degree=degree, tolerance=1e-10))
+        problem = replace(problem, mesh=problem.mesh.refined(bulk(found[-1].bracket.coulomb.cells)))
+    return found
+
+
+@cache
+def located(mesh, places):
+    """The cell of the mesh that holds each place (n, 2), and where in it."""
+    points = np.array(places)
+    point, cell = mesh.around(points)
+    _, first = np.unique(point, return_index=True)
+    cell = cell[first]
+    return cell, mesh.reference(cell, points)
+
+
+@cache
+def rule(fine):
+    """Points (n, 2) and weights (n,) of the finer mesh, the compliance there (n, 3, 3), and its stress (n, 3)."""
+    space, scales, problem = fine.discretization.space, fine.discretization.scales, fine.problem
+    t, w = space.cell_rule(5)
+    points = problem.mesh.origin + scales.length * space.points(np.arange(problem.mesh.cell_count), t)
+    weights = (space.cell_sizes[:, None] * w * scales.length**2).ravel()
+    c = np.repeat(problem.compliances, points.shape[1], axis=0)
+    places = tuple(map(tuple, points.reshape(-1, 2).tolist()))
+    return places, weights, c, stress_at(fine, *located(problem.mesh, places))
+
+
+def stress_at(result, cell, t):
+    known = result.discretization
+    coefficients = known.energy.coefficients(result.dofs)
+    return stress_in_cells(known, coefficients, cell, t[:, None])[1][:, 0] * known.scales.stress
+
+
+def difference(coarse, fine):
+    """|σ − τ| in the energy norm, at points of the finer mesh."""
+    places, weights, c, stress = rule(fine)
+    apart = stress - stress_at(coarse, *located(coarse.problem.mesh, places))
+    return float(np.sqrt(np.einsum("g,gk,gkl,gl->", weights, apart, c, apart)))
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.2])
+def test_true_errors_of_adaptive_meshes_are_below(friction):
+    results = chain(friction)
+    for result in results[1:-2]:
+        found = result.bracket.coulomb
+        assert found.guaranteed, found.reasons
+        assert 1.0 <= found.error / difference(result, results[-1]) < 2.5
+    assert results[-1].bracket.coulomb.relative_error < 0.5 * results[0].bracket.coulomb.relative_error
+
+
+def carrying(result, z):
+    """The same result with another stress."""
+    return ContactResult(result.discretization, replace(result.solution, z=z))
+
+
+def test_stresses_made_bad_at_random_are_never_closer_than_said():
+    """Admissible stresses between that of less friction, disturbed at random, and the solution."""
+    result, fine = chain(0.2)[2], chain(0.2)[-1]
+    random, qvi = np.random.default_rng(1), result.discretization.qvi
+    problem = result.problem
+    weaker = [solve(with_law(problem, friction=mu), degree=4) for mu in (0.02, 0.1, 0.18)]
+    ratios = []
+    for number in range(examples(40)):
+        z = weaker[number % 3].solution.z
+        step = random.standard_normal(len(z)) * np.abs(z).max() * 10.0 ** random.uniform(-4.0, 0.0)
+        while not _inside(qvi, z + step):
+            step *= 0.5
+        share = random.uniform(0.0, 1.0) ** 3
+        stress = carrying(result, result.solution.z + share * (z + step - result.solution.z))
+        ratios.append(stress.bracket.coulomb.error / difference(stress, fine))
+    assert min(ratios) >= 1.0
+    assert max(ratios) < 8.0
+
+
+def _inside(qvi, z):
+    normal, shear = qvi.N @ z + qvi.n0, qvi.T @ z + qvi.t0
+    return normal.max() <= 0.0 and (np.abs(shear) + qvi.mu * normal).max() <= 0.0
+
+
+def with_law(problem, **law):
+    """The problem with other data of its contacts."""
+    conditions = [replace(each, **law) if isinstance(each, Contact) else each for each in problem.conditions]
+    return replace(problem, conditions=conditions)
+
+
+class TestScope:
+    """What has bounds under friction."""
+
+    def test_much_friction_is_no_harder(self):
+        """All sticks, and s is small where much friction is unused."""
+        found = solve(compressed_plate(1.5, (2, 2))).bracket.coulomb
+        assert computed_norm(found.stress.problem, found.shares) < 0.4
+        assert found.relative_error < 0.1
+
+    def test_the_stress_of_more_friction(self):
+        """What is beyond the bound of friction is taken off it, and counts."""
+        more, result = chain(0.2)[1], solve(with_law(chain(0.2)[1].problem, friction=0.15), degree=4)
+        fine = solve(with_law(chain(0.2)[-1].problem, friction=0.15), degree=4)
+        found = carrying(result, more.solution.z).bracket.coulomb
+        assert found.moved > 0.1 * found.error
+        assert found.error > difference(carrying(result, more.solution.z), fine)
+
+
+class TestForces:
+    """Two-sided bounds of contact forces under friction."""
+
+    @pytest.mark.parametrize(("friction", "limit"), [(0.1, 212.242424), (0.2, 214.23323205)])
+    def test_the_plate_on_every_mesh(self, friction, limit):
+        widths = []
+        for result in chain(friction):
+            force = result.bracket.coulomb.forces["plate.normal_force"]
+            assert force.lower < limit < force.upper
+            widths.append(force.upper - force.lower)
+        assert widths[-1] < 0.25 * widths[0]
+
+    def test_another_problem_is_outside(self):
+        """Bounds for μ = 0.05 hold its force, and not that of μ = 0.2."""
+        other = solve(with_law(chain(0.2)[-1].problem, friction=0.05), degree=4).bracket.coulomb
+        force = other.forces["plate.normal_force"]
+        assert force.upper < 214.23323205
+        assert force.lower < 210.606417984 < force.upper
+
+    def test_cohesion(self):
+        """Bounds hold the force of a finer mesh, and not that without cohesion."""
+        problem = with_law(chain(0.2)[-1].problem, friction=0.05, cohesion=8.0)
+        force = solve(problem, degree=4).bracket.coulomb.forces["plate.normal_force"]
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=4)
+        assert force.lower < fine.contacts["plate"].normal_force < force.upper
+        assert force.lower > 210.606417984
+
+    def test_loads_balance(self):
+        """Where equilibrium alone gives the normal force the bounds meet in it, with cohesion too."""
+        problem = ssnv128((2, 2), friction=0.3)
+        for posed, force in ((problem, 2.0e6), (with_law(problem, cohesion=1e6), 2.0e6)):
+            found = solve(posed, degree=4).bracket.coulomb
+            bounds = found.forces["base.normal_force"]
+            assert bounds == pytest.approx((force, force), rel=1e-9)
+
+
+class TestOtherBodies:
+    """Bodies without a proved norm: estimated bounds, and none where there is no friction operator."""
+
+    @pytest.mark.parametrize(
+        ("problem", "forces"),
+        [
+            (half_disc(0.3, (6e-3, -2e-3)), ["normal_force", "tangential_force"]),
+            (sheared_layer(0.3), ["normal_force", "tangential_force"]),
+            (sheared_layer(0.5, 1e-3), ["normal_force", "tangential_force"]),  # sticks
+        ],
+    )
+    def test_forces_of_a_finer_mesh_are_inside(self, problem, forces):
+        found = solve(problem, degree=4).bracket.coulomb
+        assert found.kind == "estimated"
+        assert "computed by finite elements" in found.message
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=5).contacts["base"]
+        for name in forces:
+            bounds = found.forces[f"base.{name}"]
+            assert bounds.lower < getattr(fine, name) < bounds.upper
+
+    @pytest.mark.parametrize(("friction", "kind"), [(0.3, "guaranteed"), (1.0, "estimated")])
+    def test_ssnv128(self, friction, kind):
+        """Balance gives the normal force; with μ = 1 the plate opens, slips and sticks."""
+        found = solve(ssnv128((4, 4), friction=friction), degree=4).bracket.coulomb
+        assert found.kind == kind
+        assert found.relative_error < 0.08
+        force = found.forces["base.normal_force"]
+        assert force.lower <= 2.0e6 <= force.upper
+        assert "base.tangential_force" not in found.forces  # friction of the end that symmetry holds has no bound
+
+    def test_arcs(self):
+        """Nothing is proved on a body with arcs, and a contact that is one has no bounds."""
+        chords = half_disc(0.1, (4e-3, -2e-3))
+        disc = replace(chords, mesh=chords.mesh.with_arc("flank", (0.0, 0.0), 1.0).with_arc("crown", (0.0, 0.0), 1.0))
+        assert friction_norm(chords, shared(chords, 1.0)).proved
+        assert not friction_norm(disc, shared(disc, 1.0)).proved
+        assert solve(disc, degree=4).bracket.coulomb.kind == "estimated"
+        turned = [replace(disc.conditions[0], edges="flank"), disc.conditions[1], Traction("base", x=0.0, y=0.0)]
+        assert "is an arc" in solve(replace(disc, conditions=turned), degree=4).bracket.coulomb_reason
+
+    def test_a_body_that_only_friction_holds(self):
+        """It can slip without strain: nothing bounds the error."""
+        problem = half_disc(0.3, held=False)
+        assert friction_norm(problem, shared(problem, 1.0)).value == np.inf
+        assert "without straining" in friction_norm(problem, shared(problem, 1.0)).reason
+
+    @pytest.mark.parametrize("change", ["kink", "held end"])
+    def test_where_the_share_must_vanish(self, change):
+        """At a kink, and where the normal displacement is held at an end: it costs little where the contact sticks."""
+        problem = pressed_block(1.5)
+        mesh, conditions, place = problem.mesh, problem.conditions, np.array([1.0, 0.0])
+        if change == "kink":
+            x, y = mesh.vertices.T
+            place = np.array([1.0, -0.1])
+            mesh = replace(mesh, vertices=np.column_stack([x, y - 0.1 * (1.0 - y) * np.minimum(x, 2.0 - x)]))
+        else:
+            mesh = mesh.with_edges("base", lambda x, y: (y == 0.0) & (x > 1.0))
+            mesh = mesh.with_edges("rail", lambda x, y: (y == 0.0) & (x < 1.0))
+            beside = [Contact("base", 1.5, name="bottom"), Displacement("rail", y=0.0), Traction("rail", x=0.0)]
+            conditions = [*beside, *conditions[1:]]
+        problem = ContactProblem(mesh.graded([place], 6), problem.material, conditions)
+        found, edges = solve(problem, degree=4).bracket.coulomb, problem.mesh.edges(problem.contacts[0].edges)
+        share = found.shares["bottom"].at(np.array([0.0, 1.0]))
+        for end, vertices in enumerate((edges.first, edges.second)):
+            at = np.abs(problem.mesh.vertices[vertices] - place).max(axis=1) < 1e-9
+            assert (share[at, end] == 0.0).all()
+        assert found.relative_error < 0.15
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=5)
+        assert found.error > difference(solve(problem, degree=4), fine)
+        assert found.forces == {}  # no z is 1 along both normals, or beside what holds it
+
+    def test_a_kink_that_slips_is_named(self):
+        layer = sheared_layer(0.3)
+        x, y = layer.mesh.vertices.T
+        bent = np.column_stack([x, y - 0.1 * (1.0 - y) * np.minimum(x, 4.0 - x)])
+        found = solve(replace(layer, mesh=replace(layer.mesh, vertices=bent)), degree=4).bracket.coulomb
+        assert "At (2, -0.2) 'base' has a kink" in found.message
+
+    def test_the_norm_has_no_limit_at_a_held_end(self):
+        """It grows by as much with each halving of the triangles there; at a free end, or a clamped one, it settles."""
+        ends = {
+            "free": [Traction("left", x=0.0, y=0.0)],
+            "clamped": [Displacement("left", x=0.0, y=0.0)],
+            "held": [Displacement("left", y=0.0), Traction("left", x=0.0)],
+        }
+        found = {name: [layer_norm(left, depth) for depth in (8, 12, 16)] for name, left in ends.items()}
+        for name in ("free", "clamped"):
+            assert found[name] == pytest.approx([found[name][0]] * 3, rel=1e-3)
+        assert np.diff(found["held"]) == pytest.approx(1.19, abs=0.02)
+
+
+def layer_norm(left, depth):
+    """The norm by finite elements on a sheared layer, its triangles halved so often towards one end of its contact."""
+    layer = sheared_layer(1.0)
+    conditions = [*layer.conditions[:2], *left, layer.conditions[3]]
+    mesh = layer.mesh.graded([(0.0, 0.0)], depth)
+    layer = replace(layer, mesh=mesh, conditions=conditions)
+    return computed_norm(layer, shared(layer, 1.0))
+
+
+def pressed_block(friction, cells=(8, 4), **law):
+    """A block whose top is held and pressed down: its base slips outwards at both ends, or sticks."""
+    conditions = [Contact("bottom", friction, **law), Displacement("top", x=0.0, y=-0.1)]
+    conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    return ContactProblem(TriangleMesh.rectangle(cells, 2.0, 1.0), Material(1.0, 0.3), conditions)
+
+
+class TestBlock:
+    """A block that slips outwards at both ends, or sticks, has bounds at any friction."""
+
+    @pytest.mark.parametrize("friction", [0.1, 0.2, 0.3, 0.5, 0.8])
+    def test_true_errors_and_forces(self, friction):
+        result = solve(pressed_block(friction), degree=4)
+        mesh = result.problem.mesh.refined(np.ones(result.problem.mesh.cell_count, dtype=bool))
+        fine = solve(
+            replace(result.problem, mesh=mesh.graded([(0.0, 0.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)], 8)), degree=7
+        )
+        found = result.bracket.coulomb
+        assert found.norm.value < 0.41
+        assert 1.0 <= found.error / difference(result, fine) < 1.5
+        force = found.forces["bottom.normal_force"]
+        assert force.lower < fine.contacts["bottom"].normal_force < force.upper
+        assert result.uniqueness.apart == found.apart < 0.07
+        assert result.uniqueness.certainty == "estimate"
+
+    def test_cohesion_and_an_offset(self):
+        """The force of a finer mesh is inside, and those without are not."""
+        law = {"cohesion": 0.01, "offset": 0.01}
+        found = solve(pressed_block(0.1, **law), degree=5).bracket.coulomb.forces["bottom.tangential_force"]
+        fine = solve(pressed_block(0.1, (32, 16), **law), degree=5).contacts["bottom"]
+        assert found.lower < fine.tangential_force < found.upper
+        assert not found.lower < 0.0 < found.upper
+
+
+def halved(mesh):
+    """Every triangle cut into four."""
+    for _ in range(2):
+        mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
+    return mesh

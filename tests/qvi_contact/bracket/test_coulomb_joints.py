@@ -1,0 +1,145 @@
+"""Bounds under Coulomb friction on joints: each body has a friction operator of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from comparisons.verification import energy_apart
+from comparisons.verification.chapters import half_disc, half_discs
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
+from qvi_contact.bracket import Share, bodies_of, friction_norm
+from qvi_contact.companion import BodyAtRest
+from qvi_contact.mesh import TriangleMesh
+
+
+def area(mesh):
+    (ux, uy), (vx, vy) = (np.diff(mesh.corners, axis=1)[:, k].T for k in (0, 1))
+    return float(np.abs(ux * vy - uy * vx).sum() / 2.0)
+
+
+class TestBodies:
+    """The bodies that joints part."""
+
+    def test_each_has_its_cells_conditions_and_material(self):
+        problem = half_discs(0.3, below=500.0)
+        found = {len(body.beyond): body for body in bodies_of(problem)}
+        assert sum(area(body.problem.mesh) for body in found.values()) == pytest.approx(area(problem.mesh))
+        names = {key: {each.edges for each in body.problem.conditions} for key, body in found.items()}
+        assert names == {0: {"seam", "foot", "flank"}, 1: {"seam, beyond", "crown", "flank"}}
+        young = {key: 1.0 / np.unique(body.problem.compliances[:, 0, 0]) for key, body in found.items()}
+        assert young[1] / young[0] == pytest.approx(2.0)
+
+    def test_a_tied_joint_beside_a_contact_that_slips_changes_no_bound(self):
+        """The bounds are those of the body in one piece."""
+        mesh = TriangleMesh.rectangle((2, 2), 2.0, 1.0)
+        held = [Displacement("top", x=1e-2, y=-1e-3), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+        whole = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.3), *held])
+        bonded = mesh.with_joint("bond", lambda x, y: (y == 0.5) & (x > -1.0))
+        parts = ContactProblem(bonded, whole.material, [*whole.conditions, Contact("bond", 0.0, law="tied")])
+        one, other = (solve(each, degree=4).bracket for each in (whole, parts))
+        assert (other.lower, other.upper) == pytest.approx((one.lower, one.upper), rel=1e-6)
+        assert other.coulomb.error == pytest.approx(one.coulomb.error, rel=1e-4)
+
+    def test_a_tied_joint_parts_nothing(self):
+        problem = half_discs()
+        bonded = replace(problem.contacts[0], law="tied", friction=0.0)
+        assert len(bodies_of(replace(problem, conditions=[bonded, *problem.conditions[1:]]))) == 1
+
+    def test_what_a_tied_joint_bonds_is_one_body_beside_another_joint(self):
+        mesh = TriangleMesh.rectangle((2, 3), 2.0, 3.0).with_joint("bond", lambda x, y: (y == 2.0) & (x > -1.0))
+        mesh = mesh.with_joint("bed", lambda x, y: (y == 1.0) & (x > -1.0))
+        conditions = [
+            Contact("bond", law="tied", friction=0.0),
+            Contact("bed", 0.1),
+            Displacement("bottom", x=0.0, y=0.0),
+            Displacement("top", x=1e-3, y=-1e-3),
+            *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),
+        ]
+        found = bodies_of(ContactProblem(mesh, Material(1.0, 0.2), conditions))
+        assert sorted(area(body.problem.mesh) for body in found) == pytest.approx([2.0, 4.0])
+
+
+class TestNorm:
+    """The norm of the friction operator on a joint is no larger than the largest of those of the bodies."""
+
+    def test_proved(self):
+        """It is that of one half disc, which does not know the stiffness of the other."""
+        found, alone = (friction_norm(each, slipping(each)) for each in (half_discs(0.1, below=300.0), half_disc(0.1)))
+        assert found.proved
+        assert found.value == pytest.approx(alone.value, rel=1e-6)
+
+    def test_an_operator_of_each_body_is_one_of_the_whole(self):
+        """Sv = η v_x e_y on both: the jump along n is η times that along t, and its energy obeys the proved norm."""
+        problem = half_discs(0.1, below=300.0)
+        known = BodyAtRest.of(problem, 3)
+        n, v = known.contacts.count, np.random.default_rng(0).standard_normal((known.body.body.space.size, 40))
+        v[~np.isin(np.arange(len(v)), known.body.free)] = 0.0
+        image = np.zeros_like(v)
+        image[1::2] = 0.1 * v[::2]
+        jumps, moved = known.contacts.rows @ v, known.contacts.rows @ image
+        assert moved[:n] == pytest.approx(0.1 * jumps[n:], abs=1e-12)
+        assert np.abs(moved[n:]).max() < 1e-12
+        K = known.body.body.stiffness()
+        energies = [np.einsum("ij,ij->j", part, K @ part) for part in (image, v)]
+        assert np.sqrt(energies[0] / energies[1]).max() < friction_norm(problem, slipping(problem)).value
+
+
+def slipping(problem):
+    """The share 1 on all of the contact."""
+    (contact,) = problem.contacts
+    values = np.ones((len(problem.mesh.edges(contact.edges)), 2))
+    return {contact.name: Share(contact, values, values, values[:, 0], 0.0 * values)}
+
+
+def finer(problem):
+    """Every triangle bisected."""
+    return replace(problem, mesh=problem.mesh.refined(np.ones(problem.mesh.cell_count, dtype=bool)))
+
+
+class TestBounds:
+    """Bounds of stresses and forces on two half discs."""
+
+    @pytest.mark.parametrize(("friction", "kind"), [(0.1, "guaranteed"), (0.3, "estimated")])
+    def test_true_errors_and_forces(self, friction, kind):
+        """Of degree 3 beside degree 5 on the same mesh: the force of the finer one is inside its own bounds too."""
+        problem = finer(half_discs(friction, below=500.0))
+        result, fine = (solve(problem, degree=degree) for degree in (3, 5))
+        found = result.bracket.coulomb
+        assert found.kind == kind
+        assert (found.shares["seam"].slipping == -1.0).all()
+        assert 1.0 <= found.error / energy_apart(result, fine) < 4.0
+        for name in ("normal_force", "tangential_force"):
+            both = [each.bracket.coulomb.forces[f"seam.{name}"] for each in (result, fine)]
+            assert both[0].lower < getattr(fine.contacts["seam"], name) < both[0].upper
+            assert max(each.lower for each in both) < min(each.upper for each in both)
+            assert np.diff(both[1]) < 0.5 * np.diff(both[0])
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.5])
+def test_a_crack_in_one_body(friction):
+    """Its jump vanishes at the tip: stresses are bounded, forces are not, as no z has z_N = 1 there."""
+    mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("crack", lambda x, y: (y == 1.0) & (x < 1.0))
+    conditions = [
+        Contact("crack", friction),
+        Displacement("bottom", x=0.0, y=0.0),
+        Displacement("top", x=1e-3, y=-1e-3),
+        *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),
+    ]
+    problem = ContactProblem(mesh.graded([(1.0, 1.0)], 4), Material(1.0, 0.2), conditions)
+    found = solve(problem, degree=4).bracket.coulomb
+    assert found.kind == "estimated"
+    assert found.relative_error < 0.1
+    assert found.error > energy_apart(found.stress, solve(problem, degree=6))
+    assert found.forces == {}
+
+
+def test_a_part_of_a_mesh_keeps_names_arcs_and_regions():
+    disc = half_discs().mesh.with_arc("crown", (0.0, 0.0), 1.0).with_arc("foot", (0.0, 0.0), 1.0)
+    lower = disc.part(disc.region("lower"))
+    assert set(lower.edge_names) == {"seam", "foot", "flank"}
+    assert lower.joint_names == ()
+    assert lower.region("lower").tolist() == list(range(12))
+    assert len(lower.edges("flank")) == len(disc.edges("flank")) // 2
+    assert lower.edges("foot").length == pytest.approx(np.pi / 12.0)
+    assert lower.edges("seam").normal[:, 1] == pytest.approx(1.0)
