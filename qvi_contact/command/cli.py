@@ -370,7 +370,7 @@ def bracket(
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.watch import watched
+    from solvers.basics.progress import watched
 
     targets = checked_targets(file, plot=plot, vtk=vtk)
     problem_file = load_problem(file)
@@ -442,7 +442,7 @@ def branches(
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.watch import watched
+    from solvers.basics.progress import watched
 
     targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json)
     problem_file = load_problem(file)

@@ -27,7 +27,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import EnergyRoot, FrictionQVI, Traces
-from solvers.basics.pickles import Stated
+from solvers.basics.types import Stated
 
 DEFAULT_DEGREE: Final = 4
 """Degree of the Airy function where none is given."""

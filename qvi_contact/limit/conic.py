@@ -16,8 +16,8 @@ from scipy.sparse import linalg
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import SolveError
+from solvers.basics.progress import left
 from solvers.basics.types import load
-from solvers.basics.watch import left
 
 _TOLERANCE: Final = 1e-9  # of the solver
 _COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blocks: bounds come from x in any case

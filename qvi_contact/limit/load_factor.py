@@ -30,8 +30,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
-from solvers.basics.narration import narrated
-from solvers.basics.watch import watched
+from solvers.basics.progress import narrated, watched
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, Answer, solved
 
 if TYPE_CHECKING:

@@ -34,8 +34,7 @@ from qvi_contact.mesh.triangle_checks import (
     refuse_flaws,
 )
 from solvers.basics.names import known_name
-from solvers.basics.pickles import Stated
-from solvers.basics.types import load
+from solvers.basics.types import Stated, load
 
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""

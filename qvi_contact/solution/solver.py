@@ -33,10 +33,9 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.version import __version__
 from solvers import QVISolution, Status, solve_qvi
 from solvers.basics.checks import true_or_false
-from solvers.basics.narration import narrated
-from solvers.basics.watch import Progress, tell, watched
+from solvers.basics.progress import Progress, narrated, tell, watched
 from solvers.factorisation import FactorisationError
-from solvers.solution.start import Start
+from solvers.solution import Start
 from solvers.solve import check_settings, default_method, facts_of
 
 _MANY_CELLS = 20_000  # whose discretisation takes seconds

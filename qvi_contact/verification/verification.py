@@ -43,7 +43,7 @@ from qvi_contact.verification.claims import (
 from solvers import Certificate, Status
 from solvers.certificate.feasibility import is_farkas
 from solvers.factorisation import FactorisationError
-from solvers.solution.finish import LOOSEST
+from solvers.solution import LOOSEST
 
 DOCUMENT_VERSION: Final = 1
 """Grows when an entry of `Verification.document` changes its meaning or goes away."""
@@ -186,7 +186,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
         The result. A proof that the load cannot be carried is checked too; any other result without stresses fails.
     tolerance : float, optional
         Of the certificate, in (0, 1); by default the one the result was solved with, which must not be looser than
-        `solvers.solution.finish.LOOSEST` then.
+        `solvers.solution.LOOSEST` then.
 
     Returns
     -------
@@ -244,7 +244,7 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
         The archive.
     tolerance : float, optional
         Of the certificate; by default the one the result was solved with, which must not be looser than
-        `solvers.solution.finish.LOOSEST` then: the file does not choose what it is measured by.
+        `solvers.solution.LOOSEST` then: the file does not choose what it is measured by.
 
     Raises
     ------
