@@ -31,7 +31,7 @@ NUMERICAL: Final = (
 """Rooms whose mutations are drawn three times as often."""
 RETIRING: Final = (
     "bogner_fox_schmit", "exchange", "levels", "dissection", "rectangle", "rectilinear", "hermite.py",
-    "grids.py", "lines.py", "cluster", "sweep_stream", "comparisons/lab",
+    "grids.py", "lines.py", "comparisons/lab",
     "comparisons/scaling", "sequences", "benchmark/systems", "inequality/edges", "threshold",
 )  # fmt: skip
 """Files of subjects that go, of which nothing is drawn."""
