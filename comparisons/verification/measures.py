@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 
 from qvi_contact import ContactLine, ContactResult, ContactState, TriangleMesh
 from qvi_contact.basics.checks import FloatArray, IntArray
@@ -53,7 +53,7 @@ def energy_apart(one: ContactResult, other: ContactResult) -> float:
     return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, c, apart)))
 
 
-def halved(mesh: TriangleMesh) -> Mesh:
+def halved(mesh: TriangleMesh) -> TriangleMesh:
     """Every triangle cut into four."""
     assert isinstance(mesh, TriangleMesh)
     for _ in range(2):

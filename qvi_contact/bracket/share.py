@@ -141,9 +141,6 @@ def outside_scope(problem: ContactProblem) -> str:
 def _not_of_the_kind(problem: ContactProblem, contact: Contact) -> str:
     name, rough = repr(contact.name), has_coulomb(contact)
     found = {
-        f"Bounds under friction are for obstacles whose motion is given: that of {name} is driven by force.": (
-            contact.plate is not None and contact.plate.driven
-        ),
         f"Bounds under friction are for dry contacts: a fluid presses in {name}.": contact.has_fluid,
         f"Bounds under friction are for contacts that may open: {name} keeps its distance.": (
             rough and contact.law != "unilateral"
