@@ -349,14 +349,20 @@ class TestOtherBodies:
         assert "base.tangential_force" not in found.forces  # friction of the end that symmetry holds has no bound
 
     def test_arcs(self):
-        """Nothing is proved on a body with arcs, and a contact that is one has no bounds."""
+        """Nothing is proved on a body with arcs; a contact that is one has estimated bounds."""
         chords = half_disc(0.1, (4e-3, -2e-3))
         disc = replace(chords, mesh=chords.mesh.with_arc("flank", (0.0, 0.0), 1.0).with_arc("crown", (0.0, 0.0), 1.0))
         assert friction_norm(chords, shared(chords, 1.0)).proved
         assert not friction_norm(disc, shared(disc, 1.0)).proved
         assert solve(disc, degree=4).bracket.coulomb.kind == "estimated"
-        turned = [replace(disc.conditions[0], edges="flank"), disc.conditions[1], Traction("base", x=0.0, y=0.0)]
-        assert "is an arc" in solve(replace(disc, conditions=turned), degree=4).bracket.coulomb_reason
+        pressed = [Contact("crown", 0.1, gap=-2e-3, offset=4e-3), Displacement("base", x=0.0, y=0.0)]
+        turned = replace(disc, conditions=[*pressed, Traction("flank", x=0.0, y=0.0)])
+        found = solve(turned, degree=4).bracket.coulomb
+        assert found.kind == "estimated"
+        fine = solve(replace(turned, mesh=halved(turned.mesh)), degree=5).contacts["crown"]
+        for name in ("normal_force", "tangential_force"):
+            force = found.forces[f"crown.{name}"]
+            assert force.lower < getattr(fine, name) < force.upper
 
     def test_a_body_that_only_friction_holds(self):
         """It can slip without strain: nothing bounds the error."""
