@@ -29,6 +29,7 @@ SIDES: Final = ("bottom", "right", "top", "left")
 
 _MOST_LINES: Final = 1_000_000
 _MOST_CELLS: Final = 10_000_000
+_FEW_CELLS: Final = 10_000  # that cutting long cells may always make
 
 
 def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, both_ends: bool = False) -> FloatArray:
@@ -166,8 +167,9 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
     """Lines added until no cell of the body is more than `LONGEST` times as long as wide.
 
     Lines go through the whole grid: those that cut a long cell make others thinner, which may then need cuts the other
-    way. Where that takes more than one round a grid is the wrong mesh for the body.
+    way. Where that takes more than one round, or makes a small grid a large one, a grid is the wrong mesh for the body.
     """
+    most = max(_FEW_CELLS, 4 * active.size)
     for axis in (0, 1):
         width, height = np.diff(x), np.diff(y)
         if axis == 0:
@@ -179,7 +181,7 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
         count = np.maximum(pieces, 1.0)
         if count.max() == 1.0:
             continue
-        if count.sum() * active.shape[axis] > _MOST_CELLS:
+        if count.sum() * active.shape[axis] > most:
             break
         if axis == 0:
             x, active = _divided(x, count.astype(np.int64)), np.repeat(active, count.astype(np.int64), axis=1)
@@ -192,7 +194,7 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
         at = f"({(x[column] + x[column + 1]) / 2.0:.6g}, {(y[row] + y[row + 1]) / 2.0:.6g})"
         remedy = (
             f"the cell around {at} is this many times as long as wide: give at most {LONGEST:g}, by more lines "
-            "across it, or grade the lines less"
+            "across it, or grade the lines less; `graded` of a mesh makes small triangles at points alone"
         )
         raise InputError("TriangleMesh.grid", float(elongation.max()), remedy)
     return x, y, active

@@ -7,20 +7,19 @@ from typing import Any, TypeAlias, overload
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import positive_number, whole_number
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.limits import limit_strategy
-from qvi_contact.refinement.loop import Loop
 from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
 from qvi_contact.refinement.quantity import LimitFactor, Measure, Quantity
-from qvi_contact.refinement.rounds import ROUNDS, THINNEST, K, Settings, Strategy
+from qvi_contact.refinement.rounds import ROUNDS, THINNEST, K, Loop, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import check_options
+from qvi_contact.version import __version__
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.watch import watched
@@ -260,7 +259,7 @@ def _limit_refined(
     callback: RoundCallback | None,
 ) -> LimitRefinement:
     """The refinement for a limit load."""
-    strategy = limit_strategy(settings, checked_loads(problem, quantity.loads))
+    strategy = limit_strategy(problem, settings, checked_loads(problem, quantity.loads))
     ended = Loop(strategy, callback).run(problem, result)
     last = ended.rounds[-1]  # a limit load that fails on the first mesh raises
     return LimitRefinement(
