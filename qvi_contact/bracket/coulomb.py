@@ -21,8 +21,8 @@ from qvi_contact.bracket.outcome import Bounds, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.bracket.share import Share, SharedStress
 from qvi_contact.companion import CompanionResult
-from qvi_contact.solution.on_arcs import rest_on_arcs
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.work import rest_on_arcs
 
 ADMISSIBLE = 1e-6
 """Largest violation of the contact law by a stress, relative to the largest contact traction."""

@@ -398,10 +398,11 @@ def _unfit(body: Body, contact: Contact) -> list[list[float]]:
         for end, vertex in enumerate((int(own.first[edge]), int(own.second[edge]))):
             n, t = (part[edge, end] for part in frames[id(own)])
             others = []
-            for lines, each in ((boundary, None), *zip(joints, problem.joints, strict=True)):
+            for lines, joint in ((boundary, None), *zip(joints, problem.joints, strict=True)):
                 for k in np.flatnonzero((lines.first == vertex) | (lines.second == vertex)).tolist():
                     at = [part[k, int(lines.second[k] == vertex)] for part in frames[id(lines)]]
-                    others.append((*at, held[k], laws.get(k)) if each is None else (*at, np.empty((0, 2)), each))
+                    beside = (held[k], laws.get(k)) if joint is None else (np.empty((0, 2)), joint)
+                    others.append((at[0], at[1], *beside))
             turns = any(law not in (None, contact) and law.name in body.beyond for *_, law in others)
             if turns or not all(_fits(contact, n, t, *other) for other in others):
                 found.append(mesh.vertices[vertex].tolist())
