@@ -17,6 +17,7 @@ from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.data import data_reasons
 from qvi_contact.bracket.forces import force_bounds, force_differences
+from qvi_contact.bracket.friction_norm import UNHELD, computed_norm
 from qvi_contact.bracket.given import GivenProblem, given_problem, posed_strictly
 from qvi_contact.bracket.law import contact_tractions, law_bound, traction_coefficients
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
@@ -130,8 +131,7 @@ def bracket(
         if shared is not None:
             reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companions[2].reasons))
             bounds = _coulomb(shared, before, companions[2], tuple(reasons))
-            coulomb, reason = (None, bounds) if isinstance(bounds, str) else (bounds, "")
-            found = replace(found, coulomb=coulomb, coulomb_reason=reason)
+            found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         if len(companions) > 1:
             own = companions[1]
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
@@ -156,11 +156,14 @@ def _coulomb(
     shared: SharedStress | str, before: ContactResult | str | None, companion: CompanionResult, reasons: tuple[str, ...]
 ) -> CoulombBounds | str:
     """The bounds under Coulomb's law, or why there are none."""
-    if not (isinstance(shared, SharedStress) and isinstance(before, ContactResult)):
-        return str(shared)
+    if not isinstance(before, ContactResult):
+        return str(before)
     if not companion.has_state:
         return "No admissible displacement was found."
     try:
+        if isinstance(shared, str):  # a body that friction alone holds is the usual cause
+            return shared if np.isfinite(computed_norm(before.problem, {})) else UNHELD
+        assert shared is not None
         return coulomb_bounds(shared, companion, before, reasons)
     except (FactorisationError, MemoryError) as error:
         return f"The norm of friction was not computed: {error or 'out of memory'}."
