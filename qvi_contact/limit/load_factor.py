@@ -24,7 +24,7 @@ from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.limit.yielding import YieldCones, coefficients_of
 from qvi_contact.mechanism import Mechanism, upper_bound
-from qvi_contact.mechanism.works import BODY
+from qvi_contact.mechanism.works import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.problem import ContactProblem
@@ -462,28 +462,31 @@ def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> 
     potential = problem.body_potential
     if isinstance(potential, BodyForces):
         parts = {
-            name: _times(part, factor) if name in names or BODY in names else part
+            name: times(part, factor) if name in names or BODY in names else part
             for name, part in potential.parts.items()
         }
         potential = BodyForces(parts)
     elif BODY in names:
-        potential = _times(potential, factor)
+        potential = times(potential, factor)
     return replace(problem, conditions=conditions, body_potential=potential)
 
 
 def _scaled(condition: Condition, names: Sequence[str], factor: float) -> Condition:
-    """A named traction, or a named plate's forces, times the factor."""
+    """A named traction, a named plate's forces, or what fluids press with, times the factor."""
+    if isinstance(condition, Contact) and FLUID in names:
+        condition = replace(condition, pore_pressure=times(condition.pore_pressure, factor))
     if not isinstance(condition, (Traction, Contact)) or condition.name not in names:
         return condition
     if isinstance(condition, Traction):
-        scaled: dict[str, Any] = {name: _times(value, factor) for name, value in components(condition).items()}
+        scaled: dict[str, Any] = {name: times(value, factor) for name, value in components(condition).items()}
         return replace(condition, **scaled)
     forces = {name: getattr(condition.plate, name, None) for name in ("force_x", "force_y", "moment")}
     larger = {name: factor * value for name, value in forces.items() if value is not None}
     return replace(condition, plate=replace(condition.plate, **larger)) if condition.plate else condition
 
 
-def _times(field: Field, factor: float) -> Field:
+def times(field: Field, factor: float) -> Field:
+    """The field times the factor."""
     if not callable(field):
         return factor * field
     function: Callable[[FloatArray, FloatArray], object] = field

@@ -9,6 +9,7 @@ from qvi_contact import (
     Contact,
     ContactProblem,
     Displacement,
+    InputError,
     LimitFactor,
     Material,
     Mises,
@@ -23,6 +24,7 @@ from qvi_contact import (
     limit_load_factor,
     refine,
     solve,
+    strength_reduction_factor,
 )
 from tests.effort import thinned
 
@@ -268,3 +270,21 @@ def test_solve_says_where_the_elastic_stress_exceeds_the_strength():
     assert "0.1 [stress]" in found[0]
     assert "100 %" in found[0]
     assert not any("strength" in remark for remark in strong.remarks)
+
+
+@pytest.mark.parametrize(
+    ("mu", "c", "of", "exact"), [(0.6, 5.0, None, 1.2), (0.9, 1.5, None, 1.5), (0.9, 1.5, ["bottom"], 1.8)]
+)
+def test_strength_may_be_divided_by_what_the_shear_leaves(mu, c, of, exact):
+    """Pressure 2 and shear 1: the base has 2μ, the block c."""
+    found = strength_reduction_factor(block(Tresca(c), mu, 2.0), of=of, accuracy=1e-3)
+    assert found.lower == pytest.approx(exact, rel=2e-3)
+    assert found.upper == pytest.approx(exact, rel=2e-3)
+    assert found.lower <= found.upper
+
+
+def test_strength_that_is_not_enough_has_a_factor_below_one():
+    found = strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), accuracy=0.01)
+    assert found.lower <= 0.6 * (1 + 1e-6) <= found.upper * (1 + 1e-6)
+    with pytest.raises(InputError, match="bottom"):
+        strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), of=["botom"])
