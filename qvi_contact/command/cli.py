@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from qvi_contact import __version__
 from qvi_contact.basics.terminal import Group, run
+from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

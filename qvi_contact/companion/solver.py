@@ -11,17 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.companion.admissible import admissible
 from qvi_contact.companion.condensation import CondensedBody
 from qvi_contact.companion.data import load_vector
 from qvi_contact.companion.dual import Contacts, DualProblem, dual_problem
 from qvi_contact.companion.elasticity import Elasticity
-from qvi_contact.companion.result import CompanionResult
-from qvi_contact.companion.scope import check_scope
+from qvi_contact.companion.result import CompanionResult, CompanionState
 from qvi_contact.companion.space import Space
-from qvi_contact.companion.state import CompanionState
 from qvi_contact.companion.supports import Supports, supports
 from qvi_contact.companion.traces import Trace, traces
 from qvi_contact.companion.triangle import Triangle, triangle
@@ -30,6 +27,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
 from solvers.basics.narration import narrated
 from solvers.certificate.certificate import EXPONENTS
@@ -131,7 +129,8 @@ def solve_companions(
     """
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
-    lines = [model.traces(*pair) for pair in zip_longest(laws, senses, fillvalue=MappingProxyType({}))]
+    nothing = MappingProxyType[str, FloatArray]({})
+    lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, senses, fillvalue=nothing)]
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
@@ -175,6 +174,20 @@ def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> T
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     check_scope(problem)
     return cell
+
+
+def check_scope(problem: ContactProblem) -> None:
+    """`InputError` for a problem that displacements of this room do not model.
+
+    An incompressible material has no stiffness: displacements would have to keep every area.
+    """
+    if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
+        remedy = (
+            "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
+            "materials: take a number below 0.5, or leave them out, and judge the result by its certificate and a "
+            "finer mesh"
+        )
+        raise InputError("Material.poisson", 0.5, remedy)
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,10 +34,14 @@ from qvi_contact.element import legendre
 from qvi_contact.element.affine import EDGES, AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mesh.arcs import angles, arc_offsets, stretches, turned
-from qvi_contact.mesh.curved import arc_points, area_factors, barycentric_of
+from qvi_contact.mesh.arcs import angles, arc_offsets, arc_points, area_factors, barycentric_of, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
+
+Rule: TypeAlias = tuple[FloatArray, FloatArray]
+"""Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
+_MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
+_BLOCK: Final = 2**22  # entries of tables at a time
 
 
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
@@ -102,13 +106,6 @@ def _solved(degree: int) -> IntArray:
 def _given(degree: int) -> IntArray:
     """Where the others do."""
     return np.setdiff1d(np.arange(2 * degree + 2), _solved(degree))
-
-
-Rule: TypeAlias = tuple[FloatArray, FloatArray]
-"""Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
-
-_MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
-_BLOCK: Final = 2**22  # entries of tables at a time
 
 
 @dataclass(frozen=True, eq=False)

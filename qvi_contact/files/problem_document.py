@@ -485,7 +485,7 @@ class RegionTable(Rectangle):
     """Triangles of another material: ranges of x and y, or a region of the mesh by its name."""
 
     name: Name | None = None
-    """Region of the mesh, on triangles; instead of ranges: `name = "inclusion"`."""
+    """Region of the mesh; with ranges, what to call it: `name = "inclusion"`."""
     young: Modulus
     """Young's modulus [stress]: `young = 7e4`."""
     poisson: float

@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -17,6 +16,7 @@ from qvi_contact.files.archive import Archive
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_writer import problem_to_toml, unread_toml
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
 

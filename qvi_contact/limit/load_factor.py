@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import sparse
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
 from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -28,6 +27,7 @@ from qvi_contact.mechanism.works import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.version import __version__
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
 from solvers.basics.narration import narrated

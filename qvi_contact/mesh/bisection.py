@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.bends import bends_of, bent_too_far
+from qvi_contact.mesh.curves import bends_of, bent_too_far
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
 from qvi_contact.mesh.triangle_checks import same_places

@@ -16,21 +16,16 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import cross, reversed_bends, stretches
-from qvi_contact.mesh.bends import AnyArc, bends_of, refuse_bad_arcs
+from qvi_contact.mesh.arcs import barycentric_of, cross, reference_of, reversed_bends, stretches
 from qvi_contact.mesh.bisection import bisected, divided_at_arcs, halved
-from qvi_contact.mesh.circles import Arc
-from qvi_contact.mesh.curve_fit import CurveFunction, fitted
-from qvi_contact.mesh.curved import barycentric_of, reference_of
-from qvi_contact.mesh.curves import Curve
+from qvi_contact.mesh.curves import AnyArc, Arc, Curve, CurveFunction, bends_of, fitted, refuse_bad_arcs
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.mesher import meshed
 from qvi_contact.mesh.outline import Line, Outline, Point, polygons
 from qvi_contact.mesh.parts import MeshParts
-from qvi_contact.mesh.selection import Range, edges_on_segment, triangles_in_box
-from qvi_contact.mesh.topology import Topology, chains, outward_normals
+from qvi_contact.mesh.topology import Range, Topology, chains, edges_on_segment, outward_normals, triangles_in_box
 from qvi_contact.mesh.triangle_checks import (
     checked_cells,
     checked_pairs,
@@ -696,7 +691,7 @@ class TriangleMesh(Stated):
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
 
-        In triangles with arcs they are those of the points of the straight triangle, see `mesh.curved`.
+        In triangles with arcs they are those of the points of the straight triangle, see `mesh.arcs`.
         """
         found = self.barycentric(cells, points)
         bent = self.curved[cells]

@@ -7,20 +7,19 @@ from typing import Any, TypeAlias, overload
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import positive_number, whole_number
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.limits import limit_strategy
-from qvi_contact.refinement.loop import Loop
 from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
 from qvi_contact.refinement.quantity import LimitFactor, Measure, Quantity
-from qvi_contact.refinement.rounds import ROUNDS, THINNEST, K, Settings, Strategy
+from qvi_contact.refinement.rounds import ROUNDS, THINNEST, K, Loop, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import check_options
+from qvi_contact.version import __version__
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.watch import watched
@@ -91,10 +90,10 @@ def refine(
     """Solve a problem on meshes refined where it pays until the error of a quantity is within a target.
 
     Each round solves the problem on a mesh, which gives the answer. Where the contact laws allow it (no friction,
-    Tresca's, tied contacts) a displacement companion bounds the energy, and the force of one prescribed displacement:
-    the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a closer look: one degree more,
-    on a mesh bisected where contact states change and at the corners where stresses may be singular (see `closer`).
-    Triangles that hold most of the difference are bisected.
+    Tresca's, or tied contacts) a displacement companion bounds the energy, and the force of one prescribed
+    displacement: the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a closer look: one
+    degree more, on a mesh bisected where contact states change and at the corners where stresses may be singular (see
+    `closer`). Triangles that hold most of the difference are bisected.
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.contact_rows import laws_vary
@@ -35,6 +34,7 @@ from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.solver import check_options, rows_for, solve
+from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.frames import columns_of, frame

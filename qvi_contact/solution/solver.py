@@ -1,23 +1,37 @@
-"""Solve a contact problem: discretise, solve the algebraic inequality, wrap the answer."""
+"""Solve a contact problem: discretise, solve the algebraic inequality, wrap the answer, judge what is impossible.
+
+Obstacles out of reach: a problem is solved as if they stood nearer (`Scales.reach`), and again where they are if the
+body gets there. An obstacle that was moved closer has been reached where a pressure on it is more than the certificate
+would take for none. Multipliers tell less: where rows depend on each other single ones may be zero.
+
+Loads that cannot be carried: the algebraic problem of a mesh may be infeasible although the body carries the load, as
+its stresses cannot follow the tractions, which crowd in corners shortly before a body slides or tips. So the status is
+decided anew, by a mechanism that proves it for the body, see `mechanism`. The other way round an answer of a mesh may
+keep a contact law at its points, or by its coefficients, and exceed it between them. Where μ and c are constant and
+there is no cap, the rows of an edge integrate the work of the contact against rigid motions, which stays what the law
+allows. Else a load beyond the limit of the body may look carried.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, real_array
-from qvi_contact.discretization.contact_rows import laws_vary
+from qvi_contact.discretization.contact_rows import joined, laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.space import FAMILY, RowKind
 from qvi_contact.errors import InputError, SolveError
+from qvi_contact.mechanism import Mechanism, find_mechanism
+from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.impossible import judged
-from qvi_contact.solution.reach import solve_within_reach
 from qvi_contact.solution.result import ContactResult
-from solvers import Status
+from qvi_contact.version import __version__
+from solvers import QVISolution, Status, solve_qvi
 from solvers.basics.checks import true_or_false
 from solvers.basics.narration import narrated
 from solvers.basics.watch import Progress, tell, watched
@@ -27,6 +41,8 @@ from solvers.solve import check_settings, default_method, facts_of
 
 _MANY_CELLS = 20_000  # whose discretisation takes seconds
 _LINEAR = 2  # coefficients of a linear function
+_ANSWERED: Final = (Status.SOLVED, Status.INACCURATE)
+_EXCEEDED: Final = 1e-7  # of the unit of stress: excess between the points that is more than the tolerance of solves
 
 
 def solve(
@@ -107,7 +123,7 @@ def solve(
                 tell(Progress("mesh", stage=f"discretising {chosen.mesh.cell_count} cells"))
             chosen = posed(chosen, degree=degree, contact_rows=contact_rows, **settings)
         story.begin(_facts(chosen, settings))
-        result = judged(_solve(chosen, settings))
+        result = _judged(_solve(chosen, settings))
         story.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
@@ -178,11 +194,25 @@ def rows_for(method: str | None, contact_rows: RowKind | None) -> RowKind | None
 
 
 def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:
-    """Solve with checked settings."""
+    """Solve with checked settings, again with obstacles where they stand if one that was moved closer is reached."""
     _check_uzawa(discretization, settings["method"])
     if settings.get("initial") is not None:
         settings["initial"] = _initial(settings["initial"], discretization)
-    return solve_within_reach(discretization, settings)
+    solution = solve_qvi(discretization.qvi, **settings)
+    if _reached(discretization, solution):
+        discretization = discretization.everywhere()
+        solution = solve_qvi(discretization.qvi, **settings)
+    return ContactResult(discretization, solution)
+
+
+def _reached(discretization: Discretization, solution: QVISolution) -> bool:
+    """Whether the body presses on an obstacle that stands farther away than it was taken to be."""
+    moved = joined([rows.beyond for rows in discretization.contacts if rows.law != "tied"]) > 0.0
+    certificate = solution.certificate
+    if not moved.any() or not certificate.scales:  # nothing was measured, as there is no state
+        return False
+    pressure = -solution.problem.normal(solution.z)[moved]
+    return bool(pressure.max() > certificate.tolerance * certificate.scales["stress"])
 
 
 def _check_uzawa(discretization: Discretization, method: str | None) -> None:
@@ -237,3 +267,52 @@ def _same_unknowns(one: Discretization, other: Discretization) -> bool:
         and np.array_equal(one.elimination.kept, other.elimination.kept)
         and one.problem.mesh.same_as(other.problem.mesh)
     )
+
+
+def _judged(result: ContactResult) -> ContactResult:
+    """The result with the status "infeasible" if a mechanism proves it, "infeasible_on_mesh" if only the mesh does."""
+    if result.status in _ANSWERED and not _exceeds(result):
+        return result
+    mechanism = _mechanism(result)
+    if mechanism is not None:
+        return _with_status(result, Status.INFEASIBLE, _proof(mechanism))
+    if result.status is not Status.INFEASIBLE:
+        return result
+    return _with_status(
+        result,
+        Status.INFEASIBLE_ON_MESH,
+        "no traction of this mesh carries the load, proved by multipliers (Farkas) checked on the data; there is no "
+        "such proof for the body",
+    )
+
+
+def _exceeds(result: ContactResult) -> bool:
+    """Whether an answer exceeds, between the points, a contact law whose rows do not bound its work."""
+    largest = _EXCEEDED * result.discretization.scales.stress
+    uneven = [contact.name for contact in result.problem.contacts if _is_uneven(contact)]
+    return any(result.contacts[name].excess_between_points > largest for name in uneven)
+
+
+def _is_uneven(contact: Contact) -> bool:
+    varies = callable(contact.friction) or callable(contact.cohesion)
+    return contact.law != "tied" and (varies or contact.shear_limit is not None)
+
+
+def _mechanism(result: ContactResult) -> Mechanism | None:
+    """The mechanism that proves it; none where its linear program fails, or functions have no values at its places."""
+    with suppress(SolveError, InputError):
+        return find_mechanism(result.problem)
+    return None
+
+
+def _proof(mechanism: Mechanism) -> str:
+    drive = "the driving loads do work, and nothing resists"
+    if mechanism.overload < float("inf"):
+        drive = f"the driving loads do {mechanism.overload:.6g} times the work that everything else can take up"
+    return f"proved by a mechanism of rigid blocks, on which {drive}"
+
+
+def _with_status(result: ContactResult, status: Status, proof: str) -> ContactResult:
+    count = result.iterations
+    message = f"{status.words} after {count} iteration{'s' if count != 1 else ''}; {proof}. {status.advice}"
+    return ContactResult(result.discretization, replace(result.solution, status=status, message=message))

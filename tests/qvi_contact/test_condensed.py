@@ -16,6 +16,7 @@ from solvers.inequality import dense as dense_rows
 from solvers.inequality import interface_of, trace_coordinates
 from tests.effort import thinned
 from tests.qvi_contact.frictions import with_friction
+from tests.qvi_contact.lines import with_line
 
 FRICTIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 
@@ -82,7 +83,7 @@ def free(*sides):
 def on_lines(*conditions, joints=(), **options):
     mesh = TriangleMesh.grid([0.0, 0.3, 0.8, 1.5], [0.0, 0.3, 0.7, 1.0])
     for joint in joints:
-        mesh = mesh.with_joint(*joint)
+        mesh = with_line(mesh, *joint)
     return ContactProblem(mesh, STEEL, [*conditions], **options)
 
 

@@ -8,6 +8,7 @@ import pytest
 from qvi_contact import InputError, TriangleMesh, solve_history
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.solution import loop_area
+from tests.qvi_contact.lines import with_line
 from tests.qvi_contact.states import difference, solved
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
@@ -44,7 +45,7 @@ JOINTS = {
 
 def jointed(mesh, joints):
     for joint in joints:
-        mesh = mesh.with_joint(*joint)
+        mesh = with_line(mesh, *joint)
     return mesh
 
 
@@ -85,7 +86,7 @@ class TestOneDimension:
         along, across = [0.0, 0.2, 0.4, 0.7, 1.0], [0.0, 0.5, 1.0, 1.5]
         names = ("bottom", "top", "left", "right") if direction == "horizontal" else ("left", "right", "bottom", "top")
         mesh = TriangleMesh.grid(*((across, along) if direction == "horizontal" else (along, across)))
-        mesh = mesh.with_joint("joint", direction, self.SPLIT)
+        mesh = with_line(mesh, "joint", direction, self.SPLIT)
         near, far, middle, free = names
         bounds = {"y" if direction == "horizontal" else "x": (self.SPLIT, self.LENGTH)}
         normal, shear = ("y", "x") if direction == "horizontal" else ("x", "y")
@@ -153,7 +154,7 @@ class TestRefused:
 
     @pytest.mark.parametrize("other", [("horizontal", 0.4, 0.3, 0.8), ("horizontal", 0.4)])
     def test_overlapping_joints(self, other):
-        mesh = self.MESH.with_joint("other", *other)
+        mesh = with_line(self.MESH, "other", *other)
         with pytest.raises(InputError, match="shares an edge with 'joint'"):
             squeezed(mesh, [Contact("joint", 0.1), Contact("other", 0.1)])
 
@@ -175,13 +176,11 @@ class TestRefused:
     @pytest.mark.parametrize(
         ("arguments", "word"),
         [
-            (("new", "diagonal", 0.4), "direction"),
-            (("new", "horizontal", 0.41), "nearest one is at 0.4"),
-            (("new", "horizontal", 0.0), "no interior edge"),
-            (("new", "horizontal", 0.4, 0.5), "start"),
-            (("new", "vertical", 0.8, 0.7, 0.4), "no interior edge"),
-            (("joint", "vertical", 0.8), "exists already"),
-            (("", "vertical", 0.8), "non-empty"),
+            (("new", "horizontal"), "function"),
+            (("new", lambda _, y: y == 0.41), "no interior edge"),
+            (("new", lambda _, y: y == 0.0), "no interior edge"),
+            (("joint", lambda x, _: x == 0.8), "exists already"),
+            (("", lambda x, _: x == 0.8), "non-empty"),
         ],
     )
     def test_where_there_is_no_joint(self, arguments, word):

@@ -159,7 +159,7 @@ def sliding(law, normal, material, side, mesh):
     stress = {"xx": Q, "yy": normal, "xy": TAU} if across else {"xx": normal, "yy": Q, "xy": TAU}
     strain = material.compliance @ np.array([stress["xx"], stress["yy"], TAU])
     outward = {"bottom": -1.0, "left": -1.0, "top": 1.0, "right": 1.0}[side]
-    base = (mesh.y if across else mesh.x)[0 if outward < 0 else -1]
+    base = mesh.vertices[:, across].min() if outward < 0 else mesh.vertices[:, across].max()
     slip = 0.5 * -outward  # against σ_T = outward τ
 
     def displacement(x, y):

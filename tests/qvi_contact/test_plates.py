@@ -15,7 +15,8 @@ from tests.qvi_contact.states import difference, solved
 STEEL = Material(1000.0, 0.3)
 
 
-MESH = TriangleMesh.grid([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
+X, Y = np.array([0.0, 0.3, 0.8, 1.5, 2.0]), np.array([0.0, 0.4, 0.7, 1.0])
+MESH = TriangleMesh.grid(X, Y)
 
 
 def moved(contact, x=0.0, y=0.0, rotation=0.0, pivot=(0.0, 0.0), sign=1.0, normal="y"):
@@ -120,7 +121,7 @@ def test_two_plates_and_their_balance():
 
 def column(plate, friction=0.0, material=STEEL, scale=1.0, shift=(0.0, 0.0)):
     """A plate on a column that stands on a smooth ground; closed form: p = F/w, motion = F h/(E w)."""
-    mesh = TriangleMesh.grid(shift[0] + scale * MESH.x, shift[1] + scale * MESH.y)
+    mesh = TriangleMesh.grid(shift[0] + scale * X, shift[1] + scale * Y)
     conditions = [
         Symmetry("left"),
         Symmetry("bottom"),
@@ -143,7 +144,7 @@ class TestColumn:
 
     def test_rotation_under_an_eccentric_force(self):
         """On a bilateral plate: bending by M about the middle, slope 12 M h/(E w³) of the straight column."""
-        mesh = TriangleMesh.grid(MESH.x - 1.0, MESH.y)
+        mesh = TriangleMesh.grid(X - 1.0, Y)
         moment, free = 3.0, [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
         plate = Contact("top", 0.0, law="bilateral", plate=RigidPlate(force_y=-30.0, moment=moment), name="plate")
         result = solved(ContactProblem(mesh, STEEL, [Symmetry("bottom"), *free, plate]))

@@ -55,7 +55,8 @@ from qvi_contact.units import Units
 from solvers import Status
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
-MESH = TriangleMesh.grid([0.0, 0.5, 2.0], [0.0, 1.0, 1.2, 3.0])
+LINES = [0.0, 0.5, 2.0], [0.0, 1.0, 1.2, 3.0]
+MESH = TriangleMesh.grid(*LINES)
 FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
 
 
@@ -280,7 +281,7 @@ def notched(plane="stress"):
     """Graded cells, one of them left out, two materials under a load and a body force."""
     active = np.ones((3, 2), dtype=bool)
     active[2, 1] = False
-    mesh = TriangleMesh.grid(MESH.x, MESH.y, active)
+    mesh = TriangleMesh.grid(*LINES, active)
     conditions = [Displacement("bottom", x=0.0, y=0.0), Traction("top", x=0.0, y=-10.0), *FREE]
     regions = [Region(Material(3000.0, 0.45, plane), y=(0.0, 1.0))]
     material = Material(1000.0, 0.2, plane)

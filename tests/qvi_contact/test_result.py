@@ -384,14 +384,15 @@ def test_a_result_stays_what_it_is(remembering, copied):
 @pytest.mark.parametrize("copied", COPIES)
 def test_a_problem_gives_the_same_inequality(copied):
     problem = copied(blocks())
-    assert problem.mesh.named == blocks().mesh.named
-    assert not problem.mesh.x.flags.writeable
+    assert problem.mesh.same_as(blocks().mesh)
+    assert problem.mesh.edge_sets.keys() == blocks().mesh.edge_sets.keys()
+    assert not problem.mesh.vertices.flags.writeable
     ours, theirs = discretize(problem).qvi, discretize(blocks()).qvi
     assert np.array_equal(ours.K.data, theirs.K.data)
     assert np.array_equal(ours.f, theirs.f)
     assert np.array_equal(ours.mu, theirs.mu)
     with pytest.raises(TypeError):
-        problem.mesh.named["new"] = problem.mesh.named["joint"]
+        problem.mesh.edge_sets["new"] = problem.mesh.edge_sets["joint"]
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy])

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from markupsafe import Markup
 
-from qvi_contact import __version__
 from qvi_contact.basics.page import page_template
 from qvi_contact.basics.units import Units
 from qvi_contact.command.page.fields import contact_data, field_data
@@ -37,6 +36,7 @@ from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

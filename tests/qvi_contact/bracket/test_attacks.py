@@ -24,6 +24,7 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.result import ContactResult
 from tests.effort import examples, thinned
+from tests.qvi_contact.lines import with_line
 
 SIDES = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
 SOFT = Material(1e3, 0.3)
@@ -50,8 +51,13 @@ def pressed(bound, cells=(4, 4)):
 
 def halved(problem):
     """Every cell cut in four."""
-    mesh = problem.mesh
-    return problem.on_lines(*(np.sort(np.append(lines, (lines[1:] + lines[:-1]) / 2.0)) for lines in (mesh.x, mesh.y)))
+    x, y = (np.unique(part) for part in problem.mesh.vertices.T)
+    return on_lines(problem, *(np.sort(np.append(lines, (lines[1:] + lines[:-1]) / 2.0)) for lines in (x, y)))
+
+
+def on_lines(problem, x, y):
+    """The problem of a rectangle on another grid."""
+    return replace(problem, mesh=TriangleMesh.grid(x, y))
 
 
 def assert_consistent(first: Bracket, second: Bracket):
@@ -71,7 +77,7 @@ class TestDataBetweenPoints:
 
     def test_bound_that_jumps_near_the_end_of_an_edge(self):
         problem = pressed(lambda x, _: np.where(x < 0.95, 4.0, 400.0), (1, 1))
-        finer = solve(problem.on_lines(self.LINES, self.LINES)).bracket
+        finer = solve(on_lines(problem, self.LINES, self.LINES)).bracket
         assert finer.guaranteed
         assert_consistent(solve(problem).bracket, finer)
 
@@ -82,7 +88,7 @@ class TestDataBetweenPoints:
     def test_traction_on_a_strip_at_the_end_of_an_edge(self):
         load = Traction("top", 0.0, lambda x, _: np.where(x > 0.99, -100.0, -1.0))
         problem = square(Displacement("bottom", 0.0, 0.0), load, cells=(1, 2))
-        companion = solve_companion(problem.on_lines([0.0, 0.5, 0.9, 0.96, 0.98, 0.99, 1.0], self.LINES))
+        companion = solve_companion(on_lines(problem, [0.0, 0.5, 0.9, 0.96, 0.98, 0.99, 1.0], self.LINES))
         assert not companion.reasons
         found = solve(problem).bracket
         assert found.lower > companion.energy  # what may not be claimed to be a bound
@@ -147,7 +153,7 @@ class TestForces:
     @pytest.mark.parametrize("axis", ["horizontal", "vertical"])
     def test_joint(self, axis):
         ends = ("bottom", "top") if axis == "horizontal" else ("left", "right")
-        mesh = TriangleMesh.rectangle((2, 2)).with_joint("joint", axis, 0.5)
+        mesh = with_line(TriangleMesh.rectangle((2, 2)), "joint", axis, 0.5)
         outer = [Displacement(end, 0.0, 0.0) for end in ends]
         outer += free(*(side for side in SIDES if side not in ends))
         for joint, kind in (

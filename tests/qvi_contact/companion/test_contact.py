@@ -26,6 +26,7 @@ from qvi_contact.companion import DualProblem, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import Status
 from tests.effort import thinned
+from tests.qvi_contact.lines import with_line
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
@@ -283,19 +284,12 @@ def squeezed_whole():
     return companion_of(squeezed(MESH))
 
 
-def joined(mesh, name, direction, at, start=-np.inf, stop=np.inf):
-    """The mesh with a joint along a grid line."""
-    if direction == "horizontal":
-        return mesh.with_joint(name, lambda x, y: np.isclose(y, at) & (x > start) & (x < stop))
-    return mesh.with_joint(name, lambda x, y: np.isclose(x, at) & (y > start) & (y < stop))
-
-
 @pytest.mark.parametrize("joints", JOINTS.values(), ids=JOINTS)
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_closed_joints_are_not_there(joints, law):
     mesh = MESH
     for joint in joints:
-        mesh = joined(mesh, *joint)
+        mesh = with_line(mesh, *joint)
     body = squeezed_whole()
     companion = companion_of(squeezed(mesh, [Contact(name, **law) for name, *_ in joints]))
     x, y = np.random.default_rng(3).uniform(size=(2, 50)) * [[2.0], [1.0]]
