@@ -124,7 +124,7 @@ class ConicProgram:
         found = np.array(x)
         for _ in range(_SWEEPS if len(self.e) else 0):
             found += self.E.T @ self._normal.solve(self.e - self.E @ found)
-        return found
+        return np.asarray(found)
 
     @cached_property
     def _normal(self) -> Any:
