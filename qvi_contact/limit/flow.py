@@ -36,6 +36,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.affine import EDGES
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import exponents, gradient, quadrature
+from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.yielding import YieldCones, coefficients_of, part_corners
 from qvi_contact.mechanism.works import FLUID
@@ -45,6 +46,7 @@ from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 _ALONG: Final = np.linspace(0.0, 1.0, 33)  # places of an edge where fields of contacts are looked at
+_HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 _FREE: Final = 1e-12  # of squared unit vectors, in which nothing is prescribed
 _NULL: Final = 1e-10  # of the largest singular value of conditions on rigid parts
 
@@ -308,7 +310,7 @@ class FlowProgram:
         self.space = Velocities(problem, self.k + 1, cones.strong)
 
     def solved(self) -> Flow:
-        """The flow with the least bound that is found."""
+        """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions."""
         works = {name: row @ self.space.basis for name, row in self.powers().items()}
         size = self.space.basis.shape[1]
         live = sum((works[name] for name in works if name in self.names), np.zeros(size))
@@ -320,6 +322,11 @@ class FlowProgram:
         x, violation = program.repaired(self._raised(program, found))
         x = self._raised(program, x)
         power = float(live @ x[:size])
+        if not violation <= _HELD or not power > 0.0:
+            raise SolveError(
+                f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
+                "mesh that is less graded"
+            )
         return Flow(float(program.q @ x) / power, violation, self._motion(x / power))
 
     def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:

@@ -302,11 +302,15 @@ class LimitProblem:
         upper = min(flow.bound, of_blocks)
         if of_blocks > flow.bound:
             mechanism = None
-        collapse = None
+        straight, collapse = not self.problem.mesh.curved.any(), None
+        if straight and carried.factor > upper and not carried.factor - upper <= _CERTIFIED * (1.0 + abs(upper)):
+            raise SolveError(
+                f"limit load: stresses that carry {carried.factor:.9g} times the loads contradict a flow at "
+                f"{upper:.9g}: use another degree, or a mesh that is less graded"
+            )
         if carried.stress is not None and flow.motion is not None:
             parts = gap_in_cells(self.low, carried, flow.motion, degree)
             stress = carried.stress * self.low.scales.stress
-            straight = not self.problem.mesh.curved.any()
             collapse = Collapse(flow.motion, stress, parts, straight and self._polynomial_force(degree))
         violation = max(carried.violation, flow.violation)
         limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
