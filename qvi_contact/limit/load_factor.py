@@ -23,7 +23,7 @@ from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.limit.yielding import YieldCones, coefficients_of
 from qvi_contact.mechanism import Mechanism, upper_bound
-from qvi_contact.mechanism.works import BODY
+from qvi_contact.mechanism.works import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.problem import ContactProblem
@@ -301,11 +301,15 @@ class LimitProblem:
         upper = min(flow.bound, of_blocks)
         if of_blocks > flow.bound:
             mechanism = None
-        collapse = None
+        straight, collapse = not self.problem.mesh.curved.any(), None
+        if straight and carried.factor > upper and not carried.factor - upper <= _CERTIFIED * (1.0 + abs(upper)):
+            raise SolveError(
+                f"limit load: stresses that carry {carried.factor:.9g} times the loads contradict a flow at "
+                f"{upper:.9g}: use another degree, or a mesh that is less graded"
+            )
         if carried.stress is not None and flow.motion is not None:
             parts = gap_in_cells(self.low, carried, flow.motion, degree)
             stress = carried.stress * self.low.scales.stress
-            straight = not self.problem.mesh.curved.any()
             collapse = Collapse(flow.motion, stress, parts, straight and self._polynomial_force(degree))
         violation = max(carried.violation, flow.violation)
         limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
@@ -461,28 +465,31 @@ def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> 
     potential = problem.body_potential
     if isinstance(potential, BodyForces):
         parts = {
-            name: _times(part, factor) if name in names or BODY in names else part
+            name: times(part, factor) if name in names or BODY in names else part
             for name, part in potential.parts.items()
         }
         potential = BodyForces(parts)
     elif BODY in names:
-        potential = _times(potential, factor)
+        potential = times(potential, factor)
     return replace(problem, conditions=conditions, body_potential=potential)
 
 
 def _scaled(condition: Condition, names: Sequence[str], factor: float) -> Condition:
-    """A named traction, or a named plate's forces, times the factor."""
+    """A named traction, a named plate's forces, or what fluids press with, times the factor."""
+    if isinstance(condition, Contact) and FLUID in names:
+        condition = replace(condition, pore_pressure=times(condition.pore_pressure, factor))
     if not isinstance(condition, (Traction, Contact)) or condition.name not in names:
         return condition
     if isinstance(condition, Traction):
-        scaled: dict[str, Any] = {name: _times(value, factor) for name, value in components(condition).items()}
+        scaled: dict[str, Any] = {name: times(value, factor) for name, value in components(condition).items()}
         return replace(condition, **scaled)
     forces = {name: getattr(condition.plate, name, None) for name in ("force_x", "force_y", "moment")}
     larger = {name: factor * value for name, value in forces.items() if value is not None}
     return replace(condition, plate=replace(condition.plate, **larger)) if condition.plate else condition
 
 
-def _times(field: Field, factor: float) -> Field:
+def times(field: Field, factor: float) -> Field:
+    """The field times the factor."""
     if not callable(field):
         return factor * field
     function: Callable[[FloatArray, FloatArray], object] = field
