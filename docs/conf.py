@@ -38,7 +38,7 @@ smartquotes = False  # two hyphens are an option, not a dash
 
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
-_ALIASES = ["ElementName", "Field", "Law", "Plane", "Quantity", "RowKind"]  # of qvi_contact.types
+_ALIASES = ["Field", "Law", "Plane", "Quantity", "RowKind"]  # of qvi_contact.types
 autodoc_type_aliases = {name: name for name in _ALIASES}
 autodoc_member_order = "bysource"
 python_use_unqualified_type_names = True
@@ -60,6 +60,6 @@ nitpick_ignore_regex = [
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
     (r"py:class", r"qvi_contact\.companion\.(elasticity|space|state)\.\w+"),
-    (r"py:class", r"qvi_contact\.(mesh\.(edges|mesh|rectilinear|topology)\.\w+|plots\.figures\.LoadHistory)"),
+    (r"py:class", r"qvi_contact\.(mesh\.(edges|topology)\.\w+|plots\.figures\.LoadHistory)"),
     (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.(energy|interface|linear|operator))\.\w+"),
 ]

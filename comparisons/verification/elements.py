@@ -1,11 +1,9 @@
-"""The elements that the manual runs on: each problem lists those it is solved with, and each row names its own."""
+"""The degrees of Φ that the manual runs on: each problem lists those it is solved with, and each row names its own."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
 from typing import Any, Final
-
-from qvi_contact.discretization.families import ElementName, with_element
 
 from comparisons.verification.row import Problem, Row
 from qvi_contact import ContactProblem, ContactResult, Discretization, History, discretize, solve, solve_history
@@ -15,63 +13,43 @@ from qvi_contact.limit.load_factor import LimitLoad, limit_load
 
 @dataclass(frozen=True)
 class Element:
-    """An element of Φ, and what is solved with it.
+    """Triangles with a degree p of Φ: tractions on an edge have p − 1 parameters."""
 
     Attributes
     ----------
     name : str
         What rows say.
-    family : "bfs" or "hct"
-        Its name for `solve`: rectangles, or triangles into which they are cut.
     degree : int
-        Degree p of Φ on it, along the edges of rectangles too: tractions on an edge have p − 1 parameters or fewer.
+        Degree p of Φ: tractions on an edge have p − 1 parameters or fewer.
 
     """
 
     name: str
-    family: ElementName
     degree: int
-
-    @property
-    def has_triangles(self) -> bool:
-        """Whether rectangles are cut into triangles."""
-        return self.family == "hct"
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """What `solve`, `refine`, `limit_load` and the like are told."""
-        return {"element": self.family, "degree": self.degree if self.has_triangles else None}
-
-    def posed(self, problem: ContactProblem) -> ContactProblem:
-        """The problem on a mesh of this element."""
-        return with_element(problem, self.family)
 
     def discretized(self, problem: ContactProblem, **options: Any) -> Discretization:
         """As `discretize` does it."""
-        return discretize(problem, **self.options, **options)
+        return discretize(problem, degree=self.degree, **options)
 
     def solve(self, problem: ContactProblem, **options: Any) -> ContactResult:
         """As `solve` does it."""
-        return solve(problem, **self.options, **options)
+        return solve(problem, degree=self.degree, **options)
 
     def solve_history(self, problems: Iterable[ContactProblem], **options: Any) -> History:
         """As `solve_history` does it."""
-        return solve_history(problems, **self.options, **options)
+        return solve_history(problems, degree=self.degree, **options)
 
     def limit_load(self, problem: ContactProblem, loads: Sequence[str]) -> LimitLoad:
         """As `limit_load` does it."""
-        return limit_load(problem, loads, **self.options)
+        return limit_load(problem, loads, degree=self.degree)
 
     def companion(self, problem: ContactProblem, degree: int | None = None) -> CompanionResult:
         """Displacements on the same mesh, see `solve_companion`."""
-        return solve_companion(self.posed(problem), degree=degree)
+        return solve_companion(problem, degree=degree)
 
 
-RECTANGLES: Final = Element("rectangles", "bfs", 3)
-TRIANGLES: Final = Element("triangles of degree 4", "hct", 4)
-QUINTIC: Final = Element("triangles of degree 5", "hct", 5)
-BOTH: Final = (RECTANGLES, TRIANGLES)
-EVERY: Final = (*BOTH, QUINTIC)
+TRIANGLES: Final = Element("triangles of degree 4", 4)
+QUINTIC: Final = Element("triangles of degree 5", 5)
 
 OnElement = Callable[[Element, bool], Iterator[Row]]
 """A problem that yields its rows for one element."""
@@ -89,16 +67,16 @@ class Chapter(dict[str, Problem]):
 
         return known
 
-    def on(self, name: str, *elements: Element, few: int = 2) -> Callable[[OnElement], Problem]:
+    def on(self, name: str, *elements: Element) -> Callable[[OnElement], Problem]:
         """Make a problem one of this chapter that runs on each of these elements in turn; its rows name them.
 
-        Quick runs take the last `few` of the first two.
+        Quick runs take the second, if there are several.
         """
 
         def problem(rows: OnElement) -> Problem:
             @wraps(rows)
             def on_each(quick: bool) -> Iterator[Row]:
-                for element in elements[:2][-few:] if quick else elements:
+                for element in elements[:2][-1:] if quick else elements:
                     for row in rows(element, quick):
                         yield replace(row, element=element.name)
 

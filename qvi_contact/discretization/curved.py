@@ -34,8 +34,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.affine import EDGES, AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mesh.arcs import angles, arc_offsets, stretches, turned
-from qvi_contact.mesh.curved import arc_points, area_factors, barycentric_of
+from qvi_contact.mesh.arcs import angles, arc_offsets, arc_points, area_factors, barycentric_of, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
 

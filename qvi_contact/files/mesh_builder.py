@@ -27,13 +27,10 @@ from qvi_contact.files.problem_document import (
     Segment,
     quoted,
 )
-from qvi_contact.mesh.bends import AnyArc
-from qvi_contact.mesh.circles import Arc
-from qvi_contact.mesh.curve_fit import ellipse, fitted
-from qvi_contact.mesh.curves import Curve, checked_bends
+from qvi_contact.mesh.curves import AnyArc, Arc, Curve, checked_bends, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner
-from qvi_contact.mesh.selection import edges_in_box, edges_on_segment, triangles_in_box
+from qvi_contact.mesh.topology import edges_in_box, edges_on_segment, triangles_in_box
 from qvi_contact.mesh.triangle_checks import checked_pairs
 from qvi_contact.mesh.triangles import TriangleMesh
 

@@ -1,16 +1,115 @@
-"""Edges on any smooth curve: each keeps its own bend, so that a mesh needs no function."""
+"""Edges on circles and other smooth curves: what a mesh keeps of them, how they bend, and how a function is followed.
 
-from dataclasses import dataclass
-from typing import Final
+Vertices are looked for along a curve by halving. Between two of them the curve is taken at points of Gauss of its
+parameter; derivatives are those of the polynomial through these points, and its angle is known along its length then.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
 
 import numpy as np
+from numpy.polynomial.legendre import legder, legint
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
-from qvi_contact.basics.checks import FloatArray, IntArray, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import arc_offsets, halves, levelled, reversed_bends
-from qvi_contact.mesh.topology import Topology
+from qvi_contact.mesh.arcs import (
+    angles,
+    arc_offsets,
+    coefficients,
+    cross,
+    gauss,
+    halves,
+    levelled,
+    polynomials,
+    reversed_bends,
+    stretches,
+    turned,
+)
+from qvi_contact.mesh.topology import OPPOSITE, Topology
 from qvi_contact.mesh.triangle_checks import checked_pairs
+
+ROUNDING: Final = 1.5e-6
+"""Distance of a vertex from its circle over the radius, or from another curve over its size, that is taken as rounding
+of data."""
+
+_FLATTEST: Final = 1e-7  # angle below which an arc is its chord: it is off by less than rounding of the circle
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """Edges that lie on one circle.
+
+    Attributes
+    ----------
+    centre : (float, float)
+        Centre of the circle [length].
+    radius : float
+        Its radius [length].
+    edges : (k, 2) int array
+        The edges by their vertices. Each is the shorter of the two arcs between them.
+
+    """
+
+    centre: tuple[float, float]
+    radius: float
+    edges: IntArray
+
+    def bends(self, vertices: FloatArray) -> FloatArray:
+        """How the edges bend from their first vertices to the second ones, (k, 2); see `mesh.arcs`."""
+        first, second = (vertices[end] - np.array(self.centre) for end in self.edges.T)
+        turn = np.arctan2(cross(first, second), (first * second).sum(axis=1))
+        turn = np.where(np.abs(turn) <= _FLATTEST, 0.0, turn)
+        return np.column_stack([np.zeros(len(turn)), turn / 2.0])
+
+    def middles(self, pairs: IntArray, vertices: FloatArray) -> FloatArray:
+        """The points of the circle in the middle of edges (n, 2) of the arc, shape (n, 2)."""
+        arms = vertices[pairs].mean(axis=1) - np.array(self.centre)
+        return np.asarray(np.array(self.centre) + self.radius * arms / np.hypot(*arms.T)[:, None])
+
+    def divided(self, pairs: IntArray, parents: IntArray) -> "Arc":
+        """The same by edges (n, 2) that are halves of edges (n, 2) of the arc, or these themselves."""
+        del parents
+        return replace(self, edges=pairs)
+
+    def scaled(self, factor: float) -> "Arc":
+        """The same, so many times as large."""
+        x, y = self.centre
+        return Arc((factor * x, factor * y), factor * self.radius, self.edges)
+
+    def stated(self) -> dict[str, object]:
+        """What problem files say of it beside its edges."""
+        return {"centre": list(self.centre), "radius": self.radius}
+
+    def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Arc":
+        """The same if it has edges of the mesh, and their vertices are on the circle.
+
+        Raises
+        ------
+        InputError
+            If not; its field begins with the name if there is one.
+
+        """
+        of = f"{name}." if name else ""
+        pairs = checked_pairs(name or "edges", self.edges, topology, vertices)
+        found = Arc(_point(f"{of}centre", self.centre), positive_number(f"{of}radius", self.radius), pairs)
+        ends = vertices[np.unique(pairs)]
+        off = np.abs(np.hypot(*(ends - np.array(found.centre)).T) - found.radius)
+        worst = int(np.argmax(off))
+        if off[worst] > ROUNDING * found.radius:
+            x, y = ends[worst]
+            remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this circle: correct centre or radius"
+            raise InputError(f"{of}radius", found.radius, remedy)
+        return found
+
+
+def _point(name: str, value: object) -> tuple[float, float]:
+    if not isinstance(value, Iterable) or isinstance(value, str) or len(pair := tuple(value)) != 2:
+        raise InputError(name, value, "give a pair (x, y)")
+    return finite_number(name, pair[0]), finite_number(name, pair[1])
+
 
 _LEVEL: Final = 1e-9  # angle between a chord and the line that angles count from that is rounding of data [rad]
 
@@ -100,3 +199,242 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
             field, off, "these angles count from a line that is this angle [rad] off the chord: correct it"
         )
     return found
+
+
+AnyArc: TypeAlias = Arc | Curve
+"""Edges that lie on one curve."""
+
+_LEAST_TERMS: Final = 2  # of bends: those of circles
+_WIDEST: Final = np.pi / 2.0 * (1.0 + 1e-12)  # angle that one edge may turn by
+_HIGHEST: Final = 1.5  # height of an arc over the distance of its chord from the triangle's barycentre, outwards
+_LEAST: Final = 0.01  # share of the area between an arc's end and the barycentre that bending has to leave
+_PLACES: Final = np.linspace(0.0, 1.0, 33)  # where heights, areas and angles are looked at
+
+
+def bends_of(arcs: Sequence[AnyArc], vertices: FloatArray, topology: Topology) -> FloatArray:
+    """How each edge bends from its vertex of lower number to the other, shape (e, terms); see `mesh.arcs`."""
+    parts = [arc.bends(vertices) for arc in arcs]
+    found = np.zeros((len(topology.ends), max([_LEAST_TERMS, *(part.shape[1] for part in parts)])))
+    for arc, part in zip(arcs, parts, strict=True):
+        found[topology.number(arc.edges, len(vertices)), : part.shape[1]] = part
+    return found
+
+
+def refuse_bad_arcs(
+    arcs: Sequence[AnyArc], bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology
+) -> None:
+    """`InputError` where an edge is on two arcs, turns too far for one, or bends too far for its triangle."""
+    numbers = np.sort(np.concatenate([topology.number(arc.edges, len(vertices)) for arc in arcs]))
+    twice = np.flatnonzero(np.bincount(numbers, minlength=len(bends)) > 1)
+    if len(twice):
+        _refuse(vertices, topology, int(twice[0]), "lies on two arcs: give it one")
+    long = numbers[np.ptp(angles(bends[numbers], _PLACES), axis=1) > _WIDEST]
+    if len(long):
+        _refuse(vertices, topology, int(long[0]), "turns by more than 90°: divide the triangles there")
+    bent = np.argwhere(bent_too_far(bends, vertices, cells, topology))
+    if len(bent):
+        remedy = "bends too far for the triangle at it: divide the triangles there"
+        _refuse(vertices, topology, int(topology.of_cells[tuple(bent[0])]), remedy)
+
+
+def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology) -> BoolArray:
+    """Which sides of triangles are arcs that the barycentre does not see, or that lead too far outwards; (m, 3).
+
+    Areas between the line and the barycentre grow with (x − c)×x'. The barycentre sees all of the arc if this is
+    positive; that of a circle is least at an end where it bends inwards.
+    """
+    sides = bends[topology.of_cells]
+    bent = np.asarray(sides.any(axis=2))
+    for s, (a, b) in enumerate(OPPOSITE):
+        cell = np.flatnonzero(bent[:, s])
+        bend, centre = sides[cell, s], vertices[cells[cell]].mean(axis=1)
+        first, second = vertices[cells[cell, a]] - centre, vertices[cells[cell, b]] - centre
+        chord, straight = (second - first)[:, None], cross(first, second)[:, None]
+        offsets = arc_offsets(second - first, bend, _PLACES)
+        slope = stretches(bend)[:, None, None] * turned(chord, angles(bend, _PLACES))
+        outwards = cross(offsets, chord) / straight
+        areas = cross(first[:, None] + offsets, slope) / straight
+        bent[cell, s] = (outwards.max(axis=1) > _HIGHEST) | (areas.min(axis=1) < _LEAST)
+    return bent
+
+
+def _refuse(vertices: FloatArray, topology: Topology, edge: int, remedy: str) -> None:
+    x, y = vertices[topology.ends[edge]].mean(axis=0)
+    raise InputError("TriangleMesh.arcs", f"({x:.6g}, {y:.6g})", f"the edge around this point {remedy}")
+
+
+CurveFunction: TypeAlias = Callable[[FloatArray], object]
+"""Points (n, 2) of a curve at parameters (n,)."""
+
+_SAMPLES: Final = 512  # of the curve at least, and so many for each edge:
+_FOR_EACH: Final = 16
+_HALVINGS: Final = 60
+_POINTS: Final = 32  # of an edge, and coefficients of its bend before the smallest are left out
+_CHECKED: Final[FloatArray] = np.linspace(0.03, 0.97, 21)  # shares of an edge where its bend is compared with the curve
+_STEPS: Final = 8  # of Newton's method for the parameter from the length
+_CLOSED: Final = 1e-9  # distance of both ends over the curve's size where it is closed
+_EXACT: Final = 1e-12  # distance of an edge from its curve over the chord that is rounding
+_RESOLVED: Final = 1e-2  # share of that below which coefficients of a curve are rounding, which slopes would enlarge
+_KEPT: Final = 0.2  # share of that below which the highest coefficients are none
+_LOST: Final = 64.0 * np.finfo(float).eps  # of coordinates by the differences that angles are made of
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """A curve as a function, asked for points between its ends; a closed one goes round and round."""
+
+    name: str
+    function: CurveFunction
+    start: float
+    stop: float
+    closed: bool = False
+
+    def points(self, t: FloatArray) -> FloatArray:
+        """Points (..., 2) at parameters (...)."""
+        if self.closed:
+            inside = self.start + np.mod(t.ravel() - self.start, self.stop - self.start)
+        else:
+            inside = np.clip(t.ravel(), min(self.start, self.stop), max(self.start, self.stop))
+        try:
+            found = self.function(inside)
+        except Exception as error:
+            remedy = f"the function must take an array (n,) of parameters and return points (n, 2) ({error})"
+            raise InputError(self.name, self.function, remedy) from error
+        found = real_array(self.name, found, "the function must return real numbers")
+        if found.shape != (inside.size, 2):
+            remedy = f"the function must return points ({inside.size}, 2) for so many parameters"
+            raise InputError(self.name, f"shape {found.shape}", remedy)
+        if not np.isfinite(found).all():
+            where = float(inside[np.argmin(np.isfinite(found).all(axis=1))])
+            raise InputError(self.name, f"parameter {where:.6g}", "the function returns NaN or infinity here")
+        return found.reshape(*t.shape, 2)
+
+
+def ellipse(centre: tuple[float, float], axes: tuple[float, float], angle: float = 0.0) -> CurveFunction:
+    """An ellipse by its half axes [length] and the angle [rad] of the first, for parameters from 0 to 2π."""
+    a, b = (positive_number("axes", axis) for axis in axes)
+    middle, first = np.array(centre), finite_number("angle", angle)
+
+    def points(t: FloatArray) -> FloatArray:
+        return middle + turned(np.column_stack([a * np.cos(t), b * np.sin(t)]), np.full(len(t), first))
+
+    return points
+
+
+def fitted(
+    name: str, function: CurveFunction, start: float, stop: float, edges: IntArray, vertices: FloatArray
+) -> Curve:
+    """The bends of edges (k, 2) whose vertices are on a curve.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the curve.
+    function : callable
+        Points (n, 2) [length] at parameters (n,).
+    start, stop : float
+        First and last parameter. If both points are the same, the curve is closed.
+    edges : (k, 2) int array
+        The edges; each follows the shorter way between its vertices where the curve is closed.
+    vertices : (v, 2) array
+        Coordinates [length].
+
+    Raises
+    ------
+    InputError
+        If the function is none, or fails, a vertex is off the curve, or the curve is not smooth along an edge.
+
+    """
+    if not callable(function):
+        raise InputError(name, function, "give a function of an array (n,) that returns points (n, 2)")
+    given = _Given(name, function, finite_number("start", start), finite_number("stop", stop))
+    if given.start == given.stop:
+        raise InputError("stop", stop, "give another parameter than the one that the curve starts at")
+    t = np.linspace(given.start, given.stop, max(_SAMPLES, _FOR_EACH * len(edges)) + 1)
+    samples = given.points(t)
+    size = float(np.ptp(samples, axis=0).max())
+    if not size > 0.0:
+        raise InputError(name, tuple(samples[0].tolist()), "all points of the curve are this one")
+    given = replace(given, closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
+    numbers, places = np.unique(edges, return_inverse=True)
+    found = _nearest(given, vertices[numbers], t, samples)
+    _refuse_off(given, vertices[numbers], given.points(found), size)
+    first, second = found[places.reshape(edges.shape)].T
+    if given.closed:
+        second = second - (stop - start) * np.rint((second - first) / (stop - start))
+    return Curve(edges, _bends(given, first, second, vertices[edges]))
+
+
+def _nearest(given: _Given, places: FloatArray, t: FloatArray, samples: FloatArray) -> FloatArray:
+    """Parameters (n,) where (γ − x)·d vanishes for places x (n, 2), d from the sample before the nearest to that after.
+
+    By halving, which needs no derivative, and no smoothness but between vertices.
+    """
+    nearest = np.asarray(cKDTree(samples).query(places)[1])
+    before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
+    low, high, along = t[before], t[after], samples[after] - samples[before]
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2.0
+        ahead = ((given.points(middle) - places) * along).sum(axis=1) > 0.0
+        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
+    return np.asarray((low + high) / 2.0)
+
+
+def _refuse_off(given: _Given, places: FloatArray, points: FloatArray, size: float) -> None:
+    """`InputError` where a vertex is further from its point of the curve than rounding of data."""
+    off = np.hypot(*(points - places).T)
+    worst = int(np.argmax(off))
+    if off[worst] > ROUNDING * size:
+        x, y = places[worst]
+        remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this curve: correct the curve, or its ends"
+        raise InputError(given.name, given.function, remedy)
+
+
+def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArray) -> FloatArray:
+    """Bends (k, n) of the edges between parameters (k,) of the curve; their own ends (k, 2, 2) say how they round."""
+    step = (second - first)[:, None]
+    corners = given.points(first[:, None] + step * np.array([0.0, 1.0]))
+    chords = corners[:, 1] - corners[:, 0]
+    lengths = np.hypot(*chords.T)
+    exact = np.maximum(_EXACT, _LOST * np.abs(ends).max(axis=(1, 2)) / np.where(lengths > 0.0, lengths, 1.0))
+    t, _ = gauss(_POINTS)
+    points = coefficients((given.points(first[:, None] + step * t) - corners[:, :1]).swapaxes(1, 2))
+    points = _without_rounding(points, (_RESOLVED * exact * lengths)[:, None])
+    slopes = np.asarray(legder(points, axis=2), dtype=np.float64)
+    tangents = _at(slopes, _by_length(slopes, t))
+    turn = np.arctan2(cross(chords[:, None], tangents), (chords[:, None] * tangents).sum(axis=2))
+    bends = levelled(_without_rounding(coefficients(turn), _KEPT * exact))
+    there = given.points(first[:, None] + step * (1.0 + _by_length(slopes, _CHECKED)) / 2.0)
+    off = np.hypot(*np.moveaxis(corners[:, :1] + arc_offsets(chords, bends, _CHECKED) - there, -1, 0)).max(axis=1)
+    rough = np.flatnonzero(off > exact * lengths)
+    if len(rough):
+        x, y = ends[rough[0]].mean(axis=0)
+        remedy = "is not smooth there, turns back, or turns too far along one edge: divide the triangles there"
+        raise InputError(given.name, f"({x:.6g}, {y:.6g})", f"the curve {remedy}")
+    return bends[:, : 1 + int(np.flatnonzero(bends.any(axis=0)).max(initial=0))]
+
+
+def _by_length(slopes: FloatArray, t: FloatArray) -> FloatArray:
+    """Parameters −1 to 1 (k, q) at shares t (q,) of the lengths of curves, from their derivatives (k, 2, n)."""
+    nodes = np.tile(2.0 * gauss(_POINTS)[0] - 1.0, (len(slopes), 1))
+    speed = coefficients(np.hypot(*np.moveaxis(_at(slopes, nodes), -1, 0)))
+    lengths = np.asarray(legint(speed, axis=1, lbnd=-1), dtype=np.float64)
+    wanted = t * polynomials(lengths, np.ones((len(slopes), 1)))
+    found = np.tile(2.0 * t - 1.0, (len(slopes), 1))
+    for _ in range(_STEPS):
+        rate = polynomials(speed, found)
+        step = (polynomials(lengths, found) - wanted) / np.where(rate != 0.0, rate, 1.0)
+        found = np.clip(found - step, -1.0, 1.0)
+    return found
+
+
+def _at(curves: FloatArray, x: FloatArray) -> FloatArray:
+    """Curves by coefficients of Legendre (k, 2, n) at x (k, q), −1 to 1; shape (k, q, 2)."""
+    return np.stack([polynomials(curves[:, axis], x) for axis in (0, 1)], axis=-1)
+
+
+def _without_rounding(terms: FloatArray, rounding: FloatArray) -> FloatArray:
+    """Coefficients (..., n) up to the last one that is larger than rounding (...), 0 behind it."""
+    large = np.abs(terms) > rounding[..., None]
+    kept = np.cumsum(large[..., ::-1], axis=-1)[..., ::-1] > 0
+    return np.where(kept, terms, 0.0)

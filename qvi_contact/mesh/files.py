@@ -27,8 +27,9 @@ import numpy as np
 from qvi_contact.basics.checks import IntArray
 from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
-from qvi_contact.mesh import abaqus_file, gmsh_file, med_file
+from qvi_contact.mesh import gmsh_file
 from qvi_contact.mesh.parts import MeshParts
+from solvers.basics.types import load
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med"}
 _TRIANGLES: Final = ("triangle", "triangle6", "triangle7")
@@ -121,11 +122,11 @@ def _read(reader: str, path: Path) -> Any:
             warnings.simplefilter("ignore")
             module, copy = import_module(f"meshio.{reader}"), Path(folder) / path.name
             if reader == "abaqus":
-                return module.read(abaqus_file.checked_text(path))
+                return module.read(_abaqus_text(path))
             if reader == "gmsh":
                 gmsh_file.copy_needed(path, copy)
             else:
-                med_file.copy_needed(path, copy, LARGEST)
+                _copy_med(path, copy, LARGEST)
             return module.read(copy)
     except InputError:
         raise
@@ -209,3 +210,90 @@ def _tidy(points: Any, cells: Any, edge_sets: dict[str, Any], regions: dict[str,
     pairs = {str(name): number[np.asarray(ends, dtype=np.int64)] for name, ends in edge_sets.items()}
     vertices = np.ascontiguousarray(np.asarray(points, dtype=float)[used])
     return MeshParts(vertices, number[cells], pairs, {str(name): chosen for name, chosen in regions.items()})
+
+
+_MOST_GENERATED: Final = 10_000_000
+"""Members of all sets given as ranges together."""
+
+
+def _abaqus_text(path: Path) -> StringIO:
+    """The text of a file for meshio.
+
+    Raises
+    ------
+    InputError
+        If it includes another file, or its ranges (GENERATE) have too many members.
+
+    """
+    text = StringIO(path.read_bytes().decode("utf-8", "replace"), newline=None)
+    generated, numbers, ranges = 0, list[int](), False
+    for line in (*text, "*"):
+        if line.partition(",")[0].strip().replace("*", "").upper() == "INCLUDE":  # as meshio finds keywords
+            remedy = "reads another file by *INCLUDE: put everything into this one"
+            raise InputError("mesh", str(path), remedy)
+        if line.startswith("*"):
+            if len(numbers) == 3 and numbers[2]:
+                generated += len(range(numbers[0], numbers[1] + 1, numbers[2]))
+            ranges, numbers = "GENERATE" in line.upper(), []
+        elif ranges:
+            numbers += [int(word) for word in line.split(",") if word.strip().isnumeric()]
+    if generated > _MOST_GENERATED:
+        remedy = f"has sets of {generated} members in ranges (GENERATE): give at most {_MOST_GENERATED}"
+        raise InputError("mesh", str(path), remedy)
+    text.seek(0)
+    return text
+
+
+_NEEDED: Final = ("ENS_MAA", "FAS")
+_MOST_OBJECTS: Final = 100_000
+_DEEPEST: Final = 20
+"""Groups inside each other; MED needs 6, and a group may lie inside itself."""
+
+
+def _copy_med(path: Path, copy: Path, largest: int) -> None:
+    """Copy meshes and their families, of at most `largest` bytes unfolded.
+
+    Raises
+    ------
+    ImportError
+        If h5py is missing.
+    InputError
+        If the file refers to others, or holds more than the limit.
+    ValueError
+        If it is broken, or claims more than it holds.
+
+    """
+    h5py = load("h5py")
+    with h5py.File(path, "r") as given:
+        _refuse_med(h5py, str(path), given, largest)
+        with h5py.File(copy, "w") as kept:
+            for name in _NEEDED:
+                if name in given:
+                    given.copy(name, kept)
+
+
+def _refuse_med(h5py: Any, path: str, given: Any, largest: int) -> None:
+    """Look at every object on every way to it, as meshio reads what has several names several times."""
+    total, items, claimed, count = 0, 0, 0, 0
+    places = [(given, name, 1) for name in given if name in _NEEDED]
+    while places:
+        group, name, depth = places.pop()
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise InputError("mesh", path, f"holds a link {name!r} to another place: save the mesh as one file")
+        item, count = group[name], count + 1
+        if isinstance(item, h5py.Group):
+            places += [(item, below, depth + 1) for below in item]
+        elif isinstance(item, h5py.Dataset):
+            if item.external or item.is_virtual:
+                raise InputError("mesh", path, f"keeps {name!r} in another file: save the mesh as one file")
+            if item.dtype.hasobject:
+                raise ValueError(f"{name!r} has entries without a size")
+            total, items = total + int(item.nbytes), items + int(item.size or 0)
+        if total > largest:
+            raise InputError("mesh", path, f"unfolds to more than {largest} bytes, the limit: give a coarser mesh")
+        if count > _MOST_OBJECTS or depth > _DEEPEST:
+            remedy = f"holds more than {_MOST_OBJECTS} objects, or {_DEEPEST} inside each other: give a simpler mesh"
+            raise InputError("mesh", path, remedy)
+        claimed = max(claimed, int(item.attrs.get("NBR", 0)))
+    if claimed > items:
+        raise ValueError(f"it claims {claimed} entries where it holds {items}")

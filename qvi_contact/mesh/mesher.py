@@ -19,7 +19,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.circles import Arc
+from qvi_contact.mesh.curves import Arc
 from qvi_contact.mesh.outline import Polygon, Polygons
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.mesh.bends import AnyArc
+from qvi_contact.mesh.curves import AnyArc
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,21 +16,16 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import reversed_bends, stretches
-from qvi_contact.mesh.bends import AnyArc, bends_of, refuse_bad_arcs
-from qvi_contact.mesh.bisection import bisected, divided_at_arcs
-from qvi_contact.mesh.circles import Arc
-from qvi_contact.mesh.curve_fit import CurveFunction, fitted
-from qvi_contact.mesh.curved import barycentric_of, reference_of
-from qvi_contact.mesh.curves import Curve
+from qvi_contact.mesh.arcs import barycentric_of, cross, reference_of, reversed_bends, stretches
+from qvi_contact.mesh.bisection import bisected, divided_at_arcs, halved
+from qvi_contact.mesh.curves import AnyArc, Arc, Curve, CurveFunction, bends_of, fitted, refuse_bad_arcs
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.mesher import meshed
 from qvi_contact.mesh.outline import Line, Outline, Point, polygons
 from qvi_contact.mesh.parts import MeshParts
-from qvi_contact.mesh.selection import Range, edges_on_segment, triangles_in_box
-from qvi_contact.mesh.topology import Topology, chains, outward_normals
+from qvi_contact.mesh.topology import Range, Topology, chains, edges_on_segment, outward_normals, triangles_in_box
 from qvi_contact.mesh.triangle_checks import (
     checked_cells,
     checked_pairs,
@@ -696,7 +691,7 @@ class TriangleMesh(Stated):
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
 
-        In triangles with arcs they are those of the points of the straight triangle, see `mesh.curved`.
+        In triangles with arcs they are those of the points of the straight triangle, see `mesh.arcs`.
         """
         found = self.barycentric(cells, points)
         bent = self.curved[cells]
@@ -752,6 +747,30 @@ class TriangleMesh(Stated):
         """
         return self._made(bisected(self._parts, marked))
 
+    def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
+        """The mesh with fans of thin triangles around vertices, for what turns quickly around a point.
+
+        Parameters
+        ----------
+        vertices : (k,) int array
+            Numbers of the vertices, none of them an end of another's edge; they keep their numbers.
+        angle : float
+            Largest angle of a triangle at these vertices [rad].
+        layers : int
+            How often triangles at the vertices are made half as long, at least: before angles are halved they are.
+
+        """
+        parts = self._parts
+        for vertex in np.asarray(vertices, dtype=np.int64).tolist():
+            done = 0
+            while done < layers or _angles_at(parts, vertex)[1].max() > angle * (1.0 + _UPRIGHT):
+                ends = np.unique(_angles_at(parts, vertex)[0])
+                parts = halved(parts, np.column_stack([np.full(len(ends), vertex), ends]))
+                opposite, turn = _angles_at(parts, vertex)
+                parts = halved(parts, opposite[turn > angle * (1.0 + _UPRIGHT)])
+                done += 1
+        return self._made(divided_at_arcs(parts))
+
     def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> TriangleMesh:
         """The same body with the triangles at points refined again and again; names are carried over.
 
@@ -791,6 +810,14 @@ class TriangleMesh(Stated):
         point, cell = self._in_reach(points)
         found[cell[self._holds(cell, points[point])]] = True
         return found
+
+
+def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
+    """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
+    cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
+    opposite = cells[cells != vertex].reshape(-1, 2)
+    one, other = (mesh.vertices[opposite[:, end]] - mesh.vertices[vertex] for end in (0, 1))
+    return opposite, np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=1)))
 
 
 def _depths(given: object, count: int) -> IntArray:
