@@ -1,4 +1,4 @@
-"""The degrees of Φ that the manual runs on: each problem lists those it is solved with, and each row names its own."""
+"""The elements that the manual runs on: each problem lists those it is solved with, and each row names its own."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from qvi_contact.limit.load_factor import LimitLoad, limit_load
 
 @dataclass(frozen=True)
 class Element:
-    """Triangles with a degree p of Φ: tractions on an edge have p − 1 parameters."""
+    """An element of Φ, and what is solved with it.
 
     Attributes
     ----------
@@ -67,16 +67,16 @@ class Chapter(dict[str, Problem]):
 
         return known
 
-    def on(self, name: str, *elements: Element) -> Callable[[OnElement], Problem]:
+    def on(self, name: str, *elements: Element, few: int = 2) -> Callable[[OnElement], Problem]:
         """Make a problem one of this chapter that runs on each of these elements in turn; its rows name them.
 
-        Quick runs take the second, if there are several.
+        Quick runs take the last `few` of the first two.
         """
 
         def problem(rows: OnElement) -> Problem:
             @wraps(rows)
             def on_each(quick: bool) -> Iterator[Row]:
-                for element in elements[:2][-1:] if quick else elements:
+                for element in elements[:2][-few:] if quick else elements:
                     for row in rows(element, quick):
                         yield replace(row, element=element.name)
 

@@ -24,9 +24,9 @@ def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on one graded mesh, cells shrinking towards the free corner."""
     cells, grading = _GRADED
     for friction, settled in list(SETTLED.items())[:: 2 if quick else 1]:
-        result = element.solve(compressed_plate(friction, (_CELLS, _CELLS), grading=_GRADING))
+        result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
         force, proof = result.contacts["plate"].normal_force, certified(result)
-        quantity = f"P/2, μ = {friction:g}, {_CELLS}² cells graded by {_GRADING:g} [{FORCE}]"
+        quantity = f"P/2, μ = {friction:g}, {cells}² cells graded by {grading:g} [{FORCE}]"
         yield relative(quantity, force, settled, _ERROR[element], SOURCE, proof, Kind.EXTERNAL)
 
 
@@ -69,7 +69,7 @@ def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
     cells, grading = _GRADED
     tied = element.solve(plate_under(Contact.tied("top", gap=-1e-3, name="plate"), cells, grading))
     for friction in (0.1, 0.5) if quick else (0.05, 0.1, 0.2, 0.5):
-        result = element.solve(compressed_plate(friction, (_CELLS, _CELLS), grading=_GRADING))
+        result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
         force, proof = result.contacts["plate"].normal_force, certified(result, tied)
         source = "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|"
         quantity = f"P/2, μ = {friction:g} [{FORCE}]"
