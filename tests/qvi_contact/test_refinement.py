@@ -17,7 +17,7 @@ FORCE = "plate.normal_force"
 FACTOR = 3.0
 
 
-# Of the L below: bicubic stress functions on grids of 120 000 unknowns end at -0.04937023 and 85.56207, and graded grids,
+# Of the L below: bicubic stress functions on grids of 120 000 unknowns end at -0.04937023 and 85.56207. Graded grids,
 # bisected three times, extrapolate to the same values. Good to 5e-6.
 L_ENERGY, L_FORCE = -0.0493704, 85.5622
 
