@@ -282,7 +282,7 @@ class TestEnds:
         assert outcome.estimate == np.inf
         assert "exceeds what friction" in repr(outcome)
 
-    @pytest.mark.parametrize(("friction", "most", "limit", "bounded"), [(0.0, 90, 2.5, True), (0.1, 24, 0.5, False)])
+    @pytest.mark.parametrize(("friction", "most", "limit", "bounded"), [(0.0, 90, 1.5, True), (0.1, 24, 0.5, False)])
     def test_no_time_for_a_closer_look(self, clock, friction, most, limit, bounded):
         """Each takes a second or two: an answer whose accuracy nobody can tell is none, or all that there is."""
 
