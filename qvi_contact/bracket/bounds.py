@@ -23,13 +23,11 @@ from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
-from qvi_contact.companion.scope import check_scope
+from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.triangle import degree_beside, triangle
 from qvi_contact.errors import InputError
-from qvi_contact.solution.followed import allowed_misfit
-from qvi_contact.solution.on_arcs import rest_on_arcs
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
+from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
 from solvers import Iteration, solve_qvi
 from solvers.basics.narration import narrated
@@ -145,9 +143,7 @@ def bracket(
 def _obeying(result: ContactResult, tolerance: float, **options: Any) -> ContactResult | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
     reason, known = outside_scope(result.problem), result.discretization
-    if known.space.strict_rows != "bernstein":
-        reason = "Bounds under friction need triangles."
-    if reason or known.space.contact_rule.kind == known.space.strict_rows:
+    if reason or known.space.contact_rule.kind == "bernstein":
         return reason or result
     strict = posed_strictly(known, known.problem)
     solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)

@@ -7,9 +7,8 @@
 Conforming elements on the mesh of the problem; the contact problem is solved in its forces by `solvers`.
 """
 
-from qvi_contact.companion.result import CompanionResult
+from qvi_contact.companion.result import CompanionContact, CompanionParts, CompanionResult, CompanionState
 from qvi_contact.companion.solver import solve_companion, solve_companions
-from qvi_contact.companion.state import CompanionContact, CompanionParts, CompanionState
 from solvers.basics.front import front
 
 __all__ = [

@@ -17,10 +17,8 @@ from qvi_contact.companion.condensation import CondensedBody
 from qvi_contact.companion.data import load_vector
 from qvi_contact.companion.dual import Contacts, DualProblem, dual_problem
 from qvi_contact.companion.elasticity import Elasticity
-from qvi_contact.companion.result import CompanionResult
-from qvi_contact.companion.scope import check_scope
+from qvi_contact.companion.result import CompanionResult, CompanionState
 from qvi_contact.companion.space import Space
-from qvi_contact.companion.state import CompanionState
 from qvi_contact.companion.supports import Supports, supports
 from qvi_contact.companion.traces import Trace, traces
 from qvi_contact.companion.triangle import Triangle, triangle
@@ -175,6 +173,20 @@ def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> T
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     check_scope(problem)
     return cell
+
+
+def check_scope(problem: ContactProblem) -> None:
+    """`InputError` for a problem that displacements of this room do not model.
+
+    An incompressible material has no stiffness: displacements would have to keep every area.
+    """
+    if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
+        remedy = (
+            "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
+            "materials: take a number below 0.5, or leave them out, and judge the result by its certificate and a "
+            "finer mesh"
+        )
+        raise InputError("Material.poisson", 0.5, remedy)
 
 
 @dataclass(frozen=True, eq=False)

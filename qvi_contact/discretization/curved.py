@@ -38,6 +38,11 @@ from qvi_contact.mesh.arcs import angles, arc_offsets, arc_points, area_factors,
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
 
+Rule: TypeAlias = tuple[FloatArray, FloatArray]
+"""Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
+_MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
+_BLOCK: Final = 2**22  # entries of tables at a time
+
 
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
     """What Φ_ττ and Φ_τμ at t contribute to the force, along chord and its normal, and to the moment.
@@ -101,13 +106,6 @@ def _solved(degree: int) -> IntArray:
 def _given(degree: int) -> IntArray:
     """Where the others do."""
     return np.setdiff1d(np.arange(2 * degree + 2), _solved(degree))
-
-
-Rule: TypeAlias = tuple[FloatArray, FloatArray]
-"""Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
-
-_MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
-_BLOCK: Final = 2**22  # entries of tables at a time
 
 
 @dataclass(frozen=True, eq=False)

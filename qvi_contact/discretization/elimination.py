@@ -21,6 +21,10 @@ from qvi_contact.errors import QVIError
 
 _SAME = 1e-13  # relative difference of two rows that is rounding
 
+_DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
+_WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
+_Expression: TypeAlias = tuple[dict[int, float], float]  # Σ factor u + constant
+
 
 class UnbalancedLoadError(QVIError):
     """The prescribed tractions on a closed part of the boundary are not in equilibrium.
@@ -97,12 +101,6 @@ class Elimination:
         columns = np.concatenate([np.arange(count), slaves.col])
         data = np.concatenate([np.ones(count), slaves.data])
         return sparse.csr_array((data, (rows, columns)), shape=(len(self.kept), count))
-
-
-_DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
-_WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
-
-_Expression: TypeAlias = tuple[dict[int, float], float]  # Σ factor u + constant
 
 
 @dataclass(frozen=True, eq=False)

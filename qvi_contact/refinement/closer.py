@@ -1,4 +1,6 @@
-"""A closer look at an answer on triangles: one degree more, on a mesh bisected where one degree more says little.
+"""How far off an answer is, by what it is compared with: bounds where the contact laws allow them, else a closer look.
+
+A closer look at an answer on triangles: one degree more, on a mesh bisected where one degree more says little.
 
 The difference of the two is what an answer of degree p is off by, as far as the closer look is better by a factor. For
 smooth stresses a degree is enough. It is not
@@ -19,12 +21,17 @@ from typing import Final
 
 import numpy as np
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.refinement.quantity import Measure
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult
+
+_CROSSED: Final = 1e-9  # of the strain energy: lower − upper that is more than rounding
 
 _IN_CORNERS: Final = 3  # how often triangles are bisected there
 _AT_CHANGES: Final = 2
@@ -33,6 +40,52 @@ _FREE: Final = 100  # and as many more
 _TURN: Final = np.deg2rad(10.0)  # by which the boundary turns inwards where it has a corner
 _NOISE: Final = 1e-6  # of the unit: tractions below have no direction
 _LEFTWARD: Final = 1 + max(ContactState)  # slip the other way
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """An answer beside something else.
+
+    Attributes
+    ----------
+    error : float
+        Of the quantity, in its own unit.
+    certainty : Certainty
+        Whether it is a bound.
+    parts : (cells,) array
+        What each cell has of the distance between the two [stress × length²], ≥ 0.
+    looked : float
+        The quantity in a closer look; NaN where there was none.
+
+    """
+
+    error: float
+    certainty: Certainty
+    parts: FloatArray
+    looked: float = np.nan
+
+
+def coulomb_contacts(problem: ContactProblem) -> list[Contact]:
+    """The contacts whose friction bound depends on the pressure."""
+    return [contact for contact in problem.contacts if has_coulomb(contact)]
+
+
+def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
+    """The value of an answer beside bounds of it, if they are guaranteed: under Coulomb friction those of forces."""
+    bracket = result.bracket
+    coulomb = bracket.coulomb
+    if coulomb is not None and coulomb.guaranteed and measure.name in coulomb.forces:
+        lower, upper = coulomb.forces[measure.name]
+        return Comparison(max(upper - value, value - lower, 0.0), Certainty.GUARANTEED, coulomb.cells)
+    if bracket.reasons or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
+        return None
+    if measure.name == "energy":
+        lower, upper = -bracket.upper, -bracket.lower
+    elif measure.name in bracket.forces:
+        lower, upper = bracket.forces[measure.name].lower, bracket.forces[measure.name].upper
+    else:
+        return None
+    return Comparison(max(upper - value, value - lower, 0.0), bracket.certainty, bracket.cell_gaps)
 
 
 @dataclass(frozen=True, eq=False)

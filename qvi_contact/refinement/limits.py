@@ -23,8 +23,8 @@ from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.refinement.law_gap import law_gap
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.rounds import Accuracy, Round, Settings, StopError, TooLargeError
-from qvi_contact.solution.followed import loads_followed
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.work import loads_followed
 
 _SPACE: Final = ("degree", "contact_rows")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors

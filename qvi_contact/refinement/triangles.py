@@ -15,8 +15,15 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_num
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.closer import Places, closer_problem, energies_between, places
-from qvi_contact.refinement.comparison import Comparison, bounded, coulomb_contacts
+from qvi_contact.refinement.closer import (
+    Comparison,
+    Places,
+    bounded,
+    closer_problem,
+    coulomb_contacts,
+    energies_between,
+    places,
+)
 from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.quantity import Measure

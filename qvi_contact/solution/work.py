@@ -1,22 +1,36 @@
-"""Tractions of a stress on edges, and what they do along prescribed displacements."""
+"""Tractions of a stress on edges: what they do along prescribed displacements, and how far they are from the data.
+
+On an arc tractions are the polynomials whose coefficients are degrees of freedom: they have the resultants of the
+stress, and its moments up to their degree. Between the two is a rest of the order of the element. Equilibrium holds up
+to its work.
+"""
 
 from collections.abc import Iterator
+from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import (
     LOAD_POINTS,
     EdgePoints,
     displacements_at_points,
+    is_polynomial,
     physical,
     potential_at,
     prescribed_tractions,
 )
 from qvi_contact.element import legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact
+from qvi_contact.solution.stress import stress_rounding
+
+_MISFIT: Final = 1e-9  # prescribed tractions missed beyond rounding, relative to the unit of stress, that count
+_ROUNDED: Final = 1e-6  # the same that rounding in the smallest cells may explain
+_ULPS: Final = 8.0  # times each degree of freedom may be rounded, solved along the boundary
+_POINTS = 12
 
 
 def support_work(discretization: Discretization, u: FloatArray) -> float:
@@ -114,3 +128,59 @@ def prescribed_and_computed(
 def component(vectors: FloatArray, directions: FloatArray) -> FloatArray:
     """The component of vectors (2, points) along a direction at each point (points, 2), shape (points,)."""
     return np.asarray((vectors * directions.T).sum(axis=0))
+
+
+def allowed_misfit(unit: float, rounding: float) -> float:
+    """Misfit of tractions that rounding explains, from the unit of stress and the rounding of stresses [stress]."""
+    return _MISFIT * unit + min(_ULPS * rounding, _ROUNDED * unit)
+
+
+def loads_followed(discretization: Discretization) -> bool:
+    """Whether all stresses of the mesh meet the loads, and what enters tractions of contacts, point by point.
+
+    That is so for tractions that a stress of the mesh can have, and where body potential and pore pressure are
+    polynomials of the degree of σ_N on every edge of the contacts.
+    """
+    u, unit = discretization.values(np.zeros(discretization.qvi.n)), discretization.scales.stress
+    rounding = unit * stress_rounding(discretization, u)
+    if misfit_of_tractions(discretization, u) > allowed_misfit(unit, rounding):
+        return False
+    problem, most = discretization.problem, discretization.space.traction_degree
+    for contact in problem.contacts:
+        fields = {
+            "Contact.pore_pressure": contact.pore_pressure,
+            "ContactProblem.body_potential": problem.body_potential,
+        }
+        edges = problem.mesh.edges(contact.edges)
+        for name, field in fields.items():
+            if callable(field) and contact.law != "tied" and not is_polynomial(problem, edges, name, field, most):
+                return False
+    return True
+
+
+def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
+    """Largest difference between σn of degrees of freedom u and their tractions at points of arcs [stress]."""
+    mesh, largest = discretization.problem.mesh, 0.0
+    coefficients = discretization.energy.coefficients(u)
+    for edges in (mesh.boundary, mesh.interior):
+        if edges.curved:
+            arcs = edges.take(edges.bent)
+            for cells in arcs.cells.T:
+                if (cells >= 0).all():
+                    largest = max(largest, _difference(discretization, coefficients, u, arcs, cells))
+    return discretization.scales.stress * largest
+
+
+def _difference(
+    discretization: Discretization, coefficients: FloatArray, u: FloatArray, arcs: Edges, cells: IntArray
+) -> float:
+    """The largest difference in the cells (n,) beside the arcs, dimensionless."""
+    mesh, points = discretization.problem.mesh, EdgePoints(discretization.space, arcs, _POINTS)
+    cell = np.repeat(cells, _POINTS)
+    places = np.stack(mesh.points_along(arcs, points.reference), axis=-1).reshape(-1, 2)
+    t = mesh.reference(cell, places)[:, None]
+    xx, yy, xy = discretization.space.stress(coefficients, cell, t)[:, 0].T
+    (nx, ny), (tx, ty) = points.normals.T, points.tangents.T
+    x, y = xx * nx + xy * ny, xy * nx + yy * ny
+    normal, shear = points.tractions(u)
+    return float(np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear).max())

@@ -45,8 +45,8 @@ def test_one_material_in_pieces_is_one_material():
 @pytest.mark.parametrize(
     ("regions", "field"),
     [
-        ([Region(SOFT, x=(0.0, 0.3))], "Region.x"),
-        ([Region(SOFT, y=(1.0, 0.0))], "Region.y"),
+        ([Region(SOFT, x=(0.0, 0.3))], "region"),
+        ([Region(SOFT, y=(1.0, 0.0))], "range"),
         ([Region(Material(1.0, 0.0, "strain"))], "Region.material"),
         ("soft", "ContactProblem.regions"),
     ],
