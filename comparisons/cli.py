@@ -6,13 +6,12 @@ import click
 
 from comparisons.benchmark.command import benchmark
 from comparisons.convergence.command import convergence
-from comparisons.estimates.command import estimates
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
 from comparisons.peers.command import peers
 from comparisons.solvers.command import solvers
 from comparisons.verification.command import verify
-from comparisons.wild.command import wild
+from comparisons.wild.command import estimates, wild
 
 _NEEDED: Final = {"markdown-it-py": "markdown_it", "pandas": "pandas"}
 """Distributions that every report needs → their modules."""

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stored import load_result
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
-    from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
+    from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
     from qvi_contact.mesh.triangles import TriangleMesh
     from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
-    from qvi_contact.problem.fields import Expression, Polynomial
+    from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
     from qvi_contact.problem.material import Material, Region
     from qvi_contact.problem.problem import ContactProblem
     from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Tresca
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from qvi_contact.verification.verification import verify_result
 
 _HOME = {
+    "BodyForces": "problem.fields",
     "Branches": "bracket",
     "Contact": "problem.conditions",
     "ContactLine": "solution.contact_line",
@@ -81,6 +82,7 @@ _HOME = {
     "discretize": "discretization.discretization",
     "graded_lines": "mesh.grid",
     "limit_load_factor": "limit.load_factor",
+    "limit_proof": "limit.load_factor",
     "load_problem": "files.problem_file",
     "load_result": "files.stored",
     "loop_area": "solution.history",
@@ -97,6 +99,7 @@ _HOME = {
 }
 
 __all__ = [
+    "BodyForces",
     "Branches",
     "Contact",
     "ContactLine",
@@ -137,6 +140,7 @@ __all__ = [
     "discretize",
     "graded_lines",
     "limit_load_factor",
+    "limit_proof",
     "load_problem",
     "load_result",
     "loop_area",

@@ -202,8 +202,8 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a sequence and way.
 
     The columns are sequence, way, solved and planned (numbers of problems), iterations (of all but the first), later
-    (mean processor time of a problem after the first) and together (time of all), both over the median of single solves,
-    force (largest difference of a force from that of single solves, of histories from cold starts, over the largest
+    (mean processor time of a problem after the first) and together (time of all), both over the median of single
+    solves, force (largest difference of a force from that of single solves, of histories from cold starts, over the largest
     normal force), and accuracy (the worst that a certificate confirms).
     """
     done = sorted((row for row in rows if row.status == DONE), key=lambda row: row.position)
@@ -220,7 +220,8 @@ def _run(row: Row, way: str) -> dict[str, Any]:
     compared = way != "single" and forces.shape == expected.shape
     return {
         "sequence": name, "way": way, "solved": found["status"].count("solved"), "planned": len(found["status"]),
-        "iterations": int(sum(found["iterations"][1:])), "later": statistics.fmean(found["seconds"][1:] or [math.nan]) / one,
+        "iterations": int(sum(found["iterations"][1:])),
+        "later": statistics.fmean(found["seconds"][1:] or [math.nan]) / one,
         "together": sum(found["seconds"]) / one, "accuracy": max(found["accuracy"]),
         "force": float(np.abs(forces - expected).max() / np.abs(expected[0]).max()) if compared else np.nan,
     }  # fmt: skip

@@ -113,7 +113,7 @@ def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: C
     target.mkdir(exist_ok=True)
     written = []
     for name, problem in problems.items():
-        qvi, pressure = _solved(solve(problem, element="bfs"))
+        qvi, pressure = _solved(solve(problem, contact_rows="gauss"))
         written += [program.save(target) for program in programs_of(name, qvi, pressure)]
         advance(name)
     with replacing(folder / TEST_SET) as temporary:

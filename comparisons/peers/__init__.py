@@ -26,7 +26,7 @@ __getattr__ = front(
             "values_of",
         ),
         "meshes": ("FAMILIES", "TRANSITIONS", "plain_mesh", "ratio"),
-        "models": ("BRACKET", "CODES", "COMPANION", "EQUILIBRIUM", "MODELS", "NAMED", "TRIANGLES"),
+        "models": ("BRACKET", "CODES", "MODELS", "NAMED", "TRIANGLES"),
         "report": ("FORMS", "SCHEMA", "document_of", "tables_of"),
         "study": ("GETFEM", "ProcessError", "answer_of", "missing_codes", "peers_study", "plate", "run"),
     },

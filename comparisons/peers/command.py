@@ -56,8 +56,7 @@ def peers(
     NGSolve, GetFEM and this package side by side, with small strain and with finite strain.
 
     The codes are NGSolve (Nitsche's method, degrees 2 to 6), GetFEM (its contact brick, degrees 2 to 4), and this
-    package on rectangles, on triangles of degree 3 to 6, and with its displacement model. Stresses and displacements
-    together also bound the force, on triangles under slip too.
+    package on triangles of degree 3 to 6. Its stresses and displacements together also bound the force, under slip too.
 
     The meshes have equal cells, cells graded to the free corner, and cells graded to the corner and to the end of the
     stick zone. Measured are force, unknowns, time and memory. Each case runs in a process of its own, on one thread.

@@ -10,7 +10,7 @@ from pandas import DataFrame
 from comparisons.lab.report.drawing import drawn, grid
 from comparisons.peers.measures import OTHERS, Reference, by_friction, slug
 from comparisons.peers.meshes import FAMILIES
-from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED, TRIANGLES, Code, Model
+from comparisons.peers.models import BRACKET, CODES, NAMED, TRIANGLES, Code, Model
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE, SKY, new_figure
 
@@ -243,7 +243,7 @@ def _indicators(axes: "Axes", runs: DataFrame) -> None:
     for name, here in runs[runs.solved].groupby("model", sort=False):
         model = NAMED[str(name)]
         height = here.width if model.code == BRACKET else here.error.clip(lower=here.floor)
-        if model.code in (BRACKET, EQUILIBRIUM) and height.notna().any():
+        if model.code == BRACKET and height.notna().any():
             label = f"{_label(model.name)}: {'indicator' if model.code == BRACKET else 'error of P/2'}"
             axes.plot([cells.index(each) for each in here.number], height, **_look(model),
                       linestyle=model.line, markersize=6, linewidth=1.2, label=label)  # fmt: skip

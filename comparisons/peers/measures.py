@@ -10,7 +10,7 @@ from pandas import DataFrame, concat, factorize, to_numeric
 from comparisons.lab.ratios import spread
 from comparisons.lab.report.numbers import listing, scientific, seconds, significant, span
 from comparisons.lab.study import DONE, Row
-from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED, TRIANGLES
+from comparisons.peers.models import BRACKET, CODES, NAMED, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
 
 SOLVED: Final = "solved"
@@ -256,7 +256,7 @@ def missing(runs: DataFrame) -> list[str]:
 def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences, with what errors cost, see `costs_of`."""
     compared, least = compared_of(costs), least_of(runs)
-    rectangles, triangles = (least[least.code == code] for code in (EQUILIBRIUM, TRIANGLES))
+    triangles = least[least.code == TRIANGLES]
     reached = [at_most(run.lasting, run.floor) for run in triangles.itertuples()]
     failed = runs[~runs.solved]
     sure = {friction: guaranteed(here) for friction, here in by_friction(runs)}
@@ -264,7 +264,7 @@ def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
     return {
         "fine": _compared(compared, compared.target.min()),
         "coarse": _compared(compared, COARSE if compared.target.min() < COARSE else math.nan),
-        "rectangles": span(rectangles.lasting, scientific), "triangles": max(reached, default=None),
+        "triangles": max(reached, default=None),
         "bounds": [{"friction": friction, "name": slug(friction), **found.iloc[0]} for friction, found in sure.items()
                    if len(found) and friction not in doubtful],
         "doubtful": [{"friction": friction, "count": len(sure[friction])} for friction in doubtful],

@@ -8,12 +8,12 @@ not known, or the whole contact sticks, meshes are graded to the corner alone.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from comparisons.settled import TRANSITIONS as TRANSITIONS
-from qvi_contact import RectilinearMesh, TriangleMesh
+from qvi_contact import TriangleMesh, graded_lines
 from qvi_contact.basics.checks import FloatArray
 
 _RATIOS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # up to so many cells a side
@@ -31,6 +31,10 @@ _DEPTHS_WITHOUT_LINE: Final = ((0, 2), (0, 4), (0, 6), (1, 6), (2, 8), (3, 8), (
 """The same where no column of the coarsest mesh ends at the transition."""
 
 _NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of a transition
+
+
+Lines: TypeAlias = tuple[FloatArray, FloatArray]
+"""x and y of a grid of rectangles, for codes that take such."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,7 @@ class Family:
     counted: bool
     triangles: bool
     to_transition: bool
-    make: Callable[[float, int], RectilinearMesh | TriangleMesh]
+    make: Callable[[float, int], Lines | TriangleMesh]
     reading: str
     own: bool = False
 
@@ -73,11 +77,28 @@ def plain_mesh(family: str, friction: float, number: int) -> dict[str, Any]:
 
     """
     mesh = FAMILIES[family].make(friction, number)
-    lines = [mesh.x.tolist(), mesh.y.tolist()] if isinstance(mesh, RectilinearMesh) else None
-    cells = mesh.cells if lines else counter_clockwise(mesh.vertices, mesh.cells)
+    if not isinstance(mesh, TriangleMesh):
+        return _rectangles(*mesh)
+    cells = counter_clockwise(mesh.vertices, mesh.cells)
     edges = {name: mesh.edges(name) for name in ("left", "right", "bottom", "top")}
     sides = {name: np.column_stack([each.first, each.second]).tolist() for name, each in edges.items()}
-    return {"vertices": mesh.vertices.tolist(), "cells": cells.tolist(), "sides": sides, "lines": lines}
+    return {"vertices": mesh.vertices.tolist(), "cells": cells.tolist(), "sides": sides, "lines": None}
+
+
+def _rectangles(x: FloatArray, y: FloatArray) -> dict[str, Any]:
+    """`plain_mesh` of the rectangles between lines, node (i, j) with the number i + j (nx + 1)."""
+    stride, (row, column) = len(x), np.indices((len(y) - 1, len(x) - 1)).reshape(2, -1)
+    a = column + row * stride
+    across, up = np.arange(len(x) - 1), np.arange(len(y) - 1) * stride
+    ends = {"bottom": across, "top": across + (len(y) - 1) * stride}
+    sides = {name: np.column_stack([first, first + 1]) for name, first in ends.items()}
+    sides |= {name: np.column_stack([up + at, up + at + stride]) for name, at in (("left", 0), ("right", stride - 1))}
+    vertices = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
+    return {
+        "vertices": vertices.tolist(), "cells": np.column_stack([a, a + 1, a + 1 + stride, a + stride]).tolist(),
+        "sides": {name: sides[name].tolist() for name in ("left", "right", "bottom", "top")},
+        "lines": [x.tolist(), y.tolist()],
+    }  # fmt: skip
 
 
 def ratio(cells: int) -> float:
@@ -85,27 +106,27 @@ def ratio(cells: int) -> float:
     return next((each for most, each in _RATIOS if cells <= most), _FINEST_RATIO)
 
 
-def _squares(_: float, number: int) -> RectilinearMesh:
-    return RectilinearMesh.rectangle((number, number))
+def _squares(_: float, number: int) -> Lines:
+    return (graded_lines(0.0, 1.0, number),) * 2
 
 
-def _to_corner(_: float, number: int) -> RectilinearMesh:
-    return RectilinearMesh.rectangle((number, number), grading=ratio(number))
+def _to_corner(_: float, number: int) -> Lines:
+    return (graded_lines(0.0, 1.0, number, ratio(number)),) * 2
 
 
 def _cut_squares(_: float, number: int) -> TriangleMesh:
     return TriangleMesh.rectangle((number, number))
 
 
-def _strips(shrinking: float) -> Callable[[float, int], RectilinearMesh]:
+def _strips(shrinking: float) -> Callable[[float, int], Lines]:
     """Rectangles that shrink towards corner and transition, each by this ratio to the one before it."""
 
-    def make(friction: float, number: int) -> RectilinearMesh:
+    def make(friction: float, number: int) -> Lines:
         left, right, beside, rows = _STRIPS[number]
         transition = TRANSITIONS.get(friction)
         if transition is None:
             both = _line(0.0, 1.0, left + beside, shrinking)
-            return RectilinearMesh(both, both)
+            return both, both
         middle = (transition + 1.0) / 2.0
         # the more, the nearer the transition is to x = 0: the columns on both sides of it are then alike
         right += max(0, round(math.log(transition / (1.0 - transition)) / math.log(shrinking)))
@@ -113,7 +134,7 @@ def _strips(shrinking: float) -> Callable[[float, int], RectilinearMesh]:
             _line(0.0, transition, left, shrinking), _line(transition, middle, right, 1.0 / shrinking)[1:],
             _line(middle, 1.0, beside, shrinking)[1:],
         )  # fmt: skip
-        return RectilinearMesh(np.concatenate(parts), _line(0.0, 1.0, rows, shrinking))
+        return np.concatenate(parts), _line(0.0, 1.0, rows, shrinking)
 
     return make
 
@@ -131,11 +152,11 @@ def _bisected(friction: float, number: int) -> TriangleMesh:
     transition = TRANSITIONS.get(friction)
     lines = np.array([0.0, 0.5, 1.0])
     if transition is None:
-        return TriangleMesh.of_rectangles(RectilinearMesh(lines, lines)).graded([(1.0, 1.0)], 2 * number)
+        return TriangleMesh.grid(lines, lines).graded([(1.0, 1.0)], 2 * number)
     columns, depths = np.sort(np.append(lines, transition)), _DEPTHS[number]
     if np.diff(columns).min() < _NEEDLE:
         columns, depths = lines, _DEPTHS_WITHOUT_LINE[number]
-    coarse = TriangleMesh.of_rectangles(RectilinearMesh(columns, lines))
+    coarse = TriangleMesh.grid(columns, lines)
     return coarse.graded([(1.0, 1.0), (transition, 1.0)], depths)
 
 

@@ -10,9 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from comparisons.peers.meshes import FAMILIES, Family
 
-EQUILIBRIUM: Final = "equilibrium"
 TRIANGLES: Final = "triangles"
-COMPANION: Final = "companion"
 BRACKET: Final = "bracket"
 
 
@@ -31,9 +29,7 @@ class Code(NamedTuple):
 
 
 CODES: Final[Mapping[str, Code]] = {
-    TRIANGLES: Code("this package on triangles", "qvi_contact", "equilibrium", "blue", "o"),
-    EQUILIBRIUM: Code("this package on rectangles", "qvi_contact", "equilibrium", "sky", "s"),
-    COMPANION: Code("the companion", "qvi_contact", "companion", "purple", "P"),
+    TRIANGLES: Code("this package", "qvi_contact", "equilibrium", "blue", "o"),
     BRACKET: Code("the bracket", "qvi_contact", "equilibrium", "black", "x"),
     "ngsolve": Code("NGSolve", "ngsolve", "ngsolve_nitsche", "vermillion", "v",
                     "python -m pip install ngsolve"),
@@ -88,13 +84,8 @@ def _bricks(degree: int, mesh: str, marker: str) -> Model:
 
 
 MODELS: Final = (
-    Model("rectangles, uniform", EQUILIBRIUM, "uniform", "sky", "s", "-"),
-    Model("rectangles, graded", EQUILIBRIUM, "graded", "sky", "D", "-"),
-    Model("rectangles, strips", EQUILIBRIUM, "strips", "sky", "D", "-"),
     Model("triangles, p = 4, cut squares", TRIANGLES, "cut squares", "blue", "o", "-", {"degree": 4}),
     *(_triangles(degree, "blue", marker) for degree, marker in ((3, "<"), (4, "o"), (5, "p"), (6, "h"))),
-    Model("companion, p = 2, uniform", COMPANION, "uniform", "purple", "P", "--", {"degree": 2}),
-    Model("companion, p = 3, graded", COMPANION, "graded", "purple", "X", "--", {"degree": 3}),
     _nitsche(2, "uniform", "vermillion", "v"),
     _nitsche(3, "graded", "vermillion", "^"),
     *(
@@ -108,7 +99,6 @@ MODELS: Final = (
     _bricks(2, "uniform", ">"),
     _bricks(2, "graded", "*"),
     *(_bricks(degree, "strips", marker) for degree, marker in ((2, ">"), (3, "4"), (4, "d"))),
-    Model("bracket, p = 3, graded", BRACKET, "graded", "black", "x", "-", {"bracket": 3}),
     Model("bracket, p = 5, bisected", BRACKET, "bisected", "black", "x", "-", {"degree": 5, "bracket": 5}),
     Model("bracket, p = 5, adaptive", BRACKET, "adaptive", "black", "+", "-", {"degree": 5, "adaptive": True}),
 )

@@ -5,7 +5,6 @@ from typing import Any, Final
 
 from pandas import DataFrame
 
-from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
 from comparisons.lab.report import Document, environment_grids, findings_of, render
 from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, memory, percent, scientific, seconds
 from comparisons.lab.study import Row
@@ -78,7 +77,6 @@ def tables_of(runs: DataFrame, costs: DataFrame, known: Mapping[float, Reference
         "least": least.assign(shown=list(map(_error, least.lasting, least.floor))),
         "intervals": measures.intervals_of(shown), "failures": shown[~shown.solved],
         "missing": Grid("", ("code", "how to get it"), [(_code(key), CODES[key].remedy) for key in missing(runs)]),
-        "reported": _reported_table(runs, known.get(CONVERGED_FRICTION)),
     }  # fmt: skip
     for friction, here in by_friction(shown):
         name, bracket = slug(friction), here.code == BRACKET
@@ -100,17 +98,6 @@ def _told(beside: DataFrame) -> DataFrame:
     wrong = {key: (beside[key] < beside.low) | (beside[key] > beside.high) for key in OTHERS}
     return beside.assign(**{key: beside[key].map(force) + wrong[key].map({True: ", outside", False: ""})
                             for key in OTHERS})  # fmt: skip
-
-
-def _reported_table(runs: DataFrame, known: Reference | None) -> Grid:
-    """What codes that are not in this run reported on another day."""
-    names = {CODES[code].name for code in runs.code}
-    rows = [
-        (peer.code, f"{peer.half_force:.5f}", scientific(abs(peer.half_force / known.value - 1.0)),
-         seconds(peer.seconds))
-        for peer in PEERS if known and peer.code.split(",")[0] not in names
-    ]  # fmt: skip
-    return Grid("", ("code", "P/2 [N/mm]", "error", "reported time"), rows)
 
 
 def settings_of(runs: DataFrame, known: Mapping[float, Reference]) -> list[Grid]:

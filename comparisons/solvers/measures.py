@@ -39,7 +39,7 @@ NEGLIGIBLE: Final = 1.2
 CONE_ENERGY: Final = ("qp:ecos", "socp:cvxopt", "socp:ecos")
 """Solvers that take linear objectives only: `qpsolvers` and `cvxpy` give them the energy as one more cone."""
 
-UNDOUBLED: Final[Mapping[str, str]] = MappingProxyType({"doubled_rows": "plate_8", "doubled_equation": "punch_coarse"})
+UNDOUBLED: Final[Mapping[str, str]] = MappingProxyType({"doubled_rows": "plate_8", "doubled_equation": "punch"})
 """Problem with rows given twice → the same problem with each given once."""
 
 EQUAL_CELLS: Final[Mapping[str, str]] = MappingProxyType({"graded_8": "plate_8", "graded_16": "plate_16"})

@@ -19,7 +19,7 @@ FULL_NAME, QUICK_NAME = "solvers", "solvers-quick"
 RUNS: Final = {FULL_NAME: 3, QUICK_NAME: 2}
 """Study → runs of each case, as long as they are quick."""
 
-QUICK: Final = ("plate_8", "graded_8", "ssnv128_8", "dragged_block")
+QUICK: Final = ("plate_8", "graded_8", "ssnv128_4", "dragged_block")
 """Problems of the quick study."""
 
 LIBRARIES: Final = ("daqp", "ecos", "highspy", "osqp", "piqp", "proxsuite", "qpalm", "quadprog", "scs")
@@ -37,7 +37,7 @@ def declared(solvers: Sequence[str], quick: bool = False) -> Study:
         "task": TASKS, "problem": problems, "form": FORMS, "level": tuple(LEVELS), "solver": tuple(solvers),
         "runs": (RUNS[name],),
     }  # fmt: skip
-    return Study(name, 1, solve_case, factors, keep=_quick if quick else keep, packages=(*PACKAGES, *LIBRARIES))
+    return Study(name, 2, solve_case, factors, keep=_quick if quick else keep, packages=(*PACKAGES, *LIBRARIES))
 
 
 def keep(values: Values) -> bool:

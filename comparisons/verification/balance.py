@@ -10,8 +10,8 @@ import numpy as np
 from qvi_contact import ContactProblem, ContactResult
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.companion import CompanionResult
-from qvi_contact.discretization.edge_points import EdgePoints
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.discretization.loads import EdgePoints
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.solution.work import traction

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from functools import wraps
 from typing import Any, Final
 
-from qvi_contact.discretization.families import ElementName, with_element
-
 from comparisons.verification.row import Problem, Row
 from qvi_contact import ContactProblem, ContactResult, Discretization, History, discretize, solve, solve_history
 from qvi_contact.companion import CompanionResult, solve_companion
@@ -21,57 +19,37 @@ class Element:
     ----------
     name : str
         What rows say.
-    family : "bfs" or "hct"
-        Its name for `solve`: rectangles, or triangles into which they are cut.
     degree : int
-        Degree p of Φ on it, along the edges of rectangles too: tractions on an edge have p − 1 parameters or fewer.
+        Degree p of Φ: tractions on an edge have p − 1 parameters or fewer.
 
     """
 
     name: str
-    family: ElementName
     degree: int
-
-    @property
-    def has_triangles(self) -> bool:
-        """Whether rectangles are cut into triangles."""
-        return self.family == "hct"
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """What `solve`, `refine`, `limit_load` and the like are told."""
-        return {"element": self.family, "degree": self.degree if self.has_triangles else None}
-
-    def posed(self, problem: ContactProblem) -> ContactProblem:
-        """The problem on a mesh of this element."""
-        return with_element(problem, self.family)
 
     def discretized(self, problem: ContactProblem, **options: Any) -> Discretization:
         """As `discretize` does it."""
-        return discretize(problem, **self.options, **options)
+        return discretize(problem, degree=self.degree, **options)
 
     def solve(self, problem: ContactProblem, **options: Any) -> ContactResult:
         """As `solve` does it."""
-        return solve(problem, **self.options, **options)
+        return solve(problem, degree=self.degree, **options)
 
     def solve_history(self, problems: Iterable[ContactProblem], **options: Any) -> History:
         """As `solve_history` does it."""
-        return solve_history(problems, **self.options, **options)
+        return solve_history(problems, degree=self.degree, **options)
 
     def limit_load(self, problem: ContactProblem, loads: Sequence[str]) -> LimitLoad:
         """As `limit_load` does it."""
-        return limit_load(problem, loads, **self.options)
+        return limit_load(problem, loads, degree=self.degree)
 
     def companion(self, problem: ContactProblem, degree: int | None = None) -> CompanionResult:
         """Displacements on the same mesh, see `solve_companion`."""
-        return solve_companion(self.posed(problem), degree=degree)
+        return solve_companion(problem, degree=degree)
 
 
-RECTANGLES: Final = Element("rectangles", "bfs", 3)
-TRIANGLES: Final = Element("triangles of degree 4", "hct", 4)
-QUINTIC: Final = Element("triangles of degree 5", "hct", 5)
-BOTH: Final = (RECTANGLES, TRIANGLES)
-EVERY: Final = (*BOTH, QUINTIC)
+TRIANGLES: Final = Element("triangles of degree 4", 4)
+QUINTIC: Final = Element("triangles of degree 5", 5)
 
 OnElement = Callable[[Element, bool], Iterator[Row]]
 """A problem that yields its rows for one element."""

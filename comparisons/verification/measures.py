@@ -4,14 +4,13 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from qvi_contact.element.hermite import gauss_legendre
 
 from qvi_contact import ContactLine, ContactResult, ContactState, TriangleMesh
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.bracket.parts import CellFields
 from qvi_contact.companion import CompanionContact
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.exact import ExactState
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.units import Units
 
@@ -53,9 +52,8 @@ def energy_apart(one: ContactResult, other: ContactResult) -> float:
     return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, c, apart)))
 
 
-def halved(mesh: TriangleMesh) -> Mesh:
+def halved(mesh: TriangleMesh) -> TriangleMesh:
     """Every triangle cut into four."""
-    assert isinstance(mesh, TriangleMesh)
     for _ in range(2):
         mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
     return mesh

@@ -5,11 +5,11 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "dice": ("Dice",),
+        "bodies": ("Dice",),
         "enumeration": ("EXISTS", "NONE", "enumerated"),
         "generator": ("FAMILIES", "wild_problem"),
         "judge": ("wrong",),
-        "measures": ("ORDER", "counts_of", "problems_of", "values_of"),
+        "report": ("ORDER", "counts_of", "problems_of", "values_of"),
         "study": ("ACCEPTED", "FOREIGN", "INFEASIBLE", "OPEN", "REFUSED", "SOLVED", "declared", "solve_case"),
     },
 )

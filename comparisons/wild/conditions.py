@@ -6,16 +6,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from comparisons.wild.dice import Dice
-from comparisons.wild.shapes import Part
-from qvi_contact import Contact, Displacement, Polynomial, RectilinearMesh, RigidPlate, Symmetry, Traction
+from comparisons.wild.bodies import Dice, Part
+from qvi_contact import Contact, Displacement, Polynomial, RigidPlate, Symmetry, Traction, TriangleMesh
 from qvi_contact.basics.checks import Field
 from qvi_contact.problem.conditions import Condition
 
 _NORMAL: Final = {
     "bottom": ("y", "x", -1.0), "right": ("x", "y", 1.0), "top": ("y", "x", 1.0), "left": ("x", "y", -1.0),
 }  # fmt: skip
-"""Side → component across it, component along it, sign of the outward normal."""
+"""Side → component across it, component along it, sign of the outward normal; on slanted ones local components."""
+
+_SLANTED: Final = ("normal", "tangential", 1.0)
 
 _FREE: Final = 0.1
 """Share of conditions that are none of what usually stands on that side."""
@@ -36,7 +37,7 @@ class Maker:
     """
 
     dice: Dice
-    mesh: RectilinearMesh
+    mesh: TriangleMesh
     stress: float
     displacement: float
     traits: frozenset[str]
@@ -90,7 +91,7 @@ class Maker:
 
     def _pressed(self, part: Part) -> list[Condition]:
         """Pressure, and some shear."""
-        across, along, sign = _NORMAL[part.side]
+        across, along, sign = _NORMAL[part.side] if part.straight else _SLANTED
         pressure = -sign * abs(self._load() or self.stress * ("idle" not in self.traits))
         shear = self._field(self._load()) if self.dice.chance(0.3) else 0.0
         given: dict[str, Any] = {along: shear, across: self._field(pressure)}
@@ -98,7 +99,7 @@ class Maker:
 
     def _pushed(self, part: Part) -> list[Condition]:
         """A given displacement, most often into the body, and free or held along the side."""
-        across, along, sign = _NORMAL[part.side]
+        across, along, sign = _NORMAL[part.side] if part.straight else _SLANTED
         move = self._field(-sign * abs(self._move()))
         if self.dice.chance(0.4):
             return [Displacement(part.name, **{across: move, along: self._field(self._move())})]
@@ -106,19 +107,25 @@ class Maker:
 
     def _guided(self, part: Part, move: Field) -> list[Condition]:
         """A displacement across the side, no traction along it."""
-        across, along, _ = _NORMAL[part.side]
+        across, along, _ = _NORMAL[part.side] if part.straight else _SLANTED
         free: dict[str, Any] = {along: 0.0}
         return [Displacement(part.name, **{across: move}), Traction(part.name, **free)]
 
     def _driver(self, part: Part) -> RigidPlate:
         """A plate that mostly presses, with a moment about a pivot that may be far away."""
-        dice, (across, along, sign) = self.dice, _NORMAL[part.side]
-        extent = max(float(np.ptp(self.mesh.x)), float(np.ptp(self.mesh.y)))
-        force = self.stress * float(self.mesh.edge_lengths(self.mesh.edges(part.name)).sum())
-        given: dict[str, float] = {f"force_{across}": -sign * force * dice.between(0.2, 2.0)}
+        dice, edges = self.dice, self.mesh.edges(part.name)
+        extent = float(np.ptp(self.mesh.vertices, axis=0).max())
+        force = self.stress * float(edges.length.sum())
+        pressed = -dice.between(0.2, 2.0) * force
+        if part.straight:
+            across, along, sign = _NORMAL[part.side]
+            given = {f"force_{across}": sign * pressed}
+        else:
+            x, y = edges.length @ edges.normal / edges.length.sum()
+            along, given = "x", {"force_x": float(x) * pressed, "force_y": float(y) * pressed}
         if "plates" in self.traits:
             if dice.chance(0.3):
-                given[f"force_{along}"] = force * dice.between(-0.4, 0.4)
+                given[f"force_{along}"] = given.get(f"force_{along}", 0.0) + force * dice.between(-0.4, 0.4)
             if dice.chance(0.5):
                 given["moment"] = force * extent * dice.pick((0.0, 0.01, -0.05, 0.3))
             if dice.chance(0.15):
@@ -126,7 +133,7 @@ class Maker:
         if "idle" in self.traits:
             given = dict.fromkeys(given, 0.0)
         far = dice.magnitude(0.0, 4.0) if "plates" in self.traits and dice.chance(0.3) else dice.between(0.0, 1.0)
-        near = (float(self.mesh.x.mean()), float(self.mesh.y.mean()))
+        near = (float(self.mesh.vertices[:, 0].mean()), float(self.mesh.vertices[:, 1].mean()))
         pivot = (near[0] + far * extent * dice.sign(), near[1] + extent * dice.between(-1.0, 1.0))
         if "moment" in given and dice.chance(0.7):  # the moment of a force at the middle, plus a little
             given["moment"] = self._balanced(given, near, pivot) + 0.1 * given["moment"]
@@ -183,7 +190,7 @@ class Maker:
         if not value or not dice.chance(varied):
             return value
         axis = dice.whole(0, 1)
-        lines = (self.mesh.x, self.mesh.y)[axis]
+        lines = np.unique(np.round(self.mesh.vertices[:, axis], 14))
         low, size = float(lines[0]), float(np.ptp(lines))
         kind = dice.pick(("linear", "kink", "waves", "jump"))
         if kind == "linear":

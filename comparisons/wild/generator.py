@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final
 
+import numpy as np
+
+from comparisons.wild.bodies import Dice, body, with_parts
 from comparisons.wild.conditions import Maker
-from comparisons.wild.dice import Dice
 from comparisons.wild.nonsense import nonsense
-from comparisons.wild.shapes import body, with_joints, with_parts
 from qvi_contact import ContactProblem, Material, Polynomial, Region
 from qvi_contact.problem.conditions import Condition
 
@@ -27,6 +28,11 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType({
     "plates": "plates driven by forces and moments about pivots far away",
     "fluids": "fluids under pressure in contacts and joints",
     "incompressible": "ν = 0.5 in plane strain, where only a traction says how large a constant pressure is",
+    "polygons": "polygons, trapezoids, distorted meshes, bodies turned by any angle, holes",
+    "arcs": "discs and rings with sides that are arcs, whole and half",
+    "bodies": "bodies one in another, with a joint all round",
+    "files": "meshes that come from a file of Gmsh, Abaqus or MED",
+    "degrees": "degrees 3 to 8, contact laws on edges and at points",
     "idle": "bodies without any load",
     "everything": "half of all that at once",
     "nonsense": "one argument that is no number, no name, no shape or out of range",
@@ -67,7 +73,14 @@ def wild_problem(family: str, number: int) -> Wild:
     if family == "nonsense":
         return Wild(*nonsense(dice))
     traits = _traits(dice, family)
-    return Wild(_problem(dice, traits | _late(family, number)))
+    return Wild(_problem(dice, traits | _late(family, number)), _settings(Dice("settings", family, number), traits))
+
+
+def _settings(dice: Dice, traits: frozenset[str]) -> dict[str, Any]:
+    """Degree and kind of contact rows, for the most part the usual ones."""
+    often = "degrees" in traits
+    degree = dice.pick((3, 5, 6, 7, 8)) if dice.chance(0.9 if often else 0.15) else 4
+    return {"degree": degree, **({"contact_rows": "gauss"} if dice.chance(0.5 if often else 0.1) else {})}
 
 
 def _traits(dice: Dice, family: str) -> frozenset[str]:
@@ -97,7 +110,6 @@ def _problem(dice: Dice, traits: frozenset[str]) -> ContactProblem:
     plane = dice.pick(("stress", "strain"))
     plane = "strain" if "incompressible" in traits else plane
     mesh = body(dice, length, traits)
-    mesh = with_joints(dice, mesh, dice.whole(1, 4)) if "joints" in traits else mesh
     mesh, parts = with_parts(dice, mesh)
     wet = Dice("wet", dice.whole(0, 10**6)) if "fluids" in traits else None
     maker = Maker(dice, mesh, strain * young, strain * length, traits, wet)
@@ -105,9 +117,12 @@ def _problem(dice: Dice, traits: frozenset[str]) -> ContactProblem:
     conditions += [maker.contact(name, joint=True) for name in mesh.joint_names]
     material = _material(dice, young, traits, plane)
     regions = []
-    if dice.chance(0.1) and mesh.shape[1] > 1:
+    if dice.chance(0.2 if "bodies" in traits else 0.1):
         other = _material(dice, young * dice.magnitude(-2.0, 2.0), traits, plane)
-        regions.append(Region(other, (float(mesh.x[0]), float(mesh.x[1]))))
+        half = np.flatnonzero(mesh.corners.mean(axis=1)[:, 0] < float(np.median(mesh.vertices[:, 0])))
+        if 0 < len(half) < len(mesh.cells):
+            mesh = mesh.with_region("half", half)
+            regions.append(Region(other, name="half"))
     weight = strain * young / length if dice.chance(0.1) and "idle" not in traits else 0.0
     potential = Polynomial([[0.0, weight]]) if weight else 0.0
     return ContactProblem(mesh, material, conditions, potential, regions)

@@ -1,16 +1,18 @@
 """Is a stress state what it is said to be? Judged by sampled stresses and the problem's own data alone.
 
-`ContactResult.stress` is sampled at 4 × 4 points of every cell. Inside a cell stresses less the body potential are
-polynomials of degree 3 in x and in y, which the samples determine; everything below is computed from these.
+`ContactResult.stress` is sampled in the thirds into which its barycentre divides every triangle. In each of them
+stresses less the body potential are polynomials of degree p − 2, which the samples determine; everything below is computed from
+these. A side that is an arc is reached by the same polynomials, continued.
 
 | what               | checked                                                                                      |
 |--------------------|----------------------------------------------------------------------------------------------|
-| equilibrium        | div (σ − φ 1) = 0 in every cell, the tractions of neighbours agree along their common edges  |
-| prescribed         | force and normal moment of every edge with a given traction                                  |
+| equilibrium        | div (σ − φ 1) = 0 in every third, the tractions of neighbours agree along their common sides |
+| prescribed         | force of every edge with a given traction, its moment where the traction is a number         |
 | plates             | force and moment of every plate                                                              |
-| law                | σ_N' ≤ 0 and |σ_T| ≤ min(c + μ|σ_N'|, t_max) at four Gauss points of every edge, σ_N' = σ_N  |
+| law                | σ_N' ≤ 0 and |σ_T| ≤ min(c + μ|σ_N'|, t_max) at the points the result lists, σ_N' = σ_N      |
 |                    | and the pressure of a fluid in the contact, as it was taken                                  |
-| fluid              | its pressure has the given force and moment on every edge; another value at a point is said  |
+| fluid              | its pressure has the given force on every edge; another value at a point is said             |
+| reported           | tractions of contacts are those of the sampled stresses                                      |
 | compatibility      | no stress with the same friction bounds has less complementary energy, see `compare`         |
 """
 
@@ -21,13 +23,11 @@ from itertools import chain
 from typing import Final
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 from scipy.integrate import quad_vec
 
-from qvi_contact import Contact, ContactProblem, ContactResult, Displacement, Traction
-from qvi_contact.basics.checks import Field, FloatArray
-from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges, RectilinearMesh
+from qvi_contact import Contact, ContactProblem, ContactResult, Displacement, Traction, TriangleMesh
+from qvi_contact.basics.checks import Field, FloatArray, IntArray
+from qvi_contact.mesh.edges import Edges, frames_along
 
 _DISTANCE: Final = 1e-3
 """Distance of two states in the energy norm, relative, that is none: errors of 1e-8 in energy allow 1e-4."""
@@ -38,25 +38,13 @@ _TOLERANCE: Final = 1e-6
 _SAID: Final = 4.0
 """Times `ContactResult.stress_rounding`, which the result says of itself, that are no errors either."""
 
-
-_POINTS, _WEIGHTS = gauss_legendre(4)
 _INTEGRATED, _INTERVALS = 1e-9, 1000  # accuracy of a fluid's force, and parts of edges for it
 _NOTHING: Final = 1e-6  # share of the stress that the data suggest
 _ZERO: Final = 1e-14  # share of the largest compliance that is none
 _REST: Final = 1e-6  # strain whose stress is taken where they suggest none; ν → −1 is far stiffer than E
-
-
-_LAGRANGE: Final = np.linalg.inv(np.vander(_POINTS, increasing=True))
-"""Coefficients (4, 4) by powers of the four polynomials that are 1 at one sample point each."""
-_DERIVATIVE: Final = polyval(_POINTS, polyder(_LAGRANGE)).T
-"""Derivatives at the sample points from the values there; (4, 4)."""
-_ENDS: Final = polyval(np.array([0.0, 1.0]), _LAGRANGE).T
-"""Values at both ends; (2, 4)."""
-
-
-def _places(lines: FloatArray) -> FloatArray:
-    """Where the samples are between grid lines; (cells, 4)."""
-    return np.asarray(lines[:-1, None] + np.diff(lines)[:, None] * _POINTS)
+_INSIDE: Final = {False: 0.9, True: 0.5}  # how far samples reach from the barycentre to a side, which arcs bend inwards
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_NODES, _WEIGHTS = (_NODES + 1.0) / 2.0, _WEIGHTS / 2.0
 
 
 def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -65,21 +53,21 @@ def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
 
 def floor(problem: ContactProblem) -> float:
     """A stress that is as good as none: 1e-6 of the largest that loads, supports and obstacles pushed in suggest."""
-    mesh = problem.grid
+    mesh = problem.mesh
     stiffest = max(1.0 / _least(material.compliance) for material in problem.materials)
     stresses, moves = [_REST / _NOTHING * stiffest], [0.0]
     for kind, sizes in ((Traction, stresses), (Displacement, moves)):
-        for _, chosen, value in problem.by_component(kind):
-            points = mesh.points_along(mesh.boundary.take(chosen), _POINTS)
-            sizes.append(float(np.abs(_values(value, *points)).max()))
+        for given in problem.prescribed(kind):
+            sizes.append(float(np.abs(_values(given.value, *mesh.points_along(given.edges, _NODES))).max()))
     for contact in problem.contacts:
         edges = mesh.edges(contact.edges)
-        gap, offset = (_values(value, *mesh.points_along(edges, _POINTS)) for value in (contact.gap, contact.offset))
-        stresses.append(float(_values(contact.pore_pressure, *mesh.points_along(edges, _POINTS)).max()))
+        points = mesh.points_along(edges, _NODES)
+        gap, offset = (_values(value, *points) for value in (contact.gap, contact.offset))
+        stresses.append(float(_values(contact.pore_pressure, *points).max()))
         pushed = -gap if contact.law == "unilateral" else np.abs(gap)
         moves += [float(pushed.max()), float(np.abs(offset).max())]
         if contact.plate is not None:
-            length = float(mesh.edge_lengths(edges).sum())
+            length = float(edges.length.sum())
             stresses += [abs(force or 0.0) / length for force in (contact.plate.force_x, contact.plate.force_y)]
     return _NOTHING * max(*stresses, stiffest * max(moves) / mesh.length)
 
@@ -90,87 +78,114 @@ def _least(compliance: FloatArray) -> float:
     return float(compliances[compliances > _ZERO * compliances.max()].min())
 
 
+def _powers(degree: int) -> IntArray:
+    return np.array([(i, total - i) for total in range(degree + 1) for i in range(total, -1, -1)])
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Stresses at 4 × 4 points of every cell.
+    """Stresses as polynomials in each third of every triangle, less the body potential.
+
+    With a and b the corners of the side s and c the barycentre, a third has the coordinates r, t of
+    x = c + r (a − c) + t (b − c).
 
     Attributes
     ----------
     problem : the problem
-    stress : (rows, columns, 4 along y, 4 along x, 3) [stress]; zero where there is no cell
+    degree : of the polynomials
+    coefficients : (cells, 3 thirds, monomials of r and t, 3 components) [stress]
 
     """
 
     problem: ContactProblem
-    stress: FloatArray
+    degree: int
+    coefficients: FloatArray
 
     @classmethod
-    def of(cls, result: ContactResult) -> "Samples":
-        """Samples of a result."""
-        mesh = result.problem.grid
-        x, y = (_places(lines).ravel() for lines in (mesh.x, mesh.y))
-        rows, columns = mesh.shape
-        inside = np.repeat(np.repeat(mesh.active, 4, axis=0), 4, axis=1)
-        values = np.zeros((*inside.shape, 3))
-        grid_y, grid_x = np.meshgrid(y, x, indexing="ij")
-        values[inside] = result.stress(grid_x[inside], grid_y[inside])
-        return cls(result.problem, values.reshape(rows, 4, columns, 4, 3).swapaxes(1, 2))
+    def of(cls, result: ContactResult, degree: int) -> "Samples":
+        """Samples of a result of elements of this degree."""
+        problem, power = result.problem, degree - 2
+        lattice = np.array([(i, j) for i in range(power + 1) for j in range(power + 1 - i)], dtype=float)
+        places = (lattice + 0.4) / (power + 1.2) * _INSIDE[bool(problem.mesh.arcs)]  # in the third
+        c, across, up = thirds(problem.mesh)
+        points = c[:, :, None] + np.einsum("qk,cskd->csqd", places, np.stack([across, up], axis=2))
+        x, y = points[..., 0], points[..., 1]
+        stress = np.asarray(result.stress(x.ravel(), y.ravel())).reshape(*x.shape, 3)
+        stress = stress - _values(problem.body_potential, x, y)[..., None] * np.array([1.0, 1.0, 0.0])
+        monomials = np.prod(places[:, None] ** _powers(power), axis=2)
+        return cls(problem, power, np.einsum("mq,csqk->csmk", np.linalg.inv(monomials), stress))
 
     @cached_property
     def largest(self) -> float:
-        """The largest stress component, not below what `floor` calls nothing [stress]."""
-        return max(float(np.abs(self.stress).max()), floor(self.problem))
+        """The largest stress component on a side or in a barycentre, not below what `floor` calls nothing [stress]."""
+        places = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (1 / 3, 1 / 3)])
+        found = np.einsum("qm,csmk->csqk", np.prod(places[:, None] ** _powers(self.degree), axis=2), self.coefficients)
+        return max(float(np.abs(found).max()), floor(self.problem))
 
-    @cached_property
-    def sizes(self) -> tuple[FloatArray, FloatArray]:
-        """Width (columns,) and height (rows,) of cells [length]."""
-        return np.diff(self.problem.grid.x), np.diff(self.problem.grid.y)
+    def at(self, cells: IntArray, sides: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Stresses (n, q, 3) at points (n, q) by the polynomials of these thirds (n,), potential included."""
+        c, across, up = (each[cells, sides] for each in thirds(self.problem.mesh))
+        frame = np.linalg.inv(np.stack([across, up], axis=2))
+        r, t = np.moveaxis(np.einsum("nkd,nqd->nqk", frame, np.stack([x, y], axis=-1) - c[:, None]), -1, 0)
+        monomials = np.stack([r**i * t**j for i, j in _powers(self.degree)], axis=-1)
+        found = np.einsum("nqm,nmk->nqk", monomials, self.coefficients[cells, sides])
+        return np.asarray(found + _values(self.problem.body_potential, x, y)[..., None] * np.array([1.0, 1.0, 0.0]))
 
-    @cached_property
-    def potential(self) -> FloatArray:
-        """The potential at the samples, (rows, columns, 4, 4) [stress]."""
-        mesh = self.problem.grid
-        x, y = _places(mesh.x), _places(mesh.y)
-        shape = (*mesh.shape, 4, 4)
-        everywhere = (np.broadcast_to(x[None, :, None, :], shape), np.broadcast_to(y[:, None, :, None], shape))
-        return np.where(mesh.active[..., None, None], _values(self.problem.body_potential, *everywhere), 0.0)
-
-    def on(self, edges: GridEdges) -> FloatArray:
-        """Stresses at four Gauss points of edges, seen from the cell they belong to; (edges, 4, 3)."""
-        cells = self.stress[edges.row, edges.column]
-        upper = (edges.sign > 0.0).astype(int)
-        horizontal = np.einsum("eq,eqpk->epk", _ENDS[upper], cells)
-        vertical = np.einsum("eq,epqk->epk", _ENDS[upper], cells)
-        return np.asarray(np.where((edges.axis == HORIZONTAL)[:, None, None], horizontal, vertical))
-
-    def beyond(self, edges: GridEdges) -> FloatArray:
-        """The same of edges inside the body from the cell above or to the right."""
-        horizontal = edges.axis == HORIZONTAL
-        cells = self.stress[edges.row + horizontal, edges.column + ~horizontal]
-        below, beside = np.einsum("q,eqpk->epk", _ENDS[0], cells), np.einsum("q,epqk->epk", _ENDS[0], cells)
-        return np.asarray(np.where(horizontal[:, None, None], below, beside))
+    def on(self, edges: Edges, s: FloatArray, beyond: bool = False) -> FloatArray:
+        """Stresses (n, q, 3) at reference points s of edges, seen from their first cell, or from the one beyond."""
+        cells = edges.cells[:, int(beyond)]
+        return self.at(cells, side_of(self.problem.mesh, cells, edges), *self.problem.mesh.points_along(edges, s))
 
 
-def tractions(edges: GridEdges, stress: FloatArray) -> FloatArray:
-    """σn on edges with the outward normal n; (edges, points, 2) from (edges, points, 3)."""
-    x, y = edges.normal.T[:, :, None]
+def thirds(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Barycentre c, and a − c, b − c for the side s, which lies opposite to corner s; (cells, 3, 2) each."""
+    corners = mesh.vertices[mesh.cells]
+    c = np.broadcast_to(corners.mean(axis=1)[:, None], corners.shape)
+    return c, corners[:, [1, 2, 0]] - c, corners[:, [2, 0, 1]] - c
+
+
+def side_of(mesh: TriangleMesh, cells: IntArray, edges: Edges) -> IntArray:
+    """Which side of these cells (n,) edges are: that opposite to the corner that is no end."""
+    corners = mesh.cells[cells]
+    return np.argmax((corners != edges.first[:, None]) & (corners != edges.second[:, None]), axis=1)
+
+
+def tractions(normals: FloatArray, stress: FloatArray) -> FloatArray:
+    """σn (n, q, 2) from n and σ at points, (n, q, 2) and (n, q, 3)."""
+    x, y = np.moveaxis(normals, -1, 0)
     xx, yy, xy = np.moveaxis(stress, -1, 0)
     return np.stack([xx * x + xy * y, xy * x + yy * y], axis=-1)
 
 
-def normal_and_shear(edges: GridEdges, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """σ_N = n·σn and σ_T, the component of σn along +x or +y; (edges, points) each."""
-    traction = tractions(edges, stress)
-    return np.einsum("epk,ek->ep", traction, edges.normal), np.einsum("epk,ek->ep", traction, edges.tangent)
+def _on_contact(samples: Samples, contact: Contact, result: ContactResult) -> tuple[FloatArray, ...]:
+    """x, y, (σ_N, σ_T) at the points (edges, points) that the result lists, and how far the report is off.
+
+    The tractions are those of the samples, but on arcs those that the result reports.
+    """
+    mesh, line = samples.problem.mesh, result.contacts[contact.name]
+    edges = mesh.edges(contact.edges)
+    nodes, weights = np.polynomial.legendre.leggauss(line.x.size // len(edges))
+    s = (nodes + 1.0) / 2.0
+    normals, tangents = frames_along(edges, s)
+    traction = tractions(normals, samples.on(edges, s))
+    x, y = mesh.points_along(edges, s)
+    own = np.stack([(traction * normals).sum(axis=2), (traction * tangents).sum(axis=2)])
+    reported = np.stack([line.normal_stress.reshape(x.shape), line.tangential_stress.reshape(x.shape)])
+    if not edges.curved:
+        return x, y, own, own - reported
+    vector = reported[0][..., None] * normals + reported[1][..., None] * tangents
+    normals, _ = frames_along(edges, _NODES)  # on arcs forces of edges agree, not tractions at points
+    force = np.einsum("nqk,q->kn", tractions(normals, samples.on(edges, _NODES)), _WEIGHTS)
+    return x, y, reported, force - np.einsum("nqk,q->kn", vector, weights / 2.0)
 
 
-def wrong(result: ContactResult) -> list[str]:
+def wrong(result: ContactResult, degree: int = 4) -> list[str]:
     """What is wrong with a state that is called solved, in words; compatibility apart."""
-    samples = Samples.of(result)
-    if not np.isfinite(samples.stress).all():
+    samples = Samples.of(result, degree)
+    if not np.isfinite(samples.coefficients).all():
         return ["stresses are not finite"]
     stresses = (_equilibrium(samples), _prescribed(samples), _plates(samples))
-    contacts = (_laws(samples, result), _fluids(samples, result), _reported(samples, result))
+    contacts = (_laws(samples, result), _fluids(samples, result))
     allowed = _TOLERANCE + _SAID * _relative(result.stress_rounding, samples.largest)
     return [f"{name}: {error:.1e}" for name, error in chain(*stresses, *contacts) if not error <= allowed]
 
@@ -182,119 +197,110 @@ def _relative(error: FloatArray | float, size: float) -> float:
 
 
 def _equilibrium(samples: Samples) -> Iterator[tuple[str, float]]:
-    """Inside cells, and across the edges between them."""
-    width, height = (part[None, :, None, None] if i == 0 else part[:, None, None, None]
-                     for i, part in enumerate(samples.sizes))  # fmt: skip
-    xx, yy, xy = np.moveaxis(samples.stress, -1, 0)
-    xx, yy = xx - samples.potential, yy - samples.potential
-    along_x = [np.einsum("ij,abkj->abki", _DERIVATIVE, part) / width for part in (xx, xy)]
-    along_y = [np.einsum("ij,abjk->abik", _DERIVATIVE, part) / height for part in (xy, yy)]
-    smallest = np.minimum(width, height)
-    for name, first, second in zip("xy", along_x, along_y, strict=True):
-        yield f"equilibrium along {name}", _relative((first + second) * smallest, samples.largest)
-    inside = samples.problem.grid.interior
-    jump = tractions(inside, samples.on(inside)) - tractions(inside, samples.beyond(inside))
-    yield "tractions of neighbours", _relative(jump, samples.largest)
+    """Inside thirds, and across their sides."""
+    mesh, powers = samples.problem.mesh, _powers(samples.degree)
+    c, across, up = thirds(mesh)
+    places = np.array([(0.1, 0.1), (0.7, 0.1), (0.1, 0.7), (0.4, 0.4), (1 / 3, 1 / 3)])
+    slopes = []  # of all components by r and by t
+    for which in (0, 1):
+        lower = powers - np.eye(2, dtype=int)[which]
+        values = powers[:, which] * np.prod(places[:, None] ** np.maximum(lower, 0), axis=2)
+        slopes.append(np.einsum("qm,csmk->csqk", values, samples.coefficients))
+    frame = np.linalg.inv(np.stack([across, up], axis=3))  # rows: gradients of r and t
+    gradient = np.einsum("csid,icsqk->csqkd", frame, np.stack(slopes))
+    size = np.minimum(np.linalg.norm(across, axis=2), np.linalg.norm(up, axis=2)) / 2.0
+    xx, yy, xy = np.moveaxis(gradient, 3, 0)
+    thin = 1.0 / np.linalg.norm(frame, axis=(2, 3))[..., None]  # height of the third: what a slope is measured by
+    for name, divergence in (("x", xx[..., 0] + xy[..., 1]), ("y", xy[..., 0] + yy[..., 1])):
+        yield f"equilibrium along {name}", _relative(divergence * np.minimum(size[..., None], thin), samples.largest)
+    s = np.array([0.1, 0.4, 0.8])
+    for first, second in ((0, 1), (1, 2), (2, 0)):  # the line from the barycentre to the corner of both thirds
+        corner = mesh.vertices[mesh.cells[:, 3 - first - second]]
+        along = corner - c[:, 0]
+        x, y = np.moveaxis(c[:, 0, None] + s[:, None] * along[:, None], -1, 0)
+        normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+        normals = np.broadcast_to(normal[:, None], (*x.shape, 2))
+        every = np.arange(len(mesh.cells))
+        one, other = (samples.at(every, np.full(len(every), side), x, y) for side in (first, second))
+        yield "tractions inside triangles", _relative(tractions(normals, one - other), samples.largest)
+    for bent in (False, True):  # on arcs forces of edges agree, not tractions at points
+        inside = mesh.interior.take(mesh.interior.bent == bent)
+        normals, _ = frames_along(inside, _NODES)
+        jump = tractions(normals, samples.on(inside, _NODES) - samples.on(inside, _NODES, beyond=True))
+        jump = np.einsum("nqk,q->nk", jump, _WEIGHTS) if bent else jump
+        yield "tractions of neighbours", _relative(jump, samples.largest)
 
 
 def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
-    """Force and normal moment on every edge, over the largest stress and what it does there."""
-    mesh = samples.problem.grid
-    for component, chosen, value in samples.problem.by_component(Traction):
-        edges = mesh.boundary.take(chosen)
-        x, y = mesh.points_along(edges, _POINTS)
-        error = tractions(edges, samples.on(edges))[..., component]
-        error = error @ _WEIGHTS - _mean(samples.problem, edges, value)
-        yield f"prescribed traction {'xy'[component]}", _relative(error, samples.largest)
-        across = (edges.axis == HORIZONTAL) == (component == 1)
-        moments = tractions(edges, samples.on(edges))[..., component] - _values(value, x, y)
-        if not callable(value):
-            yield "prescribed moment", _relative((moments @ (_WEIGHTS * (_POINTS - 0.5)))[across], samples.largest)
-
-
-def _mean(problem: ContactProblem, edges: GridEdges, value: Field) -> FloatArray:
-    """The mean of a field on each edge (edges,)."""
-    points, weights = gauss_legendre(8)
-    x, y = problem.grid.points_along(edges, points)
-    return np.asarray(_values(value, x, y) @ weights)
+    """Force on every edge, and the moment where the traction is a number, over the largest stress."""
+    mesh = samples.problem.mesh
+    for given in samples.problem.prescribed(Traction):
+        edges = given.edges
+        normals, tangents = frames_along(edges, _NODES)
+        local = (normals if given.name.endswith("normal") else tangents) if given.turns else None
+        direction = np.broadcast_to(given.direction[:, None], normals.shape) if local is None else local
+        found = (tractions(normals, samples.on(edges, _NODES)) * direction).sum(axis=2)
+        error = found - _values(given.value, *mesh.points_along(edges, _NODES))
+        yield f"prescribed {given.name}", _relative(error @ _WEIGHTS, samples.largest)
+        if not callable(given.value) and not edges.curved:
+            yield f"moment of {given.name}", _relative(error @ (_WEIGHTS * (_NODES - 0.5)), samples.largest)
 
 
 def _plates(samples: Samples) -> Iterator[tuple[str, float]]:
     """Resultants over the largest traction times the length of the contact, and its reach from the pivot."""
-    mesh = samples.problem.grid
+    mesh = samples.problem.mesh
     for contact in samples.problem.contacts:
         if contact.plate is None:
             continue
         plate, edges = contact.plate, mesh.edges(contact.edges)
-        lengths = mesh.edge_lengths(edges)
-        traction = tractions(edges, samples.on(edges))
-        weights = lengths[:, None] * _WEIGHTS
-        force_x, force_y = (float((weights * traction[..., i]).sum()) for i in (0, 1))
-        size = samples.largest * float(lengths.sum())
-        for name, found, wanted in (("x", force_x, plate.force_x), ("y", force_y, plate.force_y)):
+        normals, _ = frames_along(edges, _NODES)
+        force = tractions(normals, samples.on(edges, _NODES)) * (edges.length[:, None] * _WEIGHTS)[..., None]
+        size = samples.largest * float(edges.length.sum())
+        for name, found, wanted in zip("xy", force.sum(axis=(0, 1)), (plate.force_x, plate.force_y), strict=True):
             if wanted is not None:
-                yield f"force_{name} of the plate", _relative(found - wanted, max(size, abs(wanted)))
+                yield f"force_{name} of the plate", _relative(float(found) - wanted, max(size, abs(wanted)))
         if plate.moment is not None:
-            x, y = mesh.points_along(edges, _POINTS)
+            x, y = mesh.points_along(edges, _NODES)
             arm_x, arm_y = x - plate.pivot[0], y - plate.pivot[1]
-            moment = float((weights * (arm_x * traction[..., 1] - arm_y * traction[..., 0])).sum())
+            moment = float((arm_x * force[..., 1] - arm_y * force[..., 0]).sum())
             reach = max(float(np.abs(arm_x).max()), float(np.abs(arm_y).max()))
             yield "moment of the plate", _relative(moment - plate.moment, max(size * reach, abs(plate.moment)))
 
 
-def _bound(contact: Contact, x: FloatArray, y: FloatArray, normal: FloatArray) -> FloatArray:
-    """min(c + μ|σ_N|, t_max)."""
-    bound = _values(contact.cohesion, x, y) + _values(contact.friction, x, y) * np.abs(normal)
-    return bound if contact.shear_limit is None else np.minimum(bound, _values(contact.shear_limit, x, y))
-
-
 def _laws(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:
-    """What pulls and what exceeds the bound, over the largest stress."""
-    mesh = samples.problem.grid
+    """What pulls, what exceeds the bound, and what is reported otherwise, over the largest stress."""
     for contact in samples.problem.contacts:
-        edges = mesh.edges(contact.edges)
-        x, y = mesh.points_along(edges, _POINTS)
-        normal, shear = normal_and_shear(edges, samples.on(edges))
-        normal = normal + result.contacts[contact.name].pore_pressure.reshape(normal.shape)
+        line = result.contacts[contact.name]
+        x, y, (whole, shear), off = _on_contact(samples, contact, result)
+        yield f"reported tractions on {contact.name}", _relative(off, samples.largest)
+        normal = whole + line.pore_pressure.reshape(whole.shape)
         if contact.law == "unilateral":
             yield f"tension on {contact.name}", _relative(np.maximum(normal, 0.0), samples.largest)
         if contact.law != "tied":
-            steepness = 1.0 + float(_values(contact.friction, x, y).max())
-            excess = np.maximum(np.abs(shear) - _bound(contact, x, y, normal), 0.0) / steepness
+            friction = _values(contact.friction, x, y)
+            bound = _values(contact.cohesion, x, y) + friction * np.abs(normal)
+            if contact.shear_limit is not None:
+                bound = np.minimum(bound, _values(contact.shear_limit, x, y))
+            excess = np.maximum(np.abs(shear) - bound, 0.0) / (1.0 + float(friction.max()))
             yield f"friction on {contact.name}", _relative(excess, samples.largest)
 
 
 def _fluids(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:
-    """The pressure that is taken for a fluid's, a polynomial on every edge: its force and moment, and its values."""
-    mesh = samples.problem.grid
+    """The pressure that is taken for a fluid's, a polynomial on every edge: its force, and its values."""
+    mesh = samples.problem.mesh
     for contact in samples.problem.contacts:
         edges, field = mesh.edges(contact.edges), contact.pore_pressure
-        taken = result.contacts[contact.name].pore_pressure.reshape(-1, len(_POINTS))
-        missed = np.abs(taken - _values(field, *mesh.points_along(edges, _POINTS))).max(initial=0.0)
+        taken = result.contacts[contact.name].pore_pressure.reshape(len(edges), -1)
+        nodes, weights = np.polynomial.legendre.leggauss(taken.shape[1])
+        missed = np.abs(taken - _values(field, *mesh.points_along(edges, (nodes + 1.0) / 2.0))).max(initial=0.0)
         said = any(repr(contact.name) in remark and "pore pressure" in remark for remark in result.remarks)
         yield f"pore pressure on {contact.name}, not said", 0.0 if said else _relative(float(missed), samples.largest)
-        found = np.stack([taken @ _WEIGHTS, taken @ (_WEIGHTS * (_POINTS - 0.5))])
-        yield f"pore pressure on {contact.name}", _relative(found - _moments(mesh, edges, field), samples.largest)
 
+        def along(t: float, edges: Edges = edges, field: Field = field) -> FloatArray:
+            return _values(field, *mesh.points_along(edges, np.array([t])))[:, 0]
 
-def _moments(mesh: RectilinearMesh, edges: GridEdges, field: Field) -> FloatArray:
-    """∫ p dt and ∫ (t − ½) p dt over every edge (2, edges), also of fields that jump."""
-
-    def weighted(t: float) -> FloatArray:
-        values = _values(field, *mesh.points_along(edges, np.array([t])))[:, 0]
-        return np.stack([values, (t - 0.5) * values])
-
-    return np.asarray(quad_vec(weighted, 0.0, 1.0, epsrel=_INTEGRATED, limit=_INTERVALS)[0])
-
-
-def _reported(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:
-    """The tractions that contacts report, beside the sampled ones."""
-    mesh = samples.problem.grid
-    for contact in samples.problem.contacts:
-        line, edges = result.contacts[contact.name], mesh.edges(contact.edges)
-        normal, shear = normal_and_shear(edges, samples.on(edges))
-        yield f"reported σ_N on {contact.name}", _relative(line.normal_stress - normal.ravel(), samples.largest)
-        yield f"reported σ_T on {contact.name}", _relative(line.tangential_stress - shear.ravel(), samples.largest)
+        force = quad_vec(along, 0.0, 1.0, epsrel=_INTEGRATED, limit=_INTERVALS)[0] if callable(field) else field
+        yield f"pore pressure on {contact.name}", _relative(taken @ (weights / 2.0) - force, samples.largest)
 
 
 @dataclass(frozen=True)
@@ -319,44 +325,87 @@ class Comparison:
         return self.distance > _DISTANCE and self.gain > 0.5 * _DISTANCE**2
 
 
-def compare(result: ContactResult, other: ContactResult) -> Comparison:
+def compare(result: ContactResult, other: ContactResult, degree: int = 4) -> Comparison:
     """Compare a state with that of another method.
 
     J(σ) = ½ ∫ cσ : σ dx − ∫_{Γ_u} U · σn ds − ∫_{Γ_μ} (g σ_N + w σ_T) ds, plates driven by force left out.
     """
-    first, second = Samples.of(result), Samples.of(other)
-    change = second.stress - first.stress
-    size = max(_strain(first, first.stress, first.stress), _strain(second, second.stress, second.stress))
-    area = float((first.sizes[1][:, None] * first.sizes[0])[first.problem.grid.active].sum())
-    size = max(size, floor(first.problem) ** 2 * area / max(each.young for each in first.problem.materials))
-    middle = (first.stress + second.stress) / 2.0
-    gain = _work(first, change) - 2.0 * _strain(first, middle, change)
-    return Comparison(float(np.sqrt(_strain(first, change, change) / size)), gain / size)
+    first, second = Samples.of(result, degree), Samples.of(other, degree)
+    problem, mesh = first.problem, first.problem.mesh
+    one, two, weights = *(_everywhere(each) for each in (first, second)), _areas(mesh)
+    compliance = problem.compliances
+
+    def strain(sigma: FloatArray, tau: FloatArray) -> float:
+        return 0.5 * float(np.einsum("cqk,ckl,cql,cq->", sigma, compliance, tau, weights))
+
+    change = two - one
+    size = max(strain(one, one), strain(two, two))
+    size = max(size, floor(problem) ** 2 * float(weights.sum()) / max(each.young for each in problem.materials))
+    gain = _work(second) - _work(first) - 2.0 * strain((one + two) / 2.0, change)
+    return Comparison(float(np.sqrt(max(strain(change, change), 0.0) / size)), gain / size)
 
 
-def _strain(samples: Samples, one: FloatArray, two: FloatArray) -> float:
-    """½ ∫ c σ : τ dx."""
-    width, height = samples.sizes
-    mesh, problem = samples.problem.grid, samples.problem
-    compliance = np.zeros((*mesh.shape, 3, 3))
-    compliance[mesh.active] = problem.compliances
-    work = np.einsum("rcijk,rckl,rcijl,i,j->rc", one, compliance, two, _WEIGHTS, _WEIGHTS)
-    return 0.5 * float((work * height[:, None] * width).sum())
+def _places(mesh: TriangleMesh, side: int) -> tuple[Edges, FloatArray]:
+    """The sides opposite to corner `side` of all triangles, and quadrature points s along them."""
+    numbers = mesh.topology.of_cells[:, side]
+    inside = mesh.topology.boundary
+    order = np.zeros(len(inside), dtype=np.int64)
+    order[inside], order[~inside] = np.arange(inside.sum()), np.arange((~inside).sum())
+    fields = [
+        np.where(
+            inside[numbers].reshape(-1, *[1] * (getattr(mesh.boundary, name).ndim - 1)),
+            getattr(mesh.boundary, name)[np.where(inside[numbers], order[numbers], 0)],
+            getattr(mesh.interior, name)[np.where(inside[numbers], 0, order[numbers])]
+            if len(mesh.interior) else getattr(mesh.boundary, name)[np.where(inside[numbers], order[numbers], 0)],
+        )
+        for name in Edges.__match_args__
+    ]  # fmt: skip
+    return Edges(*fields), _NODES
 
 
-def _work(samples: Samples, stress: FloatArray) -> float:
-    """∫_{Γ_u} U · σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds of any stresses at the samples."""
+def _everywhere(samples: Samples) -> FloatArray:
+    """Stresses at the points of `_areas`, (cells, points, 3)."""
+    mesh = samples.problem.mesh
+    c, every, found = mesh.vertices[mesh.cells].mean(axis=1), np.arange(len(mesh.cells)), []
+    for side in range(3):
+        edges, s = _places(mesh, side)
+        x, y = mesh.points_along(edges, s)
+        for r in _NODES:
+            px, py = c[:, :1] + r * (x - c[:, :1]), c[:, 1:] + r * (y - c[:, 1:])
+            found.append(samples.at(every, np.full(len(every), side), px, py))
+    return np.concatenate(found, axis=1)
+
+
+def _areas(mesh: TriangleMesh) -> FloatArray:
+    """Weights (cells, points) of x = c + r (γ(s) − c) in the area element r |(γ − c) × γ'| dr ds."""
+    c, found = mesh.vertices[mesh.cells].mean(axis=1), []
+    for side in range(3):
+        edges, s = _places(mesh, side)
+        x, y = mesh.points_along(edges, s)
+        _, tangents = frames_along(edges, s)
+        cross = (x - c[:, :1]) * tangents[..., 1] - (y - c[:, 1:]) * tangents[..., 0]
+        element = np.abs(cross) * edges.length[:, None] * _WEIGHTS
+        found += [element * (r * weight) for r, weight in zip(_NODES, _WEIGHTS, strict=True)]
+    return np.concatenate(found, axis=1)
+
+
+def _work(samples: Samples) -> float:
+    """∫_{Γ_u} U · σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds."""
     problem, total = samples.problem, 0.0
-    mesh, moved = problem.grid, Samples(problem, stress)
-    for component, chosen, value in problem.by_component(Displacement):
-        edges = mesh.boundary.take(chosen)
-        x, y = mesh.points_along(edges, _POINTS)
-        work = _values(value, x, y) * tractions(edges, moved.on(edges))[..., component]
-        total += float(mesh.edge_lengths(edges) @ (work @ _WEIGHTS))
+    mesh = problem.mesh
+    for given in problem.prescribed(Displacement):
+        normals, tangents = frames_along(given.edges, _NODES)
+        local = (normals if given.name.endswith("normal") else tangents) if given.turns else None
+        direction = np.broadcast_to(given.direction[:, None], normals.shape) if local is None else local
+        along = (tractions(normals, samples.on(given.edges, _NODES)) * direction).sum(axis=2)
+        work = _values(given.value, *mesh.points_along(given.edges, _NODES)) * along
+        total += float(given.edges.length @ (work @ _WEIGHTS))
     for contact in problem.contacts:
         edges = mesh.edges(contact.edges)
-        x, y = mesh.points_along(edges, _POINTS)
-        normal, shear = normal_and_shear(edges, moved.on(edges))
-        work = _values(contact.gap, x, y) * normal + _values(contact.offset, x, y) * shear
-        total += float(mesh.edge_lengths(edges) @ (work @ _WEIGHTS))
+        normals, tangents = frames_along(edges, _NODES)
+        traction = tractions(normals, samples.on(edges, _NODES))
+        points = mesh.points_along(edges, _NODES)
+        work = _values(contact.gap, *points) * (traction * normals).sum(axis=2)
+        work += _values(contact.offset, *points) * (traction * tangents).sum(axis=2)
+        total += float(edges.length @ (work @ _WEIGHTS))
     return total

@@ -6,23 +6,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from comparisons.wild.dice import Dice
+from comparisons.wild.bodies import Dice
 from qvi_contact import (
     Contact,
     ContactProblem,
     Displacement,
     Material,
-    RectilinearMesh,
     Region,
     RigidPlate,
     Symmetry,
     Traction,
+    TriangleMesh,
 )
 
 _PLAIN: Final[Mapping[str, Any]] = MappingProxyType({
     "x": [0.0, 1.0, 2.0], "y": [0.0, 0.5, 1.0, 2.0], "active": None,
-    "edges.name": "part", "edges.side": "bottom", "edges.start": 0.0, "edges.stop": 1.0, "edges.at": 0.0,
-    "joint.name": "joint", "joint.direction": "horizontal", "joint.at": 0.5, "joint.start": 0.0, "joint.stop": 2.0,
+    "edges.name": "part", "edges.place": ((0.0, 0.0), (1.0, 0.0)),
+    "joint.name": "joint", "joint.place": ((0.0, 0.5), (2.0, 0.5)),
     "young": 1000.0, "poisson": 0.3, "plane": "stress",
     "contact.edges": "part", "contact.friction": 0.3, "contact.gap": 0.0, "contact.offset": 0.0, "contact.name": "",
     "contact.cohesion": 0.0, "contact.shear_limit": 5.0, "contact.law": "unilateral", "contact.plate": None,
@@ -57,6 +57,11 @@ _PAIRS: Final[tuple[Any, ...]] = (
     3.0, "ab", (1.0,), (1.0, 2.0, 3.0), (float("nan"), 1.0), (1.0j, 0.0), ("0", "1"), np.array([0.0, 1.0j]), object(),
     [[0.0], [1.0]], (0.0, None),
 )  # fmt: skip
+_PLACES: Final[tuple[Any, ...]] = (
+    None, 3.0, "bottom", (0.0, 1.0), ((0.0, 0.0),), ((0.0, 0.0), (0.3, 0.0)), ((0.0, 0.0), (7.0, 0.0)),
+    ((0.0, float("nan")), (1.0, 0.0)), ((0.0, 0.0), (0.0, 0.0)), ((0.3, 0.3), (0.6, 0.6)), object(), lambda _, __: None,
+    lambda x, _: x > 99.0, lambda x: x,
+)  # fmt: skip
 _THINGS: Final[tuple[Any, ...]] = (
     3, "text", [3], ["text"], np.array([1.0, 2.0]), object(), {"a": 1}, [None], 1.0j, len,
 )  # fmt: skip
@@ -82,9 +87,7 @@ _FIELDS: Final = (*_NUMBERS[:-2], *_FUNCTIONS)
 
 _BAD: Final[Mapping[str, tuple[Any, ...]]] = MappingProxyType({
     "x": _LINES, "y": _LINES, "active": _MASKS, "edges.name": (*_TEXTS[:11], "top", "", object()),
-    "edges.side": _TEXTS, "edges.start": (*_NUMBERS, 0.3, 7.0), "edges.stop": (*_NUMBERS, 0.3, 0.0),
-    "edges.at": (*_NUMBERS, 0.3, 2.0), "joint.name": (*_TEXTS[:11], "part", "top", ""), "joint.direction": _TEXTS,
-    "joint.at": (*_NUMBERS, None, 0.0, 0.3, 9.0), "joint.start": (*_NUMBERS, 0.3), "joint.stop": (*_NUMBERS, 0.0),
+    "edges.place": _PLACES, "joint.name": (*_TEXTS[:11], "part", "top", ""), "joint.place": _PLACES,
     "young": (*_NUMBERS, None, 0.0, -1.0, 5e-324, 1e308 * 1e10), "poisson": (*_NUMBERS, None, -1.0, 0.6, -3.0),
     "plane": _TEXTS, "contact.edges": _TEXTS, "contact.friction": (*_FIELDS, None, -0.1),
     "contact.gap": (*_FIELDS, None), "contact.offset": (*_FIELDS, None), "contact.name": _TEXTS[:11],
@@ -122,14 +125,15 @@ def _problem(given: dict[str, Any]) -> ContactProblem:
         """The arguments of one part by their names."""
         return {name.removeprefix(f"{part}."): value for name, value in given.items() if name.startswith(f"{part}.")}
 
-    mesh = RectilinearMesh(given["x"], given["y"], given["active"]).with_edges(**of("edges"))
-    mesh = mesh.with_edges("rest", "bottom", 1.0).with_joint(**of("joint"))
+    edges = {given["edges.name"]: given["edges.place"], "rest": ((1.0, 0.0), (2.0, 0.0))}
+    joints, regions = {given["joint.name"]: given["joint.place"]}, {"half": (given["region.x"], None)}
+    mesh = TriangleMesh.grid(given["x"], given["y"], given["active"], edges=edges, joints=joints, regions=regions)
     plate = RigidPlate(given["force_x"], given["force_y"], given["moment"], given["pivot"])
     conditions: Any = [
         Contact(**of("contact")), Contact("joint", 0.5), Contact("top", 0.2, plate=plate),
         Displacement(**of("displacement")), Traction(**of("traction")), Symmetry(**of("symmetry")),
     ]  # fmt: skip
     material = Material(given["young"], given["poisson"], given["plane"])
-    made = {"mesh": mesh, "conditions": conditions, "regions": [Region(**of("region"))]}
+    made = {"mesh": mesh, "conditions": conditions, "regions": [Region(given["region.material"], name="half")]}
     made |= {name: given[name] for name in made if given[name] is not None}
     return ContactProblem(material=material, body_potential=given["potential"], **made)

@@ -33,7 +33,7 @@ from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
 
 NAME: Final = "wild"
-EACH, QUICK = 250, 5
+EACH, QUICK = 160, 5
 """Problems of a family, in full and quick."""
 
 REFUSED, ACCEPTED, SOLVED, WRONG = "refused", "accepted", "solved", "wrong"
@@ -65,7 +65,7 @@ def declared(families: Sequence[str], each: int) -> Study:
         if name not in FAMILIES:
             raise InputError("only", name, f"there is no such family: choose among {', '.join(FAMILIES)}")
     chosen = tuple(name for name in FAMILIES if not families or name in families)
-    return Study(NAME, 3, solve_case, {"number": tuple(range(each)), "family": chosen}, packages=(*PACKAGES, "daqp"))
+    return Study(NAME, 4, solve_case, {"number": tuple(range(each)), "family": chosen}, packages=(*PACKAGES, "daqp"))
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def _outcome(family: str, number: int) -> dict[str, Any]:
     began = time.perf_counter()
     try:
         wild = wild_problem(family, number)
-        result = solve(wild.problem, **{"element": "bfs", **wild.settings})
+        result = solve(wild.problem, **wild.settings)
         seconds = time.perf_counter() - began
         return {"seconds": seconds, **_judged(wild, result)}
     except InputError as error:
@@ -98,8 +98,9 @@ def _judged(wild: Wild, result: ContactResult) -> dict[str, Any]:
     if wild.wrong:
         return {"outcome": ACCEPTED, **said, "message": wild.wrong}
     if result.status is Status.SOLVED:
-        errors = wrong(result)
-        other, ended = _second(result)
+        degree = wild.settings.get("degree", 4)
+        errors = wrong(result, degree)
+        other, ended = _second(result, degree)
         if other is not None and other.differs:
             errors.append(f"{SECOND} is {other.distance:.1e} away, with {other.gain:.1e} less energy")
         distance = None if other is None else other.distance
@@ -109,7 +110,7 @@ def _judged(wild: Wild, result: ContactResult) -> dict[str, Any]:
     return {"outcome": OPEN, **said, **_solvable(result)}
 
 
-def _second(result: ContactResult) -> tuple[Comparison | None, str]:
+def _second(result: ContactResult, degree: int) -> tuple[Comparison | None, str]:
     """A second method beside the answer, on the answer's own friction bounds, and how it ended."""
     if result.solution.problem.m == 0:
         return None, "no contact"
@@ -118,7 +119,7 @@ def _second(result: ContactResult) -> tuple[Comparison | None, str]:
     )
     if not (other.has_state and other.history and other.history[0].inner_status is Status.SOLVED):
         return None, other.status.value
-    return compare(result, other), "compared"
+    return compare(result, other, degree), "compared"
 
 
 def _solvable(result: ContactResult) -> dict[str, Any]:

@@ -367,7 +367,9 @@ class _Pairs:
                 np.add.at(total, vertices, (values * bound)[:, -end])
                 np.add.at(mass, vertices, bound[:, -end])
                 np.add.at(still, vertices, held)
-            parts[line.contact.name] = replace(line.share, values=values, weights=bound, slipping=0.0 * held)
+            parts[line.contact.name] = replace(
+                line.share, values=values, weights=bound, slipping=np.zeros(len(edges.first))
+            )
         common = np.where(still > 0.0, 0.0, total / np.maximum(mass, 1e-300))
         for line in rough:
             share, edges = parts[line.contact.name], line.trace.edges

@@ -64,16 +64,16 @@ def friction_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> Frict
     if found.value < _USEFUL:
         return found
     value = computed_norm(problem, shares)
-    found = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
+    reason = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
     if value == np.inf:
-        found = (
+        reason = (
             "A contact can slip as far as supports let it without straining the body: hold the body along the contact."
         )
     elif np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
     elif value >= slip_constants.LARGEST:
-        found = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
-    return FrictionNorm(value, False, found)
+        reason = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
+    return FrictionNorm(value, False, reason)
 
 
 def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:

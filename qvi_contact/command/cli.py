@@ -591,7 +591,8 @@ def refine(
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
-@click.option("--plot", metavar="PICTURE", help="Draw how the blocks move beyond the limit: .png, .svg or .pdf.")
+@click.option("--plot", metavar="PICTURE", help="Draw how the body gives way beyond the limit: .png, .svg or .pdf.")
+@click.option("--proof", metavar="FILE", help="Write a proof of the first number, for check-proof: .json.")
 def limit(
     file: str,
     loads: tuple[str, ...],
@@ -602,11 +603,13 @@ def limit(
     verbose: bool,
     as_json: bool,
     plot: str | None,
+    proof: str | None,
 ) -> int:
-    """Bounds of the largest multiple of the named loads that the contacts can carry. The other loads are fixed.
+    """Bounds of the largest multiple of the named loads that contacts and body can carry. The other loads are fixed.
 
-    The first number is a multiple that stresses of this mesh carry within the contact laws. The second is a multiple
-    that no stress of the body exceeds, proved by a mechanism of rigid blocks. With --target the mesh is refined until
+    The first number is a multiple that stresses of this mesh carry within the contact laws, and within the strength of
+    materials that have one. The second is a multiple that no stress of the body exceeds, proved by a mechanism of rigid
+    blocks, or by a flow of bodies that yield. With --target the mesh is refined until
     the difference is within this share of the second number. Under Coulomb friction the body may slide below these
     loads; check a load by "qvi-contact solve". NAME is the name of a traction (its edge set if it has none), of a
     contact whose plate is driven by force, or "body" for the body force. Loads of one name are multiplied together.
@@ -618,18 +621,21 @@ def limit(
         qvi-contact limit examples/dragged_block_holds.toml --load drag
         qvi-contact limit examples/dragged_block_holds.toml --load drag --target 1e-4
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
+        qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_line import computed, document, lines
+    from qvi_contact.command.limit_line import computed, document, lines, write_proof
     from qvi_contact.command.solve_line import solving
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
-    checked_targets(file, plot=plot)
+    checked_targets(file, plot=plot, proof=proof)
     problem_file = load_problem(file)
     with problem_file.named_errors(), solving(problem_file.title or "limit", verbose=verbose):
         space = problem_file.element | _given(degree=degree, contact_rows=contact_rows)
         told = {"time_limit": time_limit, "verbose": verbose}
         found, refinement = computed(problem_file.problem, loads, target, **space, **told)
+        if proof is not None:
+            write_proof(proof, problem_file.problem if refinement is None else refinement.problem, loads, **space)
     if plot is not None:
         _draw_limit(problem_file, loads, found, refinement, plot)
     if as_json:
@@ -639,6 +645,25 @@ def limit(
             click.echo(line)
     missed = refinement is not None and refinement.status != "reached"
     return 1 if missed or found == -float("inf") else 0
+
+
+@group.command("check-proof", short_help="Check a proof file of limit in exact arithmetic.")
+@click.argument("file", type=click.Path())
+def check_proof(file: str) -> int:
+    """Check a proof that a body carries its loads times a factor, written by "qvi-contact limit --proof".
+
+    All arithmetic is exact. The check is the script qvi_contact/limit/check_proof.py, which needs nothing but Python's
+    standard library. The exit status is 1 if something does not hold.
+
+    \b
+    Example:
+        qvi-contact check-proof drag.json
+    """  # noqa: D301
+    from qvi_contact.command.limit_line import checked_proof
+
+    holds, line = checked_proof(file)
+    click.echo(line)
+    return 0 if holds else 1
 
 
 @group.command(short_help="List what can be used on this machine.")
@@ -749,7 +774,7 @@ def _draw_limit(
     from qvi_contact.command.limit_line import drawn
     from qvi_contact.plots import save_figure
 
-    if found.mechanism is None:
+    if found.mechanism is None and found.collapse is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {path}", err=True)
         return
     save_figure(path, drawn(loads, file.problem, found, refinement, file.units))

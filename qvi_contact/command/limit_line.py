@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.units import Units
-from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
+from qvi_contact.errors import InputError
+from qvi_contact.limit.check_proof import check
+from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
+from qvi_contact.limit.proof import save_proof
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import LimitFactor, LimitRefinement, refine
 
@@ -26,6 +31,36 @@ def computed(
         return limit_load_factor(problem, loads=list(loads), **options), None
     found = refine(problem, target=target, quantity=LimitFactor(list(loads)), **options)
     return found.limit, found
+
+
+def write_proof(path: str, problem: ContactProblem, loads: Sequence[str], **space: Any) -> None:
+    """Write a proof of what the mesh carries."""
+    known = {name: value for name, value in space.items() if name in ("element", "degree")}
+    save_proof(path, limit_proof(problem, list(loads), **known))
+
+
+def checked_proof(path: str) -> tuple[bool, str]:
+    """Whether a proof file holds, and what people read of it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is no proof file.
+
+    """
+    try:
+        proof = json.loads(Path(path).read_text(encoding="utf-8"))
+        factor, counted = check(proof)
+    except OSError as error:
+        raise InputError("file", path, f"cannot be read ({error.strerror})") from error
+    except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
+        raise InputError("file", path, "is no proof file, as qvi-contact limit --proof writes them") from error
+    except json.JSONDecodeError as error:
+        raise InputError("file", path, f"is no JSON: {error}") from error
+    except ValueError as error:
+        return False, f"not proved: {error}"
+    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
+    return True, f"proved: the loads times {float(factor):.12g} are carried (checked: {checked})"
 
 
 def drawn(
@@ -58,6 +93,12 @@ def sentence(limit: LimitLoad) -> str:
         return "no multiple can be carried"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
+    if limit.collapse is not None and not limit.collapse.guaranteed:
+        numbers = f"{_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
+        return (
+            f"estimates of what the body carries are {numbers}; they are no bounds, as sides are arcs or the body "
+            "force is no polynomial of the mesh"
+        )
     mesh = "this mesh carries " + _multiple(limit.lower)
     body = "no stress of the body carries more than " + _multiple(limit.upper)
     return f"{mesh} these loads; {body if limit.upper < math.inf else 'for the body there is no upper limit'}"
@@ -67,7 +108,14 @@ def document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, 
     """The same for programs: factors that are not finite are None, `outcome` says what they stand for."""
     outcome = "none" if limit.upper == -math.inf else "unbounded" if limit.upper == math.inf else "bounded"
     lower, upper = (value + 0.0 if math.isfinite(value) else None for value in (limit.lower, limit.upper))
-    known: dict[str, Any] = {"outcome": outcome, "factor": lower, "upper": upper, "message": sentence(limit)}
+    bounds = limit.collapse is None or limit.collapse.guaranteed
+    known: dict[str, Any] = {
+        "outcome": outcome,
+        "bounds": bounds,
+        "factor": lower,
+        "upper": upper,
+        "message": sentence(limit),
+    }
     if refinement is not None:
         known["refinement"] = {
             "status": refinement.status.value,

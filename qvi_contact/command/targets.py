@@ -15,7 +15,7 @@ _MODULES = {
 }
 """Option → the library that it needs."""
 
-_SUFFIXES = {"vtk": ".vtu", "npz": ".npz", "report": ".html"}
+_SUFFIXES = {"vtk": ".vtu", "npz": ".npz", "report": ".html", "proof": ".json"}
 
 
 def checked_targets(source: str, **targets: str | None) -> dict[str, str]:

@@ -129,7 +129,8 @@ def solve_companions(
     """
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
-    lines = [model.traces(*pair) for pair in zip_longest(laws, senses, fillvalue=MappingProxyType({}))]
+    nothing = MappingProxyType[str, FloatArray]({})
+    lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, senses, fillvalue=nothing)]
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]

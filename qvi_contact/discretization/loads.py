@@ -1,6 +1,8 @@
 """Points on edges, and prescribed tractions, displacements and body forces there as conditions and load vectors.
 
-All dimensionless. In `docs/theory.md`: (D1).
+All dimensionless.
+
+In `docs/theory.md`: (D1).
 """
 
 from collections.abc import Iterator

@@ -36,7 +36,7 @@ from qvi_contact.problem.conditions import (
     Traction,
     disc_gap,
 )
-from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.material import Material, Region, cell_materials
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.problem.strength import STRENGTHS, Strength
@@ -131,7 +131,7 @@ class Reader:
         document = self.document
         _check_constants(document.constants)
         conditions = list(self._conditions(mesh))
-        potential = self.field("body_potential", document.body_potential)
+        potential = self._potential()
         plane = document.material.plane
         strength = self._strength("material.strength", document.material.strength)
         with located("material", document.material):
@@ -154,6 +154,17 @@ class Reader:
                 raise
         self._check_values(problem)
         return problem
+
+    def _potential(self) -> Field:
+        """The potential of the body force, or of several."""
+        document = self.document
+        if not document.body_forces:
+            return self.field("body_potential", document.body_potential)
+        if document.body_potential != 0.0:
+            raise InputError("body_potential", document.body_potential, "body_forces are given: leave one of them out")
+        named = {name: self.field(f"body_forces.{quoted(name)}", value) for name, value in document.body_forces.items()}
+        with located("body_forces"):
+            return BodyForces(named)
 
     def _strength(self, path: str, table: StrengthTable | None) -> Strength | None:
         """What a material can carry."""

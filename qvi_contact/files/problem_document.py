@@ -743,6 +743,10 @@ class Document(Table):
     """Anything else worth keeping: `description = "Water at 40 m"`."""
     body_potential: FieldValue = 0.0
     """Field φ with the body force −∇φ; ρ g y under gravity: `body_potential = "0.024 * y"`."""
+    body_forces: Annotated[dict[Name, FieldValue], Field(max_length=_MOST_NAMES)] = {}
+    """Several such fields by name instead, each of which `limit` and sweeps can multiply:
+    `body_forces = { weight = "24.0 * y", earthquake = "-24.0 * x" }`.
+    """
     units: UnitsTable = UnitsTable()
     """Labels of units, see `[units]`: `units = { length = "mm", stress = "MPa" }`."""
     constants: dict[str, float] = {}

@@ -17,7 +17,7 @@ from qvi_contact.files.problem_document import VERSION
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Traction
-from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.material import Region
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.problem.strength import Strength
@@ -92,9 +92,11 @@ def _text(
 ) -> str:
     writer = _Writer()
     document: dict[str, Any] = {"version": VERSION, "title": title, "description": description}
-    potential = writer.field("body_potential", problem.body_potential)
-    if potential != 0.0:
-        document["body_potential"] = potential
+    if isinstance(problem.body_potential, BodyForces):
+        named = problem.body_potential.parts.items()
+        document["body_forces"] = {name: writer.field(f"body_forces.{name}", part) for name, part in named}
+    elif problem.body_potential != 0.0:
+        document["body_potential"] = writer.field("body_potential", problem.body_potential)
     document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
     document["constants"] = writer.constants  # filled by what follows
     document["mesh"] = _mesh(problem.mesh)

@@ -6,6 +6,8 @@
 | `stresses`       | from below, where bodies yield: stresses in the yield cones                   |
 | `flow`           | from above: velocities, with jumps on contacts                                |
 | `gap`            | parts of the difference, where to refine                                      |
+| `proof`          | proof files in rational numbers                                               |
+| `check_proof`    | a script that checks them, by Python's standard library alone                 |
 | `yielding`       | strengths as cones on Bernstein coefficients                                  |
 | `conic`          | cone programs by Clarabel, and answers made to hold                           |
 | `whole_edges`    | contact laws on whole edges as linear rows                                    |
@@ -18,7 +20,8 @@ __getattr__ = front(
     __name__,
     {
         "carried_forces": ("Relations",),
-        "flow": ("ContactFlow",),
-        "load_factor": ("Collapse", "LimitLoad", "limit_load", "limit_load_factor"),
+        "flow": ("BodyMotion", "ContactFlow"),
+        "check_proof": ("check",),
+        "load_factor": ("Collapse", "LimitLoad", "limit_load", "limit_load_factor", "limit_proof"),
     },
 )

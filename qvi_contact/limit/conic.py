@@ -14,16 +14,19 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import linalg
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import SolveError
 from solvers.basics.types import load
 from solvers.basics.watch import left
 
 _TOLERANCE: Final = 1e-9  # of the solver
+_COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blocks: bounds come from x in any case
+_LARGE: Final = 4000
+_REGULAR: Final = 1e-12  # added to its matrices: by default 1e-8, in which fans of thin triangles are lost
+_REFINED: Final = 30  # steps of its iterative refinement, at most
 _DAMPED: Final = 1e-14  # added to the normal equations of E, whose rows may depend on each other
 _SWEEPS: Final = 4  # of the projection on E x = e
 _ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
-_BALANCING: Final = 3  # sweeps over rows and columns
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
 
 INFEASIBLE: Final = "infeasible"
@@ -58,7 +61,11 @@ class Cones:
 
 @dataclass(frozen=True, eq=False)
 class ConicProgram:
-    """The program above; `cones` may have blocks of several sizes."""
+    """The program above; `cones` may have blocks of several sizes.
+
+    Rows of E that may depend on each other (`dependent`) need the solver's own regularisation, in which what is badly
+    scaled is lost.
+    """
 
     q: FloatArray
     E: sparse.csr_array
@@ -66,6 +73,7 @@ class ConicProgram:
     L: sparse.csr_array
     h: FloatArray
     cones: Sequence[Cones]
+    dependent: bool = False
 
     def solve(self) -> FloatArray | str:
         """The solver's x, unchecked; or "infeasible", or "unbounded" where it has a certificate.
@@ -85,13 +93,19 @@ class ConicProgram:
         kinds += [clarabel.SecondOrderConeT(cone.g.shape[1]) for cone in self.cones for _ in range(len(cone.g))]
         scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
         scale[scale == 0.0] = 1.0
-        A = sparse.csc_matrix(A @ sparse.diags_array(1.0 / scale))
+        A = sparse.csc_array(A @ sparse.diags_array(1.0 / scale))
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
+        gap = _COARSER if sum(len(cone.g) for cone in self.cones) > _LARGE else _TOLERANCE
+        settings.tol_gap_abs, settings.tol_gap_rel, settings.tol_feas = gap, gap, _TOLERANCE
+        if not self.dependent:
+            settings.static_regularization_constant, settings.static_regularization_proportional = _REGULAR, 0.0
+        settings.iterative_refinement_max_iter = _REFINED
         settings.time_limit = max(left(), _LEAST_TIME)
         n = len(self.q)
-        answer = clarabel.DefaultSolver(sparse.csc_matrix((n, n)), self.q / scale, A, b, kinds, settings).solve()
+        answer = clarabel.DefaultSolver(
+            sparse.csc_matrix((n, n)), self.q / scale, sparse.csc_matrix(A), b, kinds, settings
+        ).solve()
         word, x = str(answer.status), np.array(answer.x) / scale
         if word.endswith("PrimalInfeasible"):
             return INFEASIBLE
@@ -103,15 +117,14 @@ class ConicProgram:
             raise SolveError(
                 f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
             )
-        return x
+        return np.asarray(x)
 
     def projected(self, x: FloatArray) -> FloatArray:
         """The nearest point with E x = e, rows of which may depend on each other."""
-        if not len(self.e):
-            return x
-        for _ in range(_SWEEPS):
-            x = x + self.E.T @ self._normal.solve(self.e - self.E @ x)
-        return np.asarray(x)
+        found = np.array(x)
+        for _ in range(_SWEEPS if len(self.e) else 0):
+            found += self.E.T @ self._normal.solve(self.e - self.E @ found)
+        return found
 
     @cached_property
     def _normal(self) -> Any:
@@ -126,20 +139,21 @@ class ConicProgram:
         size = max([1e-300, np.abs(self.h).max(initial=0.0), *(cone.sizes(x).max(initial=0.0) for cone in self.cones)])
         return np.concatenate([slack, *(cone.margins(x) for cone in self.cones)]) / size
 
-    def repaired(self, x: FloatArray) -> tuple[FloatArray, float]:
+    def repaired(self, x: FloatArray, least: float = 0.0) -> tuple[FloatArray, float]:
         """A point near x that holds everything, and what it still violates, relative: rows that leave no room.
 
-        It is the convex combination with a point inside that is nearest to x; E x = e but for rounding.
+        It is the convex combination with a point inside that is nearest to x, with the share `least` of that at least;
+        E x = e but for rounding.
         """
         x = self.projected(x)
         margins = self.margins(x)
-        if margins.min(initial=0.0) < -_ROUNDING:
+        if least or margins.min(initial=0.0) < -_ROUNDING:
             inside = self._inside()
             if inside is not None:
                 room = self.margins(inside)
                 outside = (margins < 0.0) & (room > 0.0)
                 share = float((-margins[outside] / (room[outside] - margins[outside])).max(initial=0.0))
-                x = x + min(1.0, share * (1.0 + 1e-9)) * (inside - x)
+                x = x + min(1.0, share * (1.0 + 1e-9) + least) * (inside - x)
                 margins = self.margins(x)
         return x, float(max(-margins.min(initial=0.0), 0.0))
 
@@ -161,7 +175,7 @@ class ConicProgram:
         count = sum(rows) if each else 1
         n = len(self.q)
 
-        def more(size: int, start: int, places: FloatArray) -> sparse.csr_array:
+        def more(size: int, start: int, places: IntArray) -> sparse.csr_array:
             columns = start + np.arange(len(places)) if each else np.zeros(len(places), dtype=np.int64)
             return sparse.csr_array((np.ones(len(places)), (places, columns)), shape=(size, count))
 
@@ -177,7 +191,7 @@ class ConicProgram:
         limits = np.concatenate([self.h, np.ones(count), np.zeros(count)])
         q = np.concatenate([np.zeros(n), -np.ones(count) / count])
         E = sparse.csr_array(sparse.hstack([self.E, sparse.csr_array((len(self.e), count))]))
-        return ConicProgram(q, E, self.e, sparse.csr_array(bounds), limits, cones)
+        return ConicProgram(q, E, self.e, sparse.csr_array(bounds), limits, cones, self.dependent)
 
     def tightened(self, share: float) -> ConicProgram:
         """The program with positive constants of inequalities and cones less by a share."""

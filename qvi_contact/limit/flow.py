@@ -30,7 +30,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.affine import EDGES
@@ -38,9 +38,8 @@ from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import exponents, gradient, quadrature
 from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.yielding import YieldCones, coefficients_of, part_corners
-from qvi_contact.mechanism.works import BODY, FLUID
+from qvi_contact.mechanism.works import FLUID
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
 from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
@@ -52,35 +51,48 @@ _NULL: Final = 1e-10  # of the largest singular value of conditions on rigid par
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """A velocity field with which the body gives way, of the power 1 of the loads that are multiplied.
+    """The upper bound of the load factor that a velocity field proves.
 
     Attributes
     ----------
     bound : float
-        The upper bound of the load factor that it proves; infinity if no velocity has power, minus infinity if the
-        other loads alone are too much.
+        The bound; infinity if no velocity has power, minus infinity if the other loads alone are too much.
     violation : float
-        What its conditions are missed by, relative: rounding.
-    velocities : (cells, nodes, 2) array or None
-        Coefficients of v on each triangle; see `places`.
-    places : (nodes, 3) array or None
-        Barycentric places of these coefficients in the triangle.
-    strain : (cells, 3, count, 3) array or None
-        Coefficients of (ε_xx, ε_yy, 2ε_xy) on the parts of each triangle, dimensionless.
-    dissipation : (cells,) array or None
-        ∫ π(ε) dx, or the bound of it, dimensionless.
-    contacts : mapping of str to ContactFlow
-        What happens on each contact.
+        What the conditions on the velocities are missed by, relative: rounding.
+    motion : BodyMotion or None
+        The velocities; None if the bound is not finite.
 
     """
 
     bound: float
     violation: float
-    velocities: FloatArray | None = None
-    places: FloatArray | None = None
-    strain: FloatArray | None = None
-    dissipation: FloatArray | None = None
-    contacts: Mapping[str, ContactFlow] | None = None
+    motion: BodyMotion | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """A velocity field with which the body gives way, of power 1 of the loads that are multiplied.
+
+    Attributes
+    ----------
+    velocities : (cells, m, 2) array
+        Bernstein coefficients of v on each triangle. Each is the velocity near the point that it belongs to.
+    places : (m, 3) array
+        Barycentric places of these coefficients in the triangle.
+    strain : (cells, 3, count, 3) array
+        Coefficients of (ε_xx, ε_yy, 2ε_xy) on the parts of each triangle, lengths over that of the mesh.
+    dissipation : (cells,) array
+        ∫ π(ε) dx, or the bound of it, in units of the load factor.
+    contacts : mapping of str to ContactFlow
+        What happens on each contact.
+
+    """
+
+    velocities: FloatArray
+    places: FloatArray
+    strain: FloatArray
+    dissipation: FloatArray
+    contacts: Mapping[str, ContactFlow]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +104,7 @@ class ContactFlow:
     opening, slip : (edges, p) arrays
         Coefficients of w = −[v]_N and of [v]_T from the first end of each edge to its second.
     dissipation : (edges,) array
-        ∫ π([v]) ds, or the bound of it, dimensionless.
+        ∫ π([v]) ds, or the bound of it, in units of the load factor.
 
     """
 
@@ -155,8 +167,7 @@ class Velocities:
 
     """
 
-    def __init__(self, problem: ContactProblem, degree: int, strong: FloatArray) -> None:
-        assert isinstance(problem.mesh, TriangleMesh)
+    def __init__(self, problem: ContactProblem, degree: int, strong: BoolArray) -> None:
         self.problem, self.mesh, self.degree = problem, problem.mesh, degree
         self.nodes = _Nodes.of(degree)
         self.global_ = self._numbered()
@@ -166,7 +177,7 @@ class Velocities:
         self.points[self.global_] = self.nodes.places @ corners
         self.plates = [contact for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
         self.size = 2 * self.count + 3 * len(self.plates)
-        self.basis = self._basis(np.asarray(strong, dtype=bool))
+        self.basis = self._basis(strong)
 
     def _numbered(self) -> IntArray:
         """Coefficients that triangles share across edges that are no open joint are one."""
@@ -220,7 +231,7 @@ class Velocities:
         at, columns = np.tile(np.arange(len(points)), 3), np.repeat(start + np.arange(3), len(points))
         return sparse.csr_array((values, (at, columns)), shape=(len(points), self.size))
 
-    def _basis(self, strong: FloatArray) -> sparse.csr_array:
+    def _basis(self, strong: BoolArray) -> sparse.csr_array:
         """P, from supports at single coefficients, and from rigid parts."""
         N, conditions = self.count, np.zeros((self.count, 2, 2))
         held: list[tuple[IntArray, FloatArray]] = []
@@ -267,8 +278,8 @@ class Velocities:
     ) -> sparse.csr_array:
         """Motions of rigid parts that supports leave free, as columns."""
         parts = int(part.max()) + 1
-        centre = np.stack([np.bincount(part, self.points[nodes, i]) for i in (0, 1)], axis=1)
-        centre /= np.bincount(part)[:, None]
+        sums = np.stack([np.bincount(part, self.points[nodes, i]) for i in (0, 1)], axis=1)
+        centre = sums / np.bincount(part)[:, None]
         arm = self.points[nodes] - centre[part]
         ones = np.ones(len(nodes))
         rows = np.concatenate([2 * nodes, 2 * nodes + 1, 2 * nodes, 2 * nodes + 1])
@@ -309,7 +320,7 @@ class FlowProgram:
         x, violation = program.repaired(self._raised(program, found))
         x = self._raised(program, x)
         power = float(live @ x[:size])
-        return self._flow(x / power, float(program.q @ x) / power, violation)
+        return Flow(float(program.q @ x) / power, violation, self._motion(x / power))
 
     def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:
         """Unknown are q, then s, r and ρ of the cones, then the slips of contacts."""
@@ -367,7 +378,7 @@ class FlowProgram:
             found.append(Cones(G, np.zeros((b, d))))
         self._layout = (n, rows, start_m + len(mean), contacts)
         limits = np.zeros(contacts.L.shape[0])
-        return ConicProgram(q, sparse.csr_array(sparse.vstack(E)), e, contacts.L, limits, tuple(found))
+        return ConicProgram(q, sparse.csr_array(sparse.vstack(E)), e, contacts.L, limits, tuple(found), dependent=True)
 
     def _raised(self, program: ConicProgram, x: FloatArray) -> FloatArray:
         """The same with s of cones that no trace is tied to as large as need be, and no larger."""
@@ -452,8 +463,9 @@ class FlowProgram:
                 edges = mesh.edges(contact.edges)
                 weights = self._edge_weights(edges, "Contact.pore_pressure", contact.pore_pressure)
                 add(FLUID, weights.ravel() @ self._jumps(contact)[0])
-        if callable(self.problem.body_potential):
-            add(BODY, self._body())
+        for name, potential in self.problem.body_forces.items():
+            if callable(potential):
+                add(name, self._body(potential))
         return found
 
     def _edge_weights(self, edges: Edges, name: str, field: Field) -> FloatArray:
@@ -463,13 +475,11 @@ class FlowProgram:
         values = bernstein.basis(degree, found.t.ravel()).reshape(*found.t.shape, degree + 1)
         return found.integrals(values) * edges.length[:, None] / (self.scales.stress * mesh.length)
 
-    def _body(self) -> FloatArray:
+    def _body(self, field: Field) -> FloatArray:
         """−∫ ∇φ·v dx, with the polynomial that stresses take for φ."""
         space, k = self.space, self.k
         cells = np.arange(space.mesh.cell_count)
-        potential = coefficients_of(
-            self.problem, cells, k, "ContactProblem.body_potential", self.problem.body_potential
-        )[0]
+        potential = coefficients_of(self.problem, cells, k, "ContactProblem.body_potential", field)[0]
         slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), potential)
         points, weights = quadrature(2 * k)
         products = (bernstein_values(k - 1, points) * weights[:, None]).T @ bernstein_values(space.degree, points)
@@ -563,7 +573,7 @@ class FlowProgram:
             cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0).max(axis=1)
         return found[0], found[1], cap
 
-    def _flow(self, x: FloatArray, bound: float, violation: float) -> Flow:
+    def _motion(self, x: FloatArray) -> BodyMotion:
         """In the form of a result."""
         n, rows, start, contacts = self._layout
         space, cones = self.space, self.cones
@@ -572,7 +582,7 @@ class FlowProgram:
         strain = (self._strain @ v).reshape(-1, 3, cones.count, 3)
         spent = x[n : n + rows] * cones.high / self.scales.stress
         cell = cones.coefficient // (3 * cones.count)
-        dissipation = np.bincount(cell, spent, space.mesh.cell_count)
+        dissipation = np.asarray(np.bincount(cell, spent, space.mesh.cell_count), dtype=np.float64)
         found = {}
         for name, columns in contacts.parts.items():
             p = space.degree + 1
@@ -585,7 +595,7 @@ class FlowProgram:
                 (columns.slip @ x[:n]).reshape(shape),
                 cost.reshape(shape).sum(axis=1),
             )
-        return Flow(bound, violation, velocities, space.nodes.places, strain, dissipation, found)
+        return BodyMotion(velocities, space.nodes.places, strain, dissipation, found)
 
 
 @dataclass(frozen=True, eq=False)

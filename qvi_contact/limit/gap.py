@@ -18,30 +18,27 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import quadrature
-from qvi_contact.limit.flow import Flow
+from qvi_contact.limit.flow import BodyMotion
 from qvi_contact.limit.stresses import CarriedStress
 from qvi_contact.limit.whole_edges import edge_coefficients
 from qvi_contact.limit.yielding import part_corners
 
 
-def gap_in_cells(discretization: Discretization, carried: CarriedStress, flow: Flow, degree: int) -> FloatArray:
+def gap_in_cells(discretization: Discretization, carried: CarriedStress, motion: BodyMotion, degree: int) -> FloatArray:
     """Parts of the triangles (cells,), with those of contact edges in equal shares for the triangles beside them."""
     assert carried.stress is not None
     assert carried.tractions is not None
-    assert flow.strain is not None
-    assert flow.dissipation is not None
-    assert flow.contacts is not None
     problem, mesh = discretization.problem, discretization.problem.mesh
     corners = part_corners(mesh.vertices[mesh.cells] / mesh.length)
     a, b = (corners[..., i, :] - corners[..., 0, :] for i in (1, 2))
     areas = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2.0
-    work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree), flow.strain, areas)
-    found: FloatArray = flow.dissipation - np.where(flow.dissipation > 0.0, work, 0.0)
+    work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree), motion.strain, areas)
+    found: FloatArray = motion.dissipation - np.where(motion.dissipation > 0.0, work, 0.0)
     m = discretization.qvi.m
     for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
-        if rows.law == "tied" or contact.name not in flow.contacts:
+        if rows.law == "tied" or contact.name not in motion.contacts:
             continue
-        moved, edges, q = flow.contacts[contact.name], rows.points.edges, rows.rule.count
+        moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
         table = bernstein.product_integrals(degree, degree + 1)
         normal, shear = (
             carried.tractions[start : start + m][rows.rows].reshape(-1, q) @ edge_coefficients(rows).T

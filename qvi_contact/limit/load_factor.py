@@ -16,14 +16,16 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import RowKind
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.carried_forces import Relations
-from qvi_contact.limit.flow import ContactFlow, FlowProgram
+from qvi_contact.limit.flow import BodyMotion, FlowProgram
 from qvi_contact.limit.gap import gap_in_cells
+from qvi_contact.limit.proof import lower_proof
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
-from qvi_contact.limit.yielding import YieldCones
+from qvi_contact.limit.yielding import YieldCones, coefficients_of
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.works import BODY
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
+from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers.basics.frames import frame
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
+_FOLLOWED = 1e-9  # misfit of a body force, relative, that is rounding
 _CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
 
 
@@ -158,7 +161,7 @@ def limit_load_factor(
         The problem.
     loads : sequence of str
         Names of the loads to multiply: of `Traction` conditions, of contacts whose `RigidPlate` prescribes forces, or
-        "body" for the body force.
+        "body" for the body force, or names of `BodyForces`.
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
     degree, contact_rows
@@ -194,6 +197,47 @@ def limit_load_factor(
         sides = f"this mesh carries {limit.lower:.9g} times the loads, no stress more than {limit.upper:.9g} times"
         story.end("solved", sides, {}, solved=True)
     return limit
+
+
+def limit_proof(
+    problem: ContactProblem,
+    loads: Sequence[str],
+    *,
+    degree: int | None = None,
+    time_limit: float | None = None,
+) -> dict[str, Any]:
+    """A proof in rational numbers that the named loads are carried times a factor just below `LimitLoad.lower`.
+
+    It holds the Bernstein ordinates of an Airy function, loads, strengths and contact laws, and is checked in exact
+    arithmetic by `qvi_contact/limit/check_proof.py`, a script that needs nothing but Python's standard library.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem: straight triangles; friction, strengths and caps that are numbers; no plates, pins and fluids, and
+        no bilateral contacts with friction.
+    loads : sequence of str
+        Names of the loads to multiply, see `limit_load_factor`.
+    degree, time_limit
+        As for `limit_load_factor`.
+
+    Returns
+    -------
+    dict
+        To be saved as JSON.
+
+    Raises
+    ------
+    InputError
+        If the problem has something that proof files do not hold.
+    SolveError
+        If the mesh carries no largest multiple, or the proof fails in exact arithmetic.
+
+    """
+    with watched(time_limit):
+        posed = _posed(problem, loads, degree=degree)
+        cones = YieldCones.of(posed.problem, posed.low.space.degree - 2)
+        return lower_proof(posed.problem, posed.names, StressProgram(posed.low, posed.high, cones))
 
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
@@ -259,19 +303,19 @@ class LimitProblem:
         if of_blocks > flow.bound:
             mechanism = None
         collapse = None
-        if carried.stress is not None and flow.strain is not None:
-            parts = gap_in_cells(self.low, carried, flow, degree)
-            collapse = Collapse(
-                flow.velocities,
-                flow.places,
-                flow.dissipation,
-                carried.stress * self.low.scales.stress,
-                parts,
-                flow.contacts,
-            )
+        if carried.stress is not None and flow.motion is not None:
+            parts = gap_in_cells(self.low, carried, flow.motion, degree)
+            stress = carried.stress * self.low.scales.stress
+            straight = not self.problem.mesh.curved.any()
+            collapse = Collapse(flow.motion, stress, parts, straight and self._polynomial_force(degree))
         violation = max(carried.violation, flow.violation)
         limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
         return LimitAnalysis(self, limit, None)
+
+    def _polynomial_force(self, degree: int) -> bool:
+        """Whether the potential of the body force is a polynomial that stresses can follow."""
+        field, cells = self.problem.body_potential, np.arange(self.problem.mesh.cell_count)
+        return coefficients_of(self.problem, cells, degree, "ContactProblem.body_potential", field)[1] <= _FOLLOWED
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,29 +324,21 @@ class Collapse:
 
     Attributes
     ----------
-    velocities : (cells, m, 2) array
-        Bernstein coefficients of the velocities on each triangle, of power 1 of the multiplied loads. Each is the
-        velocity near the point that it belongs to.
-    places : (m, 3) array
-        Barycentric places of these coefficients in the triangle.
-    dissipation : (cells,) array
-        Power that each triangle dissipates, or a bound of it, as a share of that of the multiplied loads at `upper`
-        times the unit of the load factor.
+    motion : BodyMotion
+        The velocities that prove `LimitLoad.upper` where no rigid blocks do, and what they dissipate.
     stress : (cells, 3, count, 3) array
-        Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `lower` on the three parts of each triangle [stress].
+        Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `LimitLoad.lower` on the three parts of each triangle [stress].
     gap : (cells,) array
         Parts of upper − lower, none of them negative; those of contact edges are shared by the triangles beside them.
-    contacts : mapping of str to ContactFlow
-        Opening, slip and dissipation along each contact.
+    guaranteed : bool
+        Whether both numbers are bounds: sides are straight, and the body force is a polynomial that stresses follow.
 
     """
 
-    velocities: FloatArray
-    places: FloatArray
-    dissipation: FloatArray
+    motion: BodyMotion
     stress: FloatArray
     gap: FloatArray
-    contacts: Mapping[str, ContactFlow]
+    guaranteed: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -393,7 +429,7 @@ def _program(low: Discretization, high: Discretization, signs: IntArray) -> tupl
 
 def loads_of(problem: ContactProblem) -> list[str]:
     """The names of loads that can be multiplied."""
-    known = [BODY]
+    known = list(dict.fromkeys([BODY, *problem.body_forces]))
     known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
     known += [contact.name for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
     return known
@@ -404,7 +440,10 @@ def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "l
     known = loads_of(problem)
     if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
         raise InputError(field, loads, f"give a list of names out of {', '.join(known)}")
-    return tuple(known_name(field, name, {"loads": known}) for name in loads)
+    named = [known_name(field, name, {"loads": known}) for name in loads]
+    if BODY in named:  # all body forces
+        named += list(problem.body_forces)
+    return tuple(dict.fromkeys(named))
 
 
 def _sampled(
@@ -420,7 +459,15 @@ def _sampled(
 def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
     """The problem with the named loads times a factor."""
     conditions = [_scaled(condition, names, factor) for condition in problem.conditions]
-    potential = _times(problem.body_potential, factor) if BODY in names else problem.body_potential
+    potential = problem.body_potential
+    if isinstance(potential, BodyForces):
+        parts = {
+            name: _times(part, factor) if name in names or BODY in names else part
+            for name, part in potential.parts.items()
+        }
+        potential = BodyForces(parts)
+    elif BODY in names:
+        potential = _times(potential, factor)
     return replace(problem, conditions=conditions, body_potential=potential)
 
 

@@ -89,12 +89,16 @@ class StressProgram:
             found += [self._solved(trial) for trial in trials]
         return max(found, key=lambda each: each.factor)
 
-    def _solved(self, signs: IntArray) -> CarriedStress:
+    def strictly_carried(self, share: float) -> CarriedStress:
+        """A factor with stresses a share of the way towards a state inside all limits, as far as they leave room."""
+        return self._solved(np.full(len(both_signs(self.low)), EITHER), share)
+
+    def _solved(self, signs: IntArray, share: float = 0.0) -> CarriedStress:
         program = self.program(signs)
         found = program.tightened(_TIGHTER).solve()
         if isinstance(found, str):
             return CarriedStress({INFEASIBLE: -np.inf, UNBOUNDED: np.inf}[found], 0.0)
-        x, violation = program.repaired(found)
+        x, violation = program.repaired(found, share)
         if violation > _HELD:  # the solver has given up: nothing is proved
             return CarriedStress(-np.inf, 0.0)
         tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
@@ -146,7 +150,7 @@ class StressProgram:
     def _tractions(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
         """[σ_N; σ_T] as rows on z, their constants at α = 0, and what α adds."""
         first, second = (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (self.low, self.high))
-        return self.low.qvi.contact_rows, 2.0 * first - second, second - first
+        return sparse.csr_array(self.low.qvi.contact_rows), 2.0 * first - second, second - first
 
     @cached_property
     def _of_freedoms(self) -> tuple[sparse.csr_array, sparse.csr_array]:

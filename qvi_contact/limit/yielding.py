@@ -56,22 +56,22 @@ class YieldCones:
         """Those of a problem on triangles for stresses of a degree."""
         count, number = len(exponents(degree)), problem.cell_materials
         per_cell = np.arange(3 * count)
-        columns: list[list[FloatArray]] = []
+        at, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=bool)]
+        low, high, pressure, mean = ([np.zeros(0)] for _ in range(4))
         for index in np.unique(number):
             material = problem.materials[index]
             cells = np.flatnonzero(number == index)
-            for at, cone in enumerate(() if material.strength is None else material.strength.cones(material.plane)):
-                low, high = _on_parts(problem, cells, degree, cone.name, cone.field)
-                ones = np.ones(low.size)
-                columns.append(
-                    [
-                        (3 * count * cells[:, None] + per_cell).ravel().astype(float), at == 0 * ones,
-                        cone.factor * low.ravel(), cone.factor * high.ravel(), cone.pressure * ones, cone.mean * ones,
-                    ]
-                )  # fmt: skip
-        joined = [np.concatenate(parts) for parts in zip(*columns, strict=True)]
+            for place, cone in enumerate(() if material.strength is None else material.strength.cones(material.plane)):
+                below, above = _on_parts(problem, cells, degree, cone.name, cone.field)
+                at.append((3 * count * cells[:, None] + per_cell).ravel())
+                first.append(np.full(below.size, place == 0))
+                low.append(cone.factor * below.ravel())
+                high.append(cone.factor * above.ravel())
+                pressure.append(np.full(below.size, cone.pressure))
+                mean.append(np.full(below.size, cone.mean))
         strong = np.array([material.strength is None for material in problem.materials])[number]
-        return cls(degree, joined[0].astype(np.int64), joined[1].astype(bool), *joined[2:], strong)
+        a_low, a_high, beta, gamma = (np.concatenate(part) for part in (low, high, pressure, mean))
+        return cls(degree, np.concatenate(at), np.concatenate(first), a_low, a_high, beta, gamma, strong)
 
     @property
     def count(self) -> int:
@@ -82,6 +82,31 @@ class YieldCones:
     def yielding(self) -> IntArray:
         """The coefficients that have a cone, ascending."""
         return np.unique(self.coefficient)
+
+
+def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatArray) -> FloatArray:
+    """By how much stresses at points of all triangles exceed the strength there, in its unit (cells, g) [stress].
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    x, y : (cells, g) arrays
+        The points [length].
+    stress : (cells, g, 3) array
+        (σ_xx, σ_yy, σ_xy) [stress].
+
+    """
+    found = np.zeros(x.shape)
+    total, difference = stress[..., 0] + stress[..., 1], stress[..., 0] - stress[..., 1]
+    for index, material in enumerate(problem.materials):
+        chosen = problem.cell_materials == index
+        for cone in () if material.strength is None else material.strength.cones(material.plane):
+            S = total[chosen]
+            radius = np.sqrt(difference[chosen] ** 2 + 4.0 * stress[chosen, :, 2] ** 2 + (cone.mean * S) ** 2)
+            strength = evaluate(cone.name, cone.field, x[chosen], y[chosen], minimum=0.0)
+            found[chosen] = np.maximum(found[chosen], (radius + cone.pressure * S) / cone.factor - strength)
+    return found
 
 
 def part_corners(corners: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 BODY = "body"
-"""What the body force is called among the loads."""
+"""What the body force is called among the loads; of several, all of them together."""
 
 FLUID = "pore pressure"
 """What the fluids in contacts are called among the loads."""
@@ -55,8 +55,10 @@ def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
             work = _of_plate(bodies, condition)
         if work is not None and isinstance(condition, (Traction, Contact)):
             found[condition.name] = found[condition.name] + work if condition.name in found else work
-    if callable(problem.body_potential):  # a constant one is no force
-        found[BODY] = found[BODY] + _of_body(problem, bodies) if BODY in found else _of_body(problem, bodies)
+    for name, potential in problem.body_forces.items():
+        if callable(potential):  # a constant one is no force
+            work = _of_body(problem, bodies, potential)
+            found[name] = found[name] + work if name in found else work
     wet = [_of_fluid(problem, bodies, contact) for contact in problem.contacts if contact.has_fluid]
     for work in wet:
         found[FLUID] = found[FLUID] + work if FLUID in found else work
@@ -74,13 +76,13 @@ def _of_traction(problem: ContactProblem, bodies: Bodies, load: Traction) -> Wor
     return total
 
 
-def _of_body(problem: ContactProblem, bodies: Bodies) -> Work:
+def _of_body(problem: ContactProblem, bodies: Bodies, field: Field) -> Work:
     """−∮ φ n·u ds around all blocks; of edges inside the body only those between two blocks count."""
     mesh = problem.mesh
     block = bodies.of_cells[mesh.interior.cells]
     apart = np.flatnonzero(block[:, 0] != block[:, 1])
     joints, boundary = mesh.interior.take(apart), mesh.boundary
-    name, field = "ContactProblem.body_potential", problem.body_potential
+    name = "ContactProblem.body_potential"
     outer = _along(problem, bodies, boundary, bodies.of_cells[boundary.cells[:, 0]], -boundary.normal, name, field)
     lower = _along(problem, bodies, joints, block[apart, 0], -joints.normal, name, field)
     return outer + lower + _along(problem, bodies, joints, block[apart, 1], joints.normal, name, field)

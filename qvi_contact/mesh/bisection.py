@@ -1,6 +1,6 @@
 """Triangles bisected where they are too large; names of edges and regions are carried over."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -52,11 +52,60 @@ def _bisected(mesh: MeshParts, marked: ArrayLike | None) -> MeshParts:
         coarse = coarse.with_subdomains(dict(mesh.regions))
     fine = coarse.refined(1 if marked is None else _numbers(marked, len(mesh.cells)))
     vertices, cells = np.ascontiguousarray(fine.p.T), np.sort(fine.t.T.astype(np.int64), axis=1)
+    regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
+    return _carried_over(mesh, vertices, cells, regions)
+
+
+def halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
+    """The mesh with these edges (k, 2), by their vertices, halved, and the triangles beside them divided; no others.
+
+    A triangle with one such edge is cut in two, with two in three and with three in four.
+    """
+    cells, old = np.sort(mesh.cells, axis=1), len(mesh.vertices)
+    topology = Topology.of(cells, old)
+    number = np.unique(topology.number(np.sort(edges, axis=1), old))
+    middle = np.full(len(topology.ends), -1)
+    middle[number] = old + np.arange(len(number))
+    vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
+    found, parents = list[list[int]](), list[int]()
+    for cell, (corners, sides) in enumerate(zip(cells.tolist(), middle[topology.of_cells].tolist(), strict=True)):
+        pieces = _pieces(corners, sides, vertices)
+        found += pieces
+        parents += [cell] * len(pieces)
+    parent = np.array(parents, dtype=np.int64)
+    regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
+    return _carried_over(mesh, vertices, np.sort(np.array(found, dtype=np.int64), axis=1), regions)
+
+
+def _pieces(corners: list[int], sides: list[int], vertices: FloatArray) -> list[list[int]]:
+    """The triangles that a triangle is cut into; sides are the middles of those opposite to the corners, or −1."""
+    cut = [s for s in range(3) if sides[s] >= 0]
+    if not cut:
+        return [corners]
+    if len(cut) == 3:
+        a, b, c = sides
+        return [[corners[0], b, c], [a, corners[1], c], [a, b, corners[2]], [a, b, c]]
+    if len(cut) == 1:
+        s = cut[0]
+        return [[corners[s], corners[end], sides[s]] for end in range(3) if end != s]
+    tip = 3 - sum(cut)  # both sides meet in this corner
+    one, other = cut
+    first, second = sides[one], sides[other]  # on the sides tip–other and tip–one
+    quads = [
+        (corners[other], second, [corners[one], first]),
+        (corners[one], first, [corners[other], second]),
+    ]
+    lengths = [float(np.hypot(*(vertices[a] - vertices[b]))) for a, b, _ in quads]
+    a, b, ends = quads[int(np.argmin(lengths))]
+    return [[corners[tip], first, second], *([a, b, end] for end in ends)]
+
+
+def _carried_over(mesh: MeshParts, vertices: FloatArray, cells: IntArray, regions: Mapping[str, IntArray]) -> MeshParts:
+    """Finer triangles, whose new vertices are middles of old edges, with the names of the mesh."""
     _refuse_tiny(vertices)
     sets = [*mesh.edge_sets.values(), *(arc.edges for arc in mesh.arcs)]
     finer = _split_edges(mesh, sets, vertices, cells)
     edge_sets = {name: pairs for name, (pairs, _) in zip(mesh.edge_sets, finer, strict=False)}
-    regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
     on_arcs = list(zip(mesh.arcs, finer[len(edge_sets) :], strict=True))
     for arc, (pairs, parents) in on_arcs:
         halved = pairs[:, 1] >= len(mesh.vertices)

@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import barycentric_of, reference_of, reversed_bends, stretches
-from qvi_contact.mesh.bisection import bisected, divided_at_arcs
+from qvi_contact.mesh.arcs import barycentric_of, cross, reference_of, reversed_bends, stretches
+from qvi_contact.mesh.bisection import bisected, divided_at_arcs, halved
 from qvi_contact.mesh.curves import AnyArc, Arc, Curve, CurveFunction, bends_of, fitted, refuse_bad_arcs
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
@@ -749,6 +749,30 @@ class TriangleMesh(Stated):
         """
         return self._made(bisected(self._parts, marked))
 
+    def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
+        """The mesh with fans of thin triangles around vertices, for what turns quickly around a point.
+
+        Parameters
+        ----------
+        vertices : (k,) int array
+            Numbers of the vertices, none of them an end of another's edge; they keep their numbers.
+        angle : float
+            Largest angle of a triangle at these vertices [rad].
+        layers : int
+            How often triangles at the vertices are made half as long, at least: before angles are halved they are.
+
+        """
+        parts = self._parts
+        for vertex in np.asarray(vertices, dtype=np.int64).tolist():
+            done = 0
+            while done < layers or _angles_at(parts, vertex)[1].max() > angle * (1.0 + _UPRIGHT):
+                ends = np.unique(_angles_at(parts, vertex)[0])
+                parts = halved(parts, np.column_stack([np.full(len(ends), vertex), ends]))
+                opposite, turn = _angles_at(parts, vertex)
+                parts = halved(parts, opposite[turn > angle * (1.0 + _UPRIGHT)])
+                done += 1
+        return self._made(divided_at_arcs(parts))
+
     def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> TriangleMesh:
         """The same body with the triangles at points refined again and again; names are carried over.
 
@@ -788,6 +812,14 @@ class TriangleMesh(Stated):
         point, cell = self._in_reach(points)
         found[cell[self._holds(cell, points[point])]] = True
         return found
+
+
+def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
+    """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
+    cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
+    opposite = cells[cells != vertex].reshape(-1, 2)
+    one, other = (mesh.vertices[opposite[:, end]] - mesh.vertices[vertex] for end in (0, 1))
+    return opposite, np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=1)))
 
 
 def _depths(given: object, count: int) -> IntArray:

@@ -14,7 +14,7 @@ from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.plots.fields import principal_stress_map, stress_field
-from qvi_contact.plots.mechanism import draw_mechanism
+from qvi_contact.plots.mechanism import draw_collapse, draw_mechanism
 from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, plain_text, plain_units, settings
@@ -121,7 +121,9 @@ def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figu
 
 
 def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None = None, title: str = "") -> "Figure":
-    """One picture of a limit load: the problem, and how the mechanism that proves the upper side moves its blocks.
+    """One picture of a limit load: the problem, and how it gives way.
+
+    A mechanism moves blocks; a body that yields flows, see `plots.mechanism.draw_collapse`.
 
     Parameters
     ----------
@@ -145,11 +147,17 @@ def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None 
         If the limit load has no mechanism, since there is no upper limit, or no multiple at all.
 
     """
-    if limit.mechanism is None:
+    if limit.mechanism is None and limit.collapse is None:
         raise InputError("limit", repr(limit), "there is no mechanism to draw: no load is the largest one")
     figure = problem_figure(problem, units)
-    draw_mechanism(figure.axes[0], problem.mesh, limit.mechanism)
-    words = "Dashed blue lines: motion of the blocks beyond that, magnified."
+    if limit.mechanism is not None:
+        draw_mechanism(figure.axes[0], problem.mesh, limit.mechanism)
+        words = "Dashed blue lines: motion of the blocks beyond that, magnified."
+    elif limit.collapse is not None:
+        draw_collapse(figure.axes[0], problem.mesh, limit.collapse)
+        words = (
+            "Orange: where the body yields. Arrows: how it moves beyond that. Thick blue lines: contacts that slide."
+        )
     with settings():
         figure.suptitle(_wrapped(f"{title}. {words}" if title else words, figure))
     return figure

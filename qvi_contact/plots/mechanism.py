@@ -1,10 +1,11 @@
-"""How a load moves the blocks that it cannot be carried by."""
+"""How a load moves the blocks that it cannot be carried by, and how bodies that yield flow."""
 
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.limit.load_factor import Collapse
 from qvi_contact.mechanism import Mechanism
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.style import BLUE, lines
@@ -12,6 +13,9 @@ from qvi_contact.plots.style import BLUE, lines
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_DEEPEST: Final = 0.95  # share of the triangles that dissipate less than what has the deepest colour
+_STILL: Final = 0.02  # share of the largest velocity below which nothing is drawn
+_ARROW: Final = 0.002  # width of arrows, as a share of the picture's
 _FARTHEST: Final = 0.08  # share of the body's length at which the largest displacement is drawn
 
 
@@ -32,6 +36,44 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> No
 
     """
     axes.add_collection(lines(moved_outlines(mesh, mechanism), BLUE, (0, (5, 2)), 1.4, "mechanism"))
+
+
+def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
+    """Draw where a body yields, how it flows, and which contacts slide.
+
+    The deeper the orange of a triangle, the more power it dissipates for its area; white ones dissipate none. Arrows
+    are velocities in the middle of triangles. Contacts that slide are thick blue lines.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw, over a picture of the problem; axes are in units of length.
+    mesh : TriangleMesh
+        The mesh of the analysis.
+    collapse : Collapse
+        What `LimitLoad.collapse` gives.
+
+    """
+    from matplotlib.collections import PolyCollection
+
+    motion = collapse.motion
+    one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
+    density = motion.dissipation / np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
+    colours = np.column_stack([np.tile([0.9, 0.45, 0.0], (len(shade), 1)), 0.85 * shade])
+    axes.add_collection(PolyCollection(list(mesh.corners), facecolors=colours, edgecolors="none", zorder=1.5))
+    speed = motion.velocities.mean(axis=1)
+    largest = float(np.hypot(*speed.T).max())
+    moving = np.hypot(*speed.T) > _STILL * largest
+    x, y = mesh.corners.mean(axis=1)[moving].T
+    u, v = speed[moving].T * (_FARTHEST * mesh.length / max(largest, 1e-300))
+    axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=1.0, width=_ARROW, color=BLUE, zorder=4)
+    for name, moved in motion.contacts.items():
+        edges = mesh.edges(name) if name in (*mesh.edge_names, *mesh.joint_names) else None
+        sliding = np.abs(moved.slip).max(axis=1) > _STILL * largest
+        if edges is not None and sliding.any():
+            ends = mesh.vertices[np.stack([edges.first, edges.second], axis=1)][sliding]
+            axes.add_collection(lines(ends, BLUE, "solid", 3.0, f"sliding {name}"))
 
 
 def moved_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:

@@ -1,13 +1,14 @@
 """What is to be solved: mesh, material and conditions as one problem."""
 
 from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
-from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Strength, Tresca
 from solvers.basics.front import front
 
 __all__ = [
+    "BodyForces",
     "Contact",
     "ContactProblem",
     "Displacement",

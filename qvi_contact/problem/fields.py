@@ -82,6 +82,49 @@ class Polynomial:
 
 
 @dataclass(frozen=True)
+class BodyForces:
+    """Several body forces by name: a potential φ = Σ φ_name whose parts limit loads and sweeps can multiply.
+
+    Parameters
+    ----------
+    parts : mapping of str to float or function of (x, y)
+        The potential of each force [stress]: weight is ρ g y, an acceleration a along x the potential −ρ a x.
+
+    Raises
+    ------
+    InputError
+        If there is no part, a name is no text or means something already, or a part is no number or function.
+
+    """
+
+    parts: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.parts, Mapping) or not self.parts:
+            raise InputError("BodyForces.parts", self.parts, "give a mapping from names to potentials")
+        for name, potential in self.parts.items():
+            if not isinstance(name, str) or not name or name in ("body", "pore pressure"):
+                raise InputError("BodyForces.parts", name, "give a name other than 'body', which means all of them")
+            if not callable(potential):
+                finite_number(f"BodyForces.{name}", potential)
+        object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
+
+    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Values at (x, y): of all parts together."""
+        parts = (part(x, y) if callable(part) else part for part in self.parts.values())
+        return np.sum([np.broadcast_to(np.asarray(part, dtype=float), np.shape(x)) for part in parts], axis=0)
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.parts.items()))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return dict(self.parts)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        object.__setattr__(self, "parts", MappingProxyType(state))
+
+
+@dataclass(frozen=True)
 class Expression:
     """A function written as text, such as ``"1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)"``.
 

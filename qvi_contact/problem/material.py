@@ -50,7 +50,8 @@ class Material:
         positive_number("Material.young", self.young)
         poisson = finite_number("Material.poisson", self.poisson)
         one_of("Material.plane", self.plane, ("stress", "strain"), "give 'stress' or 'strain'")
-        if not isinstance(self.strength, Strength | None):
+        given: object = self.strength
+        if given is not None and not isinstance(given, Strength):
             remedy = "give a Tresca, Mises, MohrCoulomb or NoTension, or leave it out"
             raise InputError("Material.strength", self.strength, remedy)
         if not -1.0 < poisson <= 0.5:

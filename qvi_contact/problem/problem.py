@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -25,6 +25,7 @@ from qvi_contact.problem.conditions import (
     Traction,
     components,
 )
+from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.material import Material, Region, cell_materials
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
@@ -76,7 +77,8 @@ class ContactProblem(Stated):
     conditions : sequence of Traction, Displacement, Symmetry, Contact
         One condition for every component of every boundary edge.
     body_potential : float or function of (x, y)
-        Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. Zero by default.
+        Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. Zero by default. `BodyForces` are
+        several by name.
     regions : sequence of Region
         Parts of other material; where they overlap the later one counts.
 
@@ -155,7 +157,9 @@ class ContactProblem(Stated):
 
     def _functions(self) -> Iterator[tuple[str, object]]:
         """Functions of position by the name of their field."""
-        if callable(self.body_potential):
+        if isinstance(self.body_potential, BodyForces):
+            yield from ((f"BodyForces.{name}", part) for name, part in self.body_potential.parts.items())
+        elif callable(self.body_potential):
             yield "ContactProblem.body_potential", self.body_potential
         strengths = [material.strength for material in self.materials if material.strength is not None]
         for stated in (*strengths, *self.conditions):
@@ -163,6 +167,12 @@ class ContactProblem(Stated):
                 value = getattr(stated, field.name)
                 if callable(value):
                     yield f"{type(stated).__name__}.{field.name}", value
+
+    @property
+    def body_forces(self) -> Mapping[str, Field]:
+        """The potentials of body forces by name; "body" if there is one without a name."""
+        field = self.body_potential
+        return field.parts if isinstance(field, BodyForces) else {"body": field}
 
     @property
     def yields(self) -> bool:

@@ -161,7 +161,7 @@ class NoTension:
 
     def cones(self, plane: Literal["stress", "strain"]) -> Iterator[YieldCone]:  # noqa: ARG002  # as in all of them
         """Its cones, the same in both plane states."""
-        yield YieldCone("NoTension", 0.0, 1.0, 1.0)
+        yield YieldCone("NoTension", 0.0, 2.0, 1.0)
         if self.crushing is not None:
             yield YieldCone("NoTension.crushing", self.crushing, 2.0, -1.0)
 

@@ -90,10 +90,10 @@ def refine(
     """Solve a problem on meshes refined where it pays until the error of a quantity is within a target.
 
     Each round solves the problem on a mesh, which gives the answer. Where the contact laws allow it (no friction,
-    Tresca's, tied contacts) a displacement companion bounds the energy, and the force of one prescribed displacement:
-    the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a closer look: one degree more,
-    on a mesh bisected where contact states change and at the corners where stresses may be singular (see `closer`).
-    Triangles that hold most of the difference are bisected.
+    Tresca's, or tied contacts) a displacement companion bounds the energy, and the force of one prescribed
+    displacement: the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a closer look: one
+    degree more, on a mesh bisected where contact states change and at the corners where stresses may be singular (see
+    `closer`). Triangles that hold most of the difference are bisected.
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
@@ -259,7 +259,7 @@ def _limit_refined(
     callback: RoundCallback | None,
 ) -> LimitRefinement:
     """The refinement for a limit load."""
-    strategy = limit_strategy(settings, checked_loads(problem, quantity.loads))
+    strategy = limit_strategy(problem, settings, checked_loads(problem, quantity.loads))
     ended = Loop(strategy, callback).run(problem, result)
     last = ended.rounds[-1]  # a limit load that fails on the first mesh raises
     return LimitRefinement(

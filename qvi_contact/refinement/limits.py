@@ -13,10 +13,11 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.certainty import Certainty
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitAnalysis, LimitLoad, LimitProblem
 from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.closer import at_contacts
 from qvi_contact.refinement.doerfler import bulk
@@ -29,6 +30,11 @@ from qvi_contact.solution.work import loads_followed
 _SPACE: Final = ("degree", "contact_rows")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors
 _TWICE: Final = 2  # bisections of a triangle that halve all its edges
+_SHARE: Final = 0.6  # of the gap that is divided where bodies yield
+_SECTOR: Final = np.pi / 48.0  # smallest angle of fans [rad]
+_BLUNT: Final = 0.8 * np.pi  # angle of a corner from which on a change of conditions needs a fan [rad]
+_FLAT: Final = 1e-6  # of a straight angle that is rounding
+_ENDS: Final = 2  # edges of the boundary at a vertex
 _VIOLATED: Final = 1e-7  # of the largest limit of tractions: violation that counts as rounding
 
 
@@ -49,12 +55,12 @@ class LimitRound(Round):
     parts: tuple[FloatArray, ...]
 
 
-def limit_strategy(settings: Settings, names: tuple[str, ...]) -> "LimitStrategy":
+def limit_strategy(problem: ContactProblem, settings: Settings, names: tuple[str, ...]) -> "LimitStrategy":
     """How meshes are refined; `InputError` for options that a limit load does not have."""
     for name, value in settings.options.items():
         if name not in _SPACE:
             raise InputError(name, value, "is not for limit loads: give degree or contact_rows")
-    return LimitStrategy(settings, names)
+    return (LimitOfYielding if problem.yields else LimitStrategy)(settings, names)
 
 
 @dataclass(frozen=True)
@@ -120,6 +126,78 @@ class LimitStrategy:
         for _ in range(_TWICE):
             fine = fine.refined(at_contacts(problem, mesh, fine, cells))
         return replace(problem, mesh=fine)
+
+
+class LimitOfYielding(LimitStrategy):
+    """Triangles with most of the gap bisected, and fans where loads change or outlines turn inwards."""
+
+    def assessed(self, problem: ContactProblem, answer: LimitAnalysis, earlier: Sequence[LimitRound], /) -> LimitRound:
+        """How far apart both sides are, and in which triangles."""
+        found = super().assessed(problem, answer, earlier)
+        collapse, mesh = answer.limit.collapse, problem.mesh
+        parts = np.ones(mesh.cell_count) if collapse is None else collapse.gap
+        estimate = found.accuracy.estimate
+        shares = parts * (estimate / parts.sum()) if np.isfinite(estimate) and parts.sum() > 0.0 else 0.0 * parts
+        certainty = found.accuracy.certainty
+        if mesh.curved.any():  # strengths hold on the straight triangles
+            certainty = Certainty.ESTIMATE
+        accuracy = replace(found.accuracy, certainty=certainty)
+        return replace(found, indicator=shares, parts=(parts,), accuracy=accuracy)
+
+    def next(self, rounds: Sequence[LimitRound]) -> ContactProblem:
+        """Triangles with most of the gap divided; where they meet a singular vertex its fan becomes finer."""
+        last = rounds[-1]
+        mesh, parts = last.problem.mesh, last.parts[0]
+        marked = bulk(parts, _SHARE)
+        singular = singular_vertices(last.problem)
+        at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
+        around = np.isin(mesh.cells, at).any(axis=1)
+        long = np.sqrt(np.abs(_areas(mesh))) >= 2.0 * self.settings.thinnest
+        chosen = np.flatnonzero(marked & ~around & long)
+        if not len(chosen) and not len(at):
+            raise StopError(RefinementStatus.THIN_CELLS)
+        fine = mesh.refined(chosen) if len(chosen) else mesh
+        for vertex in at.tolist():
+            fine = fine.fanned(np.array([vertex]), max(_widest(fine, vertex) / 2.0, _SECTOR))
+        return replace(last.problem, mesh=fine)
+
+
+def singular_vertices(problem: ContactProblem) -> IntArray:
+    """Vertices of the boundary where stresses turn quickly around a point.
+
+    The outline turns inwards there, or conditions change where it does not turn outwards by much; straight sides only.
+    """
+    mesh = problem.mesh
+    owners = problem.owners
+    found = []
+    angle = np.bincount(mesh.cells.ravel(), _angles(mesh).ravel(), len(mesh.vertices))
+    for vertex in np.unique(np.concatenate([mesh.boundary.first, mesh.boundary.second])).tolist():
+        edges = np.flatnonzero((mesh.boundary.first == vertex) | (mesh.boundary.second == vertex))
+        bent = mesh.boundary.bent[edges].any()
+        changes = len(edges) == _ENDS and (owners[:, edges[0]] != owners[:, edges[1]]).any()
+        inwards = angle[vertex] > np.pi * (1.0 + _FLAT)
+        if not bent and (inwards or (changes and angle[vertex] > _BLUNT)):
+            found.append(vertex)
+    return np.array(found, dtype=np.int64)
+
+
+def _angles(mesh: TriangleMesh) -> FloatArray:
+    """Angles of all triangles (m, 3) [rad]."""
+    arms = np.stack([np.roll(mesh.corners, -shift, axis=1) - mesh.corners for shift in (1, 2)])
+    one, other = arms
+    turn = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    return np.abs(np.arctan2(turn, (one * other).sum(axis=-1)))
+
+
+def _widest(mesh: TriangleMesh, vertex: int) -> float:
+    """The largest angle of a triangle at a vertex [rad]."""
+    return float(_angles(mesh)[mesh.cells == vertex].max())
+
+
+def _areas(mesh: TriangleMesh) -> FloatArray:
+    """Areas of all triangles (m,) [length²]."""
+    one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
+    return np.asarray(np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) / 2.0)
 
 
 def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:

@@ -19,6 +19,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
+from qvi_contact.limit.yielding import excess
 from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.mesh.edges import edge_ends
@@ -64,6 +65,7 @@ PLATE_COLUMNS: Final = {
 """Which of the `Units` the columns of plates are in; the rotation in rad."""
 
 _WITH_PLATE: Final = "contacts with a plate or pin"
+_YIELDS = 1e-6  # of the unit of stress: excess of the strength that counts
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
 
@@ -251,9 +253,28 @@ class ContactResult(Stated):
         if not self.has_state:
             return remarks
         loose = tuple(body.remark for body in self.loose_bodies)
-        found = self._rounded_stresses() + self._next_to_nothing() + self._rounded_gaps()
+        found = self._rounded_stresses() + self._next_to_nothing() + self._rounded_gaps() + self._beyond_strength()
         several = () if self.solution.remarks else self._one_of_several()
         return remarks + several + loose + found + tuple(self._coarse_arcs()) + tuple(self._excess_between_points())
+
+    def _beyond_strength(self) -> tuple[str, ...]:
+        """Where the elastic stress is beyond the strength of the material, and by how much."""
+        if not self.problem.yields:
+            return ()
+        scales = self.discretization.scales
+        points, stress = cell_stresses(self.discretization, self.dofs)
+        x, y = physical(self.problem, scales, points)
+        beyond = excess(self.problem, x, y, scales.stress * stress)
+        largest = float(beyond.max())
+        if not largest > _YIELDS * scales.stress:
+            return ()
+        at = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+        share = float((beyond.max(axis=1) > _YIELDS * scales.stress).mean())
+        return (
+            f"The elastic stress exceeds the strength of the material by up to {largest:.3g} [stress], most around "
+            f"({x[at]:.6g}, {y[at]:.6g}), and in {100.0 * share:.0f} % of the triangles. There the body yields, which "
+            "is not computed. What it carries at most is found by limit_load_factor, or by 'qvi-contact limit'.",
+        )
 
     def _one_of_several(self) -> tuple[str, ...]:
         """That large friction allows several solutions, unless it is below its bound for one only.

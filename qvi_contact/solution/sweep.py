@@ -171,8 +171,6 @@ def solve_sweep(
     *,
     store: None = None,
     time_limit: float | None = None,
-    degree: int | None = None,
-    contact_rows: RowKind | None = None,
     warm_start: bool = True,
     verbose: bool = False,
     **options: Any,
@@ -191,8 +189,6 @@ def solve_sweep(
     workers: int = 1,
     dask: str | None = None,
     time_limit: float | None = None,
-    degree: int | None = None,
-    contact_rows: RowKind | None = None,
     warm_start: bool = True,
     verbose: bool = False,
     **options: Any,
@@ -210,8 +206,6 @@ def solve_sweep(
     workers: int = 1,
     dask: str | None = None,
     time_limit: float | None = None,
-    degree: int | None = None,
-    contact_rows: RowKind | None = None,
     warm_start: bool = True,
     verbose: bool = False,
     **options: Any,  # checked by solve
@@ -252,8 +246,6 @@ def solve_sweep(
         Address of the scheduler of a Dask cluster that does so instead, as tcp://host:8786.
     time_limit : float, optional
         Seconds for all values together. Those done until then are kept.
-    element, degree, contact_rows
-        As for `solve`.
     warm_start : bool
         Whether methods that take a start begin at the state of the value before.
     verbose : bool
@@ -280,10 +272,7 @@ def solve_sweep(
         raise InputError(name, given, "several processes share the values of a sweep with a store: give store=")
     title = f"qvi_contact {__version__}: solve_sweep"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
-        task = SweepTask.of(
-            problem, parameter, of,
-            degree=degree, contact_rows=contact_rows, warm_start=warm_start, **options,
-        )  # fmt: skip
+        task = SweepTask.of(problem, parameter, of, warm_start=warm_start, **options)
         numbers = _checked_values(parameter, values)
         story.begin({"values": len(numbers), "parameter": parameter, "cells": task.problem.mesh.cell_count})
 

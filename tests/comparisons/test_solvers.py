@@ -136,13 +136,13 @@ class TestProblems:
     """What they are given."""
 
     def test_doubled_points_and_equations_leave_the_solution_as_it_was(self):
-        for doubled, single in (("doubled_rows", "plate_8"), ("doubled_equation", "punch_coarse")):
+        for doubled, single in (("doubled_rows", "plate_8"), ("doubled_equation", "punch")):
             one, two = room.instance(single), room.instance(doubled)
             assert two.reference.solved
             assert np.allclose(one.reference.z, two.reference.z, atol=1e-8 * np.abs(one.reference.z).max())
         assert room.instance("doubled_rows").qvi.W.sum() == pytest.approx(room.instance("plate_8").qvi.W.sum())
         assert room.instance("doubled_rows").qvi.m == 2 * room.instance("plate_8").qvi.m
-        assert room.instance("doubled_equation").qvi.p == 2 * room.instance("punch_coarse").qvi.p > 0
+        assert room.instance("doubled_equation").qvi.p == 2 * room.instance("punch").qvi.p > 0
 
     def test_problems_without_a_solution_are_proved_to_have_none(self, pytestconfig):
         for name in (name for name, each in room.PROBLEMS.items() if not each.feasible):

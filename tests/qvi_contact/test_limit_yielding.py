@@ -9,6 +9,7 @@ from qvi_contact import (
     Contact,
     ContactProblem,
     Displacement,
+    LimitFactor,
     Material,
     Mises,
     MohrCoulomb,
@@ -20,6 +21,8 @@ from qvi_contact import (
     Tresca,
     TriangleMesh,
     limit_load_factor,
+    refine,
+    solve,
 )
 from tests.effort import thinned
 
@@ -142,7 +145,7 @@ def test_a_strong_inclusion_stays_rigid():
     problem = ContactProblem(mesh, problem.material, problem.conditions, regions=[strong])
     limit = limit_load_factor(problem, ["top"])
     assert 1.4 * (1 - 1e-6) <= limit.lower <= limit.upper  # the strong layer holds the weak one together
-    velocities = limit.collapse.velocities[mesh.region("strong")]
+    velocities = limit.collapse.motion.velocities[mesh.region("strong")]
     assert np.ptp(velocities[..., 1]) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -216,3 +219,52 @@ def test_a_limit_load_can_be_copied():
     again = copy.deepcopy(limit)
     assert (again.lower, again.upper) == (limit.lower, limit.upper)
     assert (again.collapse.gap == limit.collapse.gap).all()
+
+
+def strip(strength, lines_x=(0, 0.5, 1, 2, 3, 4), lines_y=(-2, -1, 0)):
+    """Half of a strip of pressure on the ground, for Prandtl's 2 + π."""
+    mesh = TriangleMesh.grid(lines_x, lines_y)
+    mesh = TriangleMesh(mesh.vertices, mesh.cells, regions={"left": np.flatnonzero(mesh.corners[:, :, 0].max(1) <= 1)})
+    mesh = mesh.with_edges("foot", lambda x, y: (y > -E) & (x < 1)).with_edges("free", lambda x, y: (y > -E) & (x > 1))
+    mesh = mesh.with_edges("left", lambda x, _: x < E).with_edges("far", lambda x, y: (x > 4 - E) | (y < -2 + E))
+    return ContactProblem(
+        mesh,
+        Material(10.0, 0.3, "strain", strength),
+        [Traction("foot", x=0, y=-1.0), Traction("free", x=0, y=0), Symmetry("left"), Displacement("far", x=0, y=0)],
+    )
+
+
+def test_fans_keep_the_body_its_names_and_its_vertices():
+    mesh = strip(Tresca(1.0)).mesh
+    corner = np.flatnonzero((mesh.vertices == [1.0, 0.0]).all(axis=1))
+    fine = mesh.fanned(corner, np.pi / 12, 3)
+    assert (fine.vertices[: len(mesh.vertices)] == mesh.vertices).all()
+    for name in mesh.edge_names:
+        assert fine.edges(name).length.sum() == pytest.approx(mesh.edges(name).length.sum(), rel=1e-14)
+    left = [np.abs(np.linalg.det(np.diff(m.corners[m.region("left")], axis=1))).sum() for m in (mesh, fine)]
+    assert left[1] == pytest.approx(left[0], rel=1e-14)
+    at = fine.vertices[np.unique(fine.cells[(fine.cells == corner).any(axis=1)])] - [1.0, 0.0]
+    x, y = at[np.abs(at).max(axis=1) > E].T
+    directions = np.sort(np.arctan2(np.abs(y), x))
+    assert np.diff(directions).max() <= np.pi / 12 + 1e-6
+    assert directions[[0, -1]] == pytest.approx([0.0, np.pi])
+
+
+def test_refinement_makes_fans_and_closes_in_on_two_plus_pi():
+    found = refine(strip(Tresca(1.0)), target=0.03, quantity=LimitFactor(["foot"]), max_rounds=3)
+    assert found.limit.lower < 2 + np.pi < found.limit.upper
+    assert found.guaranteed
+    estimates = [each.estimate for each in found.rounds]
+    assert estimates[-1] < 0.3 * estimates[0]
+    assert found.indicator.sum() == pytest.approx(found.estimate, rel=1e-6)
+
+
+def test_solve_says_where_the_elastic_stress_exceeds_the_strength():
+    """Uniform tension of 1 between strengths: by 1 − 0.8 where c is 0.4, and nowhere where it is 0.6."""
+    weak, strong = (solve(stretched(Tresca(c))) for c in (0.4, 0.6))
+    assert weak.status == "solved"
+    found = [remark for remark in weak.remarks if "strength" in remark]
+    assert len(found) == 1
+    assert "0.1 [stress]" in found[0]
+    assert "100 %" in found[0]
+    assert not any("strength" in remark for remark in strong.remarks)

@@ -103,7 +103,7 @@ def fitted_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
 def _curves(meshes: DataFrame) -> dict[tuple[str, str, int], DataFrame]:
     """Solved meshes with an error by problem, sequence and degree."""
     shown = meshes[meshes.solved & meshes.error.notna()]
-    return {key: found for key, found in shown.groupby(["problem", "sequence", "degree"], sort=False)}
+    return dict(list(shown.groupby(["problem", "sequence", "degree"], sort=False)))
 
 
 def costs_of(meshes: DataFrame) -> DataFrame:

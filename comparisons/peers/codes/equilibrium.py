@@ -1,8 +1,7 @@
 """The plate with this package: stresses in equilibrium, the inequality solved directly by the condensed method.
 
-Rectangles have the element of Bogner, Fox and Schmit, triangles that of Hsieh, Clough and Tocher of any degree. With a
-degree of displacements also the bracket: bounds of the energy, and of P where it has bounds, on triangles with
-friction too. The package is loaded by `build`, not before.
+With a degree of displacements also the bracket: bounds of the energy, and of P where it has bounds, with friction
+too. The package is loaded by `build`, not before.
 """
 
 from collections.abc import Callable
@@ -32,17 +31,16 @@ def build(
     posed = problem(case)
     if adaptive:
         return partial(_refined, posed, degree, 10.0 ** -(2.5 + 0.5 * case["number"]))
-    return partial(_solved, posed, "hct" if case["lines"] is None else "bfs", degree, bracket)
+    return partial(_solved, posed, degree, bracket)
 
 
 def problem(case: dict[str, Any]) -> "ContactProblem":
     """The gallery's plate on the mesh of a case."""
     from dataclasses import replace
 
-    from qvi_contact import RectilinearMesh, TriangleMesh
+    from qvi_contact import TriangleMesh
 
-    lines = case["lines"]
-    mesh = TriangleMesh(case["vertices"], case["cells"], case["sides"]) if lines is None else RectilinearMesh(*lines)
+    mesh = TriangleMesh(case["vertices"], case["cells"], case["sides"])
     return replace(_plate(case["friction"]), mesh=mesh)
 
 
@@ -54,12 +52,12 @@ def _plate(friction: float) -> "ContactProblem":
     return compressed_plate(friction)
 
 
-def _solved(posed: "ContactProblem", element: "str", degree: int | None, displacements: int | None) -> dict[str, Any]:
+def _solved(posed: "ContactProblem", degree: int | None, displacements: int | None) -> dict[str, Any]:
     """As `qvi_contact.solve` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
     from qvi_contact import solve
 
     options: dict[str, Any] = {"method": "condensed", "tolerance": TOLERANCE, "threads": 1}
-    result = solve(posed, element=element, degree=degree, **options)
+    result = solve(posed, degree=degree, **options)
     answer = ended(
         result, half_force=-result.resultant("plate").y if result.has_state else None,
         unknowns=int(result.solution.problem.n), iterations=int(result.iterations),
@@ -76,7 +74,7 @@ def _refined(posed: "ContactProblem", degree: int | None, target: float) -> dict
     """As `qvi_contact.refine` does it with a guarantee: the bounds of P/2 on the first mesh that has them so close."""
     from qvi_contact import refine
 
-    options: dict[str, Any] = {"element": "hct", "degree": degree, "tolerance": TOLERANCE, "threads": 1}
+    options: dict[str, Any] = {"degree": degree, "tolerance": TOLERANCE, "threads": 1}
     outcome = refine(posed, None, target, "plate.normal_force", guaranteed=True, **options)
     result = outcome.result
     bounds = _bounds(result.bracket, int(result.solution.problem.n))

@@ -43,7 +43,7 @@ _NEAR: Final = (1e-5, 1e-3)  # distances from it within which the pressure is a 
 _DRAWN: Final = (1e-5, 1e-2)  # those that are drawn
 
 
-@PROBLEMS.on("rings", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("rings", TRIANGLES, QUINTIC)
 def lame_rings(element: Element, quick: bool) -> Iterator[Row]:
     """A ring in a ring under outer pressure, without friction (Code_Aster SSNP167): Lamé, and Michell for cos 2θ."""
     result = element.solve(rings(8, 1e5))
@@ -66,7 +66,7 @@ def _rings_graph(quick: bool) -> Graph:
     return Graph("angle θ [°]", "pressure [MPa]", (ours,), (known,))
 
 
-@PROBLEMS.on("press-fit", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("press-fit", TRIANGLES, QUINTIC)
 def fitted_shaft(element: Element, quick: bool) -> Iterator[Row]:
     """A shaft in a hub with an interference: Lamé, with friction as well, which symmetry leaves without work."""
     for friction in (0.0, 0.2):
@@ -96,7 +96,7 @@ def _fit_graph(quick: bool) -> Graph:
     return Graph("radius [mm]", "stress [MPa]", ours, known)
 
 
-@PROBLEMS.on("cylinder-in-bore", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("cylinder-in-bore", TRIANGLES, QUINTIC)
 def bore(element: Element, quick: bool) -> Iterator[Row]:
     """A cylinder in the bore of a large plate, without friction: Persson's closed form."""
     result = element.solve(cylinder_in_bore(6 if quick else 12))
@@ -117,7 +117,7 @@ def _bore_graph(quick: bool) -> Graph:
     return Graph("angle θ from the load [°]", "pressure [MPa]", (ours,), (persson(),))
 
 
-@PROBLEMS.on("loaded-pin", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("loaded-pin", TRIANGLES, QUINTIC)
 def pin(element: Element, quick: bool) -> Iterator[Row]:
     """A pin in the eye of a sheet, pulled (NAFEMS R0094-4): Code_Aster, and NGSolve on the same mesh."""
     for friction, known in list(_BY_NGSOLVE.items())[1 if quick else 0 :]:

@@ -31,10 +31,10 @@ M: Final = 0.25
 """Of the ellipse: half axes 1 + m and 1 − m."""
 _SHORT: Final = 0.35  # of the order p − 1 on these meshes
 _COARSE, _FINE = 4, 8  # triangles across, half of those around
-_DEGREES: Final = tuple(Element(f"triangles of degree {p}", "hct", p) for p in (3, 4, 5, 6, 8))
+_DEGREES: Final = tuple(Element(f"triangles of degree {p}", p) for p in (3, 4, 5, 6, 8))
 
 
-@PROBLEMS.on("lame-ring", *_DEGREES, few=1)
+@PROBLEMS.on("lame-ring", *_DEGREES)
 def lame_ring(element: Element, quick: bool) -> Iterator[Row]:
     """A quarter of a ring under pressure inside, radii 1 and 2, against Lamé: σ has the order p − 1 of straight bodies.
 
@@ -43,7 +43,7 @@ def lame_ring(element: Element, quick: bool) -> Iterator[Row]:
     yield from _orders(element, quick, ring, lame, lame_energy(), "Lamé's ring")
 
 
-@PROBLEMS.on("elliptic-hole", *_DEGREES, few=1)
+@PROBLEMS.on("elliptic-hole", *_DEGREES)
 def elliptic_hole(element: Element, quick: bool) -> Iterator[Row]:
     """A quarter of a plate with an elliptic hole 1.25 × 0.75, pulled from all sides, against Kirsch and Inglis.
 

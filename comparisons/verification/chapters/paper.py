@@ -8,13 +8,13 @@ import numpy as np
 
 from comparisons.paper.reference import load
 from comparisons.paper.study import SHRINKING
-from comparisons.verification.elements import BOTH, RECTANGLES, Chapter, Element
-from comparisons.verification.measures import FORCE, mean_pressure, traction_difference
-from comparisons.verification.proof import Proof, certified, certified_algebra
+from comparisons.verification.elements import Chapter
+from comparisons.verification.measures import FORCE
+from comparisons.verification.proof import Proof, both, certified_algebra
 from comparisons.verification.row import Kind, Row, absolute, relative
-from qvi_contact import ContactResult, Discretization, principal_stresses, solve
+from qvi_contact import principal_stresses
 from qvi_contact.basics.checks import FloatArray
-from solvers import QVISolution
+from solvers import QVISolution, solve_qvi
 
 PROBLEMS: Final = Chapter()
 
@@ -45,36 +45,35 @@ def printed_stresses(quick: bool) -> Iterator[Row]:
         yield absolute(quantity, ours, printed, _HALF_DIGIT, source, _limit(friction), Kind.PUBLISHED)
 
 
-@PROBLEMS.on("plate-methods", *BOTH)
-def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
+@PROBLEMS.named("plate-methods")
+def methods_on_the_paper_mesh(quick: bool) -> Iterator[Row]:
     """The solution on the paper's four cells by methods that share no iteration, against the condensed one."""
     for friction in (0.1,) if quick else (0.05, 0.1, 0.2, 0.3):
-        condensed = solve(_problem(friction, element), method="condensed")
-        for name, other in _others(element, friction, quick):
-            proof = certified(condensed, other)
+        plate = load().plate(friction)
+        condensed = solve_qvi(plate.qvi, method="condensed")
+        others = {"Uzawa (4.1)-(4.4), converged": load().uzawa(plate.qvi, **_decay(friction))}
+        inners = _INNERS[:2] if quick else _INNERS
+        others |= {f"fixed point, {inner}": solve_qvi(plate.qvi, method="fixed-point", inner=inner) for inner in inners}
+        ours = np.array(plate.tractions(condensed.z)[1:])
+        for name, other in others.items():
+            proof = both(certified_algebra(condensed), certified_algebra(other))
             source = f"{name}; ours: condensed interior point"
-            force = other.contacts["plate"].normal_force
-            quantity = f"P/2, μ = {friction:g} [{FORCE}]"
-            yield relative(quantity, condensed.contacts["plate"].normal_force, force, 1e-7, source, proof, Kind.METHODS)
-            plate = other.contacts["plate"]
-            difference = traction_difference(condensed.contacts["plate"], plate, mean_pressure(plate))
+            force, quantity = plate.force(other.z), f"P/2, μ = {friction:g} [{FORCE}]"
+            yield relative(quantity, plate.force(condensed.z), force, 1e-7, source, proof, Kind.METHODS)
+            apart = np.abs(ours - np.array(plate.tractions(other.z)[1:])).max() / force  # the contact has the length 1
             quantity = f"largest difference of tractions over the mean pressure, μ = {friction:g}"
-            yield absolute(quantity, difference, 0.0, 1e-5, source, proof, Kind.METHODS)
+            yield absolute(quantity, float(apart), 0.0, 1e-5, source, proof, Kind.METHODS)
 
 
-@PROBLEMS.on("plate-without-friction", *BOTH)
-def without_friction(element: Element, _: bool) -> Iterator[Row]:
+@PROBLEMS.named("plate-without-friction")
+def without_friction(_: bool) -> Iterator[Row]:
     """μ = 0: the stress is uniform and P/2 = E U."""
-    result = solve(_problem(0.0, element))
-    exact, source = load().exact_without_friction, f"P/2 = E U; {_PAPER}, section 5"
-    yield relative(f"P/2 [{FORCE}]", result.contacts["plate"].normal_force, exact, 1e-9, source, certified(result))
-    largest = _largest(result.gauss_stress()[2])
-    yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, "|σ_yy| = E U / height", certified(result))
-
-
-def _problem(friction: float, element: Element = RECTANGLES) -> Discretization:
-    """On the paper's mesh; what is bounded are tractions at Gauss points, which Uzawa's steps are made for."""
-    return element.discretized(load().problem(friction), contact_rows="gauss")
+    plate, exact = load().plate(0.0), load().exact_without_friction
+    solution = solve_qvi(plate.qvi, method="condensed")
+    source, proof = f"P/2 = E U; {_PAPER}, section 5", certified_algebra(solution)
+    yield relative(f"P/2 [{FORCE}]", plate.force(solution.z), exact, 1e-9, source, proof)
+    largest = _largest(plate.stress(solution.z)[2])
+    yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, "|σ_yy| = E U / height", proof)
 
 
 @cache
@@ -94,19 +93,7 @@ def _decay(friction: float) -> dict[str, Any]:
     return {"step_decay": SHRINKING if friction == 0.0 else None}
 
 
-def _converged_uzawa(friction: float, element: Element) -> ContactResult:
-    problem = _problem(friction, element)
-    step = load().omega_T / problem.scales.displacement
-    return solve(problem, method="uzawa", omega_T=step, **_decay(friction))
-
-
 def _largest(stress: FloatArray) -> float:
     """The largest |principal stress|."""
     first, second, _ = principal_stresses(stress)
     return float(max(np.abs(first).max(), np.abs(second).max()))
-
-
-def _others(element: Element, friction: float, quick: bool) -> Iterator[tuple[str, ContactResult]]:
-    yield "Uzawa (4.1)-(4.4), converged", _converged_uzawa(friction, element)
-    for inner in _INNERS[:2] if quick else _INNERS:
-        yield f"fixed point, {inner}", solve(_problem(friction, element), inner=inner)

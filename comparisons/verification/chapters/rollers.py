@@ -24,7 +24,7 @@ _STICK: Final = 4e-4  # of c on triangles of degree 4, on this mesh: the shear h
 _STEPS: Final = 10  # of the load on Klang's cylinder
 
 
-@PROBLEMS.on("cylinder-on-block", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("cylinder-on-block", TRIANGLES, QUINTIC)
 def hertz(element: Element, quick: bool) -> Iterator[Row]:
     """A cylinder on a block, without friction: NAFEMS R0094-1 with a hundredth of its force, against Hertz."""
     result = element.solve(cylinder_on_block(0.01, 4 if quick else 6, 3 if quick else 4))
@@ -49,7 +49,7 @@ def _hertz_graph(quick: bool) -> Graph:
     return Graph("x [mm]", "pressure [MPa]", (Curve("stresses", line.x, -line.normal_stress),), (known,))
 
 
-@PROBLEMS.on("half-discs", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("half-discs", TRIANGLES, QUINTIC)
 def cattaneo(element: Element, quick: bool) -> Iterator[Row]:
     """Two half discs pressed together and sheared, of one material: Hertz, Cattaneo and Mindlin.
 
@@ -88,7 +88,7 @@ def _cattaneo_graph(quick: bool) -> Graph:
     return Graph("x [0.01 mm]", "traction [kPa]", ours, known)
 
 
-@PROBLEMS.on("slip-torque", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("slip-torque", TRIANGLES, QUINTIC)
 def slip_torque(element: Element, quick: bool) -> Iterator[Row]:
     """The torque at which a shaft slips in its hub, 2π μ p R²: from below, from above, and turned further.
 

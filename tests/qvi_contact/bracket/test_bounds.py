@@ -22,14 +22,7 @@ from qvi_contact import (
     solve,
     solve_history,
 )
-from qvi_contact.bracket import (
-    BracketKind,
-    EdgeParts,
-    bracket,
-    by_cell,
-    computed_norm,
-    given_problem,
-)
+from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, given_problem
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from tests.covering import every_pair
 from tests.effort import thinned

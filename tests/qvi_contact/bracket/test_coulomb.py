@@ -146,7 +146,7 @@ class TestNorms:
     @pytest.mark.parametrize("seed", range(4))
     def test_of_a_share_that_varies(self, seed):
         """A quotient of polynomials: its steepness by differences, and both norms of it."""
-        problem, random = compressed_plate(0.3, (3, 3)).triangulated(), np.random.default_rng(seed)
+        problem, random = compressed_plate(0.3, (3, 3)), np.random.default_rng(seed)
         (share,) = shared(problem, 0.0).values()
         ends = random.uniform(-1.0, 1.0, len(share.values) + 1)
         values = np.column_stack([ends[:-1], random.uniform(-1.0, 1.0, len(share.values)), ends[1:]])
@@ -269,7 +269,7 @@ class TestScope:
 
     def test_much_friction_is_no_harder(self):
         """All sticks, and s is small where much friction is unused."""
-        found = solve(compressed_plate(1.5, (2, 2)).triangulated()).bracket.coulomb
+        found = solve(compressed_plate(1.5, (2, 2))).bracket.coulomb
         assert computed_norm(found.stress.problem, found.shares) < 0.4
         assert found.relative_error < 0.1
 
@@ -387,9 +387,7 @@ class TestOtherBodies:
         assert found.relative_error < 0.15
         fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=5)
         assert found.error > difference(solve(problem, degree=4), fine)
-        if change == "held end":  # at a kink no z is 1 along two normals, and 0 along tangents
-            force = found.forces["bottom.normal_force"]
-            assert force.lower < fine.contacts["bottom"].normal_force < force.upper
+        assert found.forces == {}  # no z is 1 along both normals, or beside what holds it
 
     def test_a_kink_that_slips_is_named(self):
         layer = sheared_layer(0.3)

@@ -1,4 +1,4 @@
-"""The generator: a number makes a problem on triangles, a quantity and a target, always the same.
+"""Problems of practice: a number makes a problem, a quantity and a target, always the same.
 
 Bodies, laws and loads are those of practice, not the extremes of `wild`: there answers are wanted, here their accuracy.
 """
@@ -6,9 +6,7 @@ Bodies, laws and loads are those of practice, not the extremes of `wild`: there 
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
-from comparisons.wild.dice import Dice
+from comparisons.wild.bodies import Dice, quadrilateral
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -18,7 +16,6 @@ from qvi_contact import (
     RigidPlate,
     Symmetry,
     Traction,
-    TriangleMesh,
 )
 from qvi_contact.basics.checks import Field
 from qvi_contact.problem.conditions import Condition, Law
@@ -26,7 +23,6 @@ from qvi_contact.problem.conditions import Condition, Law
 _BASE: Final = "base"
 _PLATE: Final = "plate"
 _FRICTION: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
-_NEAR: Final = 1e-9  # of a line
 _FORCES: Final = ("normal_force", "tangential_force")
 
 
@@ -53,7 +49,7 @@ def stated(number: int) -> Stated:
     """Problem `number`."""
     dice = Dice("estimates", number)
     width, height = dice.magnitude(-0.2, 0.5), 1.0
-    mesh = _body(dice, width, height)
+    mesh = quadrilateral(dice, width, height)
     strain = dice.magnitude(-4.0, -2.0)
     young, poisson = dice.pick((1.0, 2.1e5)), dice.pick((0.0, 0.2, 0.3, 0.45))
     contacts = [_base(dice, strain * height, width)]
@@ -74,39 +70,6 @@ def _forces(contacts: list[Contact], above: list[Condition], guided: bool) -> li
     driven = any(each.plate is not None for each in contacts)
     kinds = [*([] if pushed or driven else ["normal_force"]), *([] if pushed and not guided else ["tangential_force"])]
     return 2 * [f"{each.name}.{kind}" for each in contacts for kind in kinds]
-
-
-def _body(dice: Dice, width: float, height: float) -> TriangleMesh:
-    """A rectangle, trapezoid, parallelogram, L, or a body with a wavy top, with its base on y = 0."""
-    cells = (dice.whole(2, 5), dice.whole(2, 4))
-    mesh = TriangleMesh.rectangle(cells, width, height)
-    kind = dice.pick(("rectangle", "trapezoid", "skew", "step", "any"))
-    x, y = mesh.vertices.T
-    if kind == "step":
-        return _stepped(mesh, width * dice.whole(1, cells[0] - 1) / cells[0], height * (1 - 1 / cells[1]))
-    if kind == "trapezoid":
-        x = x + dice.between(-0.3, 0.5) * (x / width - 0.5) * (y / height) * width
-    elif kind == "skew":
-        x = x + dice.between(-0.6, 0.6) * y
-    elif kind == "any":  # interior vertices anywhere near
-        inside = (x > 0.0) & (x < width) & (y > 0.0) & (y < height)
-        moves = np.array([[dice.between(-0.2, 0.2), dice.between(-0.2, 0.2)] for _ in x])
-        x = x + inside * moves[:, 0] * width / cells[0]
-        y = y + inside * moves[:, 1] * height / cells[1]
-    return TriangleMesh(np.column_stack([x, y]), mesh.cells, mesh.edge_sets)
-
-
-def _stepped(mesh: TriangleMesh, at: float, above: float) -> TriangleMesh:
-    """Without what lies right of `at` and above `above`."""
-    centre = mesh.corners.mean(axis=1)
-    left = (centre[:, 0] < at) | (centre[:, 1] < above)
-    body = mesh.part(np.flatnonzero(left), {})
-    low, high = mesh.vertices.min(axis=0) + _NEAR, mesh.vertices.max(axis=0) - _NEAR
-    body = body.with_edges("bottom", lambda _, y: y < low[1])
-    body = body.with_edges("left", lambda x, y: (x < low[0]) & (y > low[1]))
-    body = body.with_edges("top", lambda _, y: y > high[1])
-    body = body.with_edges("right", lambda x, _: x > high[0])
-    return body.with_edges("step", lambda x, y: (x > low[0]) & (y > low[1]) & (y < high[1]) & (x < high[0]))
 
 
 def _base(dice: Dice, move: float, width: float) -> Contact:

@@ -1,0 +1,144 @@
+"""Proof files: what they prove is checked in exact arithmetic, and a changed number breaks them."""
+
+import copy
+import json
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import qvi_contact.limit
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    InputError,
+    Material,
+    Mises,
+    MohrCoulomb,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    Tresca,
+    TriangleMesh,
+    limit_load_factor,
+    limit_proof,
+    save_problem,
+)
+from qvi_contact.limit import check
+
+
+def stretched(strength, plane="strain"):
+    """A block pulled along y."""
+    conditions = [Traction("top", x=0, y=1.0), Traction("right", x=0, y=0), Symmetry("left"), Symmetry("bottom")]
+    return ContactProblem(TriangleMesh.rectangle((2, 2)), Material(10.0, 0.3, plane, strength), conditions)
+
+
+def heavy_wall(strength=None):
+    """Two blocks with a joint under their weight, pushed from the left."""
+    mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("joint", lambda _, y: np.abs(y - 1.0) < 1e-9)
+    return ContactProblem(
+        mesh,
+        Material(10.0, 0.2, "strain", strength),
+        [
+            Contact("bottom", 0.5),
+            Contact("joint", 0.4, cohesion=0.05),
+            Traction("top", x=0, y=-1.0),
+            Traction("left", x=1.0, y=0, name="push"),
+            Traction("right", normal=0, tangential=0),
+        ],
+        body_potential=lambda _, y: 0.8 * y,
+    )
+
+
+@pytest.mark.parametrize(
+    ("problem", "load"),
+    [
+        (stretched(Tresca(0.7)), "top"),
+        (stretched(Mises(1.0), "stress"), "top"),
+        (stretched(MohrCoulomb(0.5, 0.3, 0.2)), "top"),
+        (heavy_wall(), "push"),
+        (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
+    ],
+)
+def test_proofs_hold_and_lose_next_to_nothing(problem, load):
+    limit, proof = limit_load_factor(problem, [load], degree=4), limit_proof(problem, [load], degree=4)
+    assert float(Fraction(proof["factor"])) == pytest.approx(limit.lower, rel=1e-4)
+    factor, counted = check(json.loads(json.dumps(proof)))
+    assert factor == Fraction(proof["factor"])
+    assert counted["parts"] == 3 * problem.mesh.cell_count
+    assert (counted["cones"] > 0) == problem.yields
+
+
+def changed(proof, place, more="1/1000000000000000000000"):
+    """The proof with one number changed by next to nothing."""
+    broken = copy.deepcopy(proof)
+    *path, last = place
+    part = broken
+    for key in path:
+        part = part[key]
+    part[last] = str(Fraction(part[last]) + Fraction(more))
+    return broken
+
+
+def test_every_number_counts():
+    proof = limit_proof(heavy_wall(MohrCoulomb(2.0, 0.6)), ["push"], degree=3)
+    places = [("airy", 3, 1, 4), ("potential", "dead", 2), ("loads", 0, "dead", 1), ("factor",), ("vertices", 5, 0)]
+    for place in places:
+        with pytest.raises(ValueError, match=r"differ|is not the load|beyond"):
+            check(changed(proof, place))
+    for place in [("strengths", 0, 0, "a", 0), ("contacts", 0, "friction")]:
+        with pytest.raises(ValueError, match="beyond"):
+            check(changed(proof, place, "-1/2" if place[0] == "contacts" else "-19/10"))
+
+
+def test_a_factor_beyond_the_limit_has_no_proof():
+    """The stresses of twice the factor break the law, though they are in equilibrium with the loads."""
+    proof = limit_proof(stretched(Tresca(0.7)), ["top"])
+    doubled = copy.deepcopy(proof)
+    doubled["factor"] = str(2 * Fraction(proof["factor"]))
+    doubled["airy"] = [[[str(2 * Fraction(c)) for c in part] for part in cell] for cell in proof["airy"]]
+    with pytest.raises(ValueError, match="beyond its strength"):
+        check(doubled)
+
+
+def test_the_checker_stands_alone(tmp_path):
+    """The script runs without this package, in isolated mode."""
+    path = tmp_path / "limit.json"
+    path.write_text(json.dumps(limit_proof(stretched(Tresca(0.7)), ["top"])))
+    script = Path(qvi_contact.limit.__file__).with_name("check_proof.py")
+    told = subprocess.run([sys.executable, "-I", str(script), str(path)], capture_output=True, text=True, check=True)
+    assert told.stdout.startswith("proved: the loads times")
+
+
+@pytest.mark.parametrize(
+    ("contact", "field"),
+    [
+        (Contact("bottom", lambda x, _: 0.2 + x), "Contact.friction"),
+        (Contact("bottom", 0.2, law="bilateral"), "Contact.law"),
+        (Contact("bottom", 0.2, plate=RigidPlate(x=0.0)), "Contact"),
+    ],
+)
+def test_what_files_do_not_hold_is_refused(contact, field):
+    problem = heavy_wall()
+    problem = ContactProblem(problem.mesh, problem.material, [contact, *problem.conditions[1:]], problem.body_potential)
+    with pytest.raises(InputError) as caught:
+        limit_proof(problem, ["push"])
+    assert caught.value.field == field
+
+
+def test_the_command_writes_and_checks_them(tmp_path, shell):
+    file, proof = tmp_path / "block.toml", tmp_path / "limit.json"
+    save_problem(file, stretched(Tresca(0.7)))
+    assert shell("limit", file, "--load", "top", "--proof", proof)[0] == 0
+    status, out, _ = shell("check-proof", proof)
+    assert status == 0
+    assert out.startswith("proved")
+    proof.write_text(json.dumps(changed(json.loads(proof.read_text()), ("airy", 0, 0, 0), "1/7")))
+    status, out, _ = shell("check-proof", proof)
+    assert status == 1
+    assert out.startswith("not proved")
+    proof.write_text(json.dumps({"degree": 4}))
+    assert shell("check-proof", proof)[0] == 2
