@@ -10,6 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
+from qvi_contact.basics.retired import refuse_arguments
 from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
@@ -133,6 +134,7 @@ def limit_load_factor(
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     verbose: bool = False,
+    **retired: Any,
 ) -> LimitLoad:
     """Largest multiple of the named loads that contacts and body can carry while all other loads stay, from both sides.
 
@@ -168,6 +170,8 @@ def limit_load_factor(
         Degree of the element, and what bounds tractions, see `discretize`.
     verbose : bool
         Print what is asked for, and both sides with the time.
+    **retired
+        Nothing: arguments of version 0.1 are refused with what to do instead.
 
     Returns
     -------
@@ -183,6 +187,7 @@ def limit_load_factor(
         If a linear program is not solved, that of the mesh to a relative accuracy of 1e-7, or not in time.
 
     """
+    refuse_arguments(retired)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as story:
         posed = _posed(problem, loads, degree=degree, contact_rows=contact_rows)
         story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
