@@ -9,7 +9,6 @@ RETIRED: Final = {
     "RectilinearMesh": "was retired in version 0.2: give its lines and cells to TriangleMesh.grid, or take "
     "TriangleMesh.rectangle",
     "triangulated": "was retired in version 0.2: grids have triangles from the start, so leave the call out",
-    "refined_where_apart": "was retired in version 0.2: refine(problem, target=…) puts triangles where the error is",
     "on_lines": "was retired in version 0.2: give other lines to TriangleMesh.grid, or take refine",
     "refined": "was retired in version 0.2: take refine(problem, target=…), or refined and graded of the mesh",
     "element": "was retired in version 0.2: there is one element, on triangles, into which grids are cut; leave it out",
