@@ -131,10 +131,7 @@ def bracket(
         if shared is not None:
             reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companions[2].reasons))
             bounds = _coulomb(shared, before, companions[2], tuple(reasons))
-            if isinstance(bounds, str):
-                found = replace(found, coulomb_reason=bounds)
-            else:
-                found = replace(found, coulomb=bounds)
+            found = replace(found, **{"coulomb_reason" if isinstance(bounds, str) else "coulomb": bounds})
         if len(companions) > 1:
             own = companions[1]
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
