@@ -131,7 +131,8 @@ def bracket(
         if shared is not None:
             reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companions[2].reasons))
             bounds = _coulomb(shared, before, companions[2], tuple(reasons))
-            found = replace(found, **{"coulomb_reason" if isinstance(bounds, str) else "coulomb": bounds})
+            coulomb, reason = (None, bounds) if isinstance(bounds, str) else (bounds, "")
+            found = replace(found, coulomb=coulomb, coulomb_reason=reason)
         if len(companions) > 1:
             own = companions[1]
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
