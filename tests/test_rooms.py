@@ -110,7 +110,7 @@ def function():
     [
         ("qvi_contact.cli", "qvi_contact.command.cli"),
         ("qvi_contact.exact", "qvi_contact.gallery.exact"),
-        ("qvi_contact.export", "qvi_contact.files.export"),
+        ("qvi_contact.export", "qvi_contact.files"),
         ("qvi_contact.result", "qvi_contact.solution.result"),
         ("qvi_contact.units", "qvi_contact.basics.units"),
     ],

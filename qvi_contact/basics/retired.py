@@ -9,6 +9,8 @@ RETIRED: Final = {
     "RectilinearMesh": "was retired in version 0.2: give its lines and cells to TriangleMesh.grid, or take "
     "TriangleMesh.rectangle",
     "triangulated": "was retired in version 0.2: grids have triangles from the start, so leave the call out",
+    "on_lines": "was retired in version 0.2: give other lines to TriangleMesh.grid, or take refine",
+    "refined": "was retired in version 0.2: take refine(problem, target=…), or refined and graded of the mesh",
     "element": "was retired in version 0.2: there is one element, on triangles, into which grids are cut; leave it out",
     "refined_where_apart": "was retired in version 0.2: call refine(problem, quantity='energy'), or bisect what holds "
     "most of result.bracket.cell_gaps by the mesh's own refined",

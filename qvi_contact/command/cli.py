@@ -853,9 +853,9 @@ def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[s
 
         save_figure(targets["plot"], bracket_figure(found, file.units, file.title))
     if "vtk" in targets:
-        from qvi_contact.files.companion import write_vtu
+        from qvi_contact.files.vtu import write_companion_vtu
 
-        write_vtu(targets["vtk"], companion, file.units)
+        write_companion_vtu(targets["vtk"], companion, file.units)
 
 
 def _show_bracket(file: "ProblemFile", result: "ContactResult", found: "Bracket | None", as_json: bool) -> None:

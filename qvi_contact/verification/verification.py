@@ -54,8 +54,7 @@ _BOUND: Final = 10.0  # of the tolerance: results of the fixed point may hold th
 _SHOWN: Final = 5  # names in a sentence
 
 _GROUPS: Final = {
-    "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh", "vertices": "mesh", "cells": "mesh",
-    "airy": "Airy function",
+    "material": "mesh", "vertices": "mesh", "cells": "mesh",
     "gauss_x": "stresses", "gauss_y": "stresses", "gauss_stress": "stresses",
     "x": "points", "y": "points", "weights": "points", "friction": "points",
     "gap": "gap and slip", "slip": "gap and slip", "state": "states", "motion": "motion",
@@ -64,7 +63,6 @@ _GROUPS: Final = {
 
 _MEANINGS: Final = {
     "mesh": "Vertices, cells and materials of the problem.",
-    "Airy function": "Nodal values of the stress function, from the unknowns.",
     "stresses": "Stress at the Gauss points of all cells, from the stress function.",
     "energies": "Strain energy, work of prescribed displacements, dissipation.",
     "traction_misfit": "Pointwise difference of prescribed and computed tractions.",
