@@ -22,8 +22,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from comparisons.exchange.files import unreadable
-from solvers.basics.files import open_regular, read_arrays
-from solvers.basics.files import replacing
+from solvers.basics.files import open_regular, read_arrays, replacing
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse
 from solvers.certificate.certificate import certify
