@@ -33,7 +33,7 @@ __getattr__ = front(
         "given": ("given_problem",),
         "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
         "coulomb": ("coulomb_bounds",),
-        "share": ("Share", "SharedStress", "outside_scope", "with_shares"),
+        "share": ("Share", "SharedStress", "with_shares"),
         "slip_constants": ("amplification", "coercivity", "defect_bound", "error_bound"),
     },
 )

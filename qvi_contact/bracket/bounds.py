@@ -17,6 +17,7 @@ from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.data import data_reasons
 from qvi_contact.bracket.forces import force_bounds, force_differences
+from qvi_contact.bracket.friction_norm import UNHELD, computed_norm
 from qvi_contact.bracket.given import GivenProblem, given_problem, posed_strictly
 from qvi_contact.bracket.law import contact_tractions, law_bound, traction_coefficients
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
@@ -30,8 +31,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
 from solvers import Iteration, solve_qvi
-from solvers.basics.narration import narrated
-from solvers.basics.watch import watched
+from solvers.basics.progress import narrated, watched
 from solvers.factorisation import FactorisationError
 from solvers.solve import check_settings
 
@@ -131,10 +131,7 @@ def bracket(
         if shared is not None:
             reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companions[2].reasons))
             bounds = _coulomb(shared, before, companions[2], tuple(reasons))
-            if isinstance(bounds, str):
-                found = replace(found, coulomb_reason=bounds)
-            else:
-                found = replace(found, coulomb=bounds)
+            found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         if len(companions) > 1:
             own = companions[1]
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
@@ -159,11 +156,14 @@ def _coulomb(
     shared: SharedStress | str, before: ContactResult | str | None, companion: CompanionResult, reasons: tuple[str, ...]
 ) -> CoulombBounds | str:
     """The bounds under Coulomb's law, or why there are none."""
-    if not (isinstance(shared, SharedStress) and isinstance(before, ContactResult)):
-        return str(shared)
+    if not isinstance(before, ContactResult):
+        return str(before)
     if not companion.has_state:
         return "No admissible displacement was found."
     try:
+        if isinstance(shared, str):  # a body that friction alone holds is the usual cause
+            return shared if np.isfinite(computed_norm(before.problem, {})) else UNHELD
+        assert shared is not None
         return coulomb_bounds(shared, companion, before, reasons)
     except (FactorisationError, MemoryError) as error:
         return f"The norm of friction was not computed: {error or 'out of memory'}."

@@ -22,6 +22,7 @@ from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, str
 from qvi_contact.bracket.share import Share, SharedStress
 from qvi_contact.companion import CompanionResult
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.work import rest_on_arcs
 
 ADMISSIBLE = 1e-6
 """Largest violation of the contact law by a stress, relative to the largest contact traction."""
@@ -164,7 +165,7 @@ def coulomb_bounds(
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
     edges, slack = _defects(result, laws, companion)
     norm = friction_norm(problem, shares)
-    residual, defect = float(np.sqrt(2.0 * inside.sum())), slack
+    residual, defect = float(np.sqrt(2.0 * inside.sum())) + _on_arcs(result), slack
     defect += float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
     s = norm.value
     parts = 0.0 * inside
@@ -185,6 +186,16 @@ def coulomb_bounds(
         result,
         companion,
     )
+
+
+def _on_arcs(stress: ContactResult) -> float:
+    """An estimate of the energy norm of what is left of tractions on arcs: a traction k on an edge h has k h √c."""
+    mesh = stress.problem.mesh
+    arcs = [edges.take(edges.bent).length for edges in (mesh.boundary, mesh.interior) if edges.curved]
+    if not arcs:
+        return 0.0
+    rest, soft = rest_on_arcs(stress.discretization, stress.dofs), float(stress.problem.compliances[:, 0, 0].max())
+    return rest * float(np.sqrt(soft * (np.concatenate(arcs) ** 2).sum()))
 
 
 def _stress_refused(stress: ContactResult, laws: _Laws) -> str:

@@ -257,7 +257,7 @@ class _Pairs:
     def bounds(self, line: _Line, a: float, b: float, error: float, defect: float, proved: bool) -> Bounds | None:
         """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
         goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
-        c, z = self._displacement(goals)
+        c, z, plates = self._displacement(goals)
         moved = self._ratio_of_displacements(goals, c)
         if moved is None:
             return None
@@ -271,7 +271,7 @@ class _Pairs:
             spread = proved_norm(problem, parts).value if proved else computed_norm(problem, parts)
             if not np.isfinite(spread):
                 return None
-        middle, residual = self._value(goals, c, z, change)
+        middle, residual = self._value(goals, c, z, plates, change)
         rest = (error * residual + max(moved, pressed) * defect + spread * error**2) / self.unit
         rest += _ROUNDED * abs(middle)
         return Bounds(middle - rest, middle + rest)
@@ -291,20 +291,21 @@ class _Pairs:
             held.append((turned, len(stuck)))
         particular, free = solutions(np.vstack(trial))
         _, others = solutions(np.vstack(test))
-        return _Spaces(held, particular, free, others, others.T @ body.body.S @ free)
+        return _Spaces(held, particular, free, others, others.T @ body.S @ free)
 
-    def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
-        """Coefficients c (2, n) of z on the contacts, and z (size,), dimensionless: a and b of length 1."""
+    def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients c (2, n) of z on the contacts, z (size,) and its plates, dimensionless: a and b of length 1."""
         body, spaces = self.body, self._spaces
         wanted = []
         for line, (closed, stuck) in zip(self.lines, spaces.held, strict=True):
             a, b = goals[line.contact.name]
             wanted += [a + closed * b, np.full(stuck, b)]
         start = spaces.particular @ np.concatenate(wanted)
-        right = -spaces.others.T @ (body.body.S @ start)
+        right = -spaces.others.T @ (body.S @ start)
         w = start + spaces.free @ np.linalg.lstsq(spaces.matrix, right, rcond=1e-13)[0]
-        z = body.body.expand(w)
-        return (body.contacts.rows @ z).reshape(2, body.contacts.count), z
+        z, plates = body.expand(w)
+        c = body.contacts.rows @ z - body.contacts.motions @ plates
+        return c.reshape(2, body.contacts.count), z, plates
 
     def _stress(self, c: FloatArray) -> FloatArray:
         """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
@@ -333,7 +334,7 @@ class _Pairs:
             held[0, line.rows.rows] = np.repeat(line.loose, q)
             held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
         parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
-        rows = sparse.csr_array(sparse.vstack(parts))
+        rows = sparse.csr_array(sparse.vstack([*parts, qvi.A]))
         influence = self.model.solved(qvi.K, rows.T.toarray())
         return rows, influence, rows @ influence, (rows @ rows.T).toarray()
 
@@ -396,7 +397,12 @@ class _Pairs:
         return found
 
     def _value(
-        self, goals: Mapping[str, tuple[float, float]], c: FloatArray, z: FloatArray, change: FloatArray
+        self,
+        goals: Mapping[str, tuple[float, float]],
+        c: FloatArray,
+        z: FloatArray,
+        plates: FloatArray,
+        change: FloatArray,
     ) -> tuple[float, float]:
         """The resultant as far as it is known [stress × length], and |ε(z) − cζ| of z with the unit of length D."""
         known, scales, companion = self.known, self.known.scales, self.companion
@@ -410,7 +416,8 @@ class _Pairs:
         apart = strain - np.einsum("ckl,cgl->cgk", compliance, zeta)
         size = np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart)
         inside = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
-        work = inside - float(companion.state.load @ z) * scales.energy
+        loads = float(companion.state.load @ z + self.body.contacts.resultants @ plates)
+        work = inside - loads * scales.energy
         for along in (support_work, obstacle_work):
             work += along(known, other) - along(known, u)
         for line in self.lines:

@@ -30,6 +30,9 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
+UNHELD: Final = (
+    "A contact can slip as far as supports let it without straining the body: hold the body along the contact."
+)
 _DEGREE: Final = 3  # of displacements by which a norm is computed
 _USEFUL: Final = 1.6  # norm up to which proved bounds are not many times as large as errors
 _ALIKE: Final = 1e-9  # of the body's size: a place on a side
@@ -66,9 +69,7 @@ def friction_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> Frict
     value = computed_norm(problem, shares)
     reason = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
     if value == np.inf:
-        reason = (
-            "A contact can slip as far as supports let it without straining the body: hold the body along the contact."
-        )
+        reason = UNHELD
     elif np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
     elif value >= slip_constants.LARGEST:
@@ -78,6 +79,8 @@ def friction_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> Frict
 
 def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:
     """The least proved norm; infinity where there is none."""
+    if any(has_coulomb(each) and each.plate is not None and each.plate.driven for each in problem.contacts):
+        return FrictionNorm(np.inf, False, "Nothing is proved of plates that forces drive.")
     try:
         bodies = bodies_of(problem)
     except InputError:  # a crack, with one body on both sides

@@ -25,6 +25,7 @@ from qvi_contact.companion.supports import PARALLEL
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import frames_along
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -134,22 +135,16 @@ class SharedStress:
 
 def outside_scope(problem: ContactProblem) -> str:
     """Why nothing is known of the errors of a problem under Coulomb's law, as far as its data show; else empty."""
-    reasons = (_not_of_the_kind(problem, contact) for contact in problem.contacts)
+    reasons = (_not_of_the_kind(contact) for contact in problem.contacts)
     return next(filter(None, reasons), "")
 
 
-def _not_of_the_kind(problem: ContactProblem, contact: Contact) -> str:
+def _not_of_the_kind(contact: Contact) -> str:
     name, rough = repr(contact.name), has_coulomb(contact)
     found = {
-        f"Bounds under friction are for obstacles whose motion is given: that of {name} is driven by force.": (
-            contact.plate is not None and contact.plate.driven
-        ),
         f"Bounds under friction are for dry contacts: a fluid presses in {name}.": contact.has_fluid,
         f"Bounds under friction are for contacts that may open: {name} keeps its distance.": (
             rough and contact.law != "unilateral"
-        ),
-        f"Bounds under friction are for straight contacts: {name} is an arc.": (
-            rough and problem.mesh.edges(contact.edges).curved
         ),
         f"Bounds under friction need constant friction and cohesion: those of {name} are functions.": (
             rough and (callable(contact.friction) or callable(contact.cohesion))
@@ -397,15 +392,17 @@ def _unfit(body: Body, contact: Contact) -> list[list[float]]:
             laws |= dict.fromkeys(mesh.edge_set(each.edges).tolist(), each)
     own = mesh.edges(contact.edges)
     joints = [mesh.edges(each.edges) for each in problem.joints]
+    frames = {id(edges): frames_along(edges, np.array([0.0, 1.0])) for edges in (own, boundary, *joints)}
     found = []
     for edge in range(len(own)):
-        n, t = own.normal[edge], own.tangent[edge]
-        for vertex in (int(own.first[edge]), int(own.second[edge])):
-            at = np.flatnonzero((boundary.first == vertex) | (boundary.second == vertex))
-            others = [(boundary.normal[k], boundary.tangent[k], held[k], laws.get(int(k))) for k in at.tolist()]
-            for lines, each in zip(joints, problem.joints, strict=True):
-                beside = np.flatnonzero((lines.first == vertex) | (lines.second == vertex))
-                others += [(lines.normal[k], lines.tangent[k], np.empty((0, 2)), each) for k in beside.tolist()]
+        for end, vertex in enumerate((int(own.first[edge]), int(own.second[edge]))):
+            n, t = (part[edge, end] for part in frames[id(own)])
+            others = []
+            for lines, joint in ((boundary, None), *zip(joints, problem.joints, strict=True)):
+                for k in np.flatnonzero((lines.first == vertex) | (lines.second == vertex)).tolist():
+                    at = [part[k, int(lines.second[k] == vertex)] for part in frames[id(lines)]]
+                    beside = (held[k], laws.get(k)) if joint is None else (np.empty((0, 2)), joint)
+                    others.append((at[0], at[1], *beside))
             turns = any(law not in (None, contact) and law.name in body.beyond for *_, law in others)
             if turns or not all(_fits(contact, n, t, *other) for other in others):
                 found.append(mesh.vertices[vertex].tolist())

@@ -25,7 +25,7 @@ _DEPENDENT = 1e-9  # singular value of rows, relative, that counts as zero
 
 @dataclass(frozen=True, eq=False)
 class BodyAtRest:
-    """Displacements v that vanish where displacements are prescribed, by the contacts' coefficients c of them.
+    """Displacements v that vanish where displacements are prescribed, and motions of plates that forces drive.
 
     Attributes
     ----------
@@ -33,8 +33,10 @@ class BodyAtRest:
         The contacts, n coefficients.
     body : CondensedBody
         The body.
-    B : (2 n, k) array
-        c, normal ones first, from w_Γ.
+    B : (2 n, k + q) array
+        c, what the body moves beyond the plates, normal ones first, from w_Γ and the motions.
+    S : (k + q, k + q) array
+        The energy of both, ½ wᵀS w.
     live : (2 n,) bool array
         Where c can change.
 
@@ -43,6 +45,7 @@ class BodyAtRest:
     contacts: Contacts
     body: CondensedBody
     B: FloatArray
+    S: FloatArray
     live: BoolArray
 
     @classmethod
@@ -58,17 +61,25 @@ class BodyAtRest:
 
         """
         contacts, body = condensed_at_rest(problem, degree)
-        B = (contacts.rows @ body.supports.axes)[:, body.interface].toarray()
-        live = np.abs(B).sum(axis=1) > PARALLEL
+        moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions
+        B = np.hstack([moved, -driven])
+        live = np.abs(moved).sum(axis=1) > PARALLEL
         B[~live] = 0.0
-        return cls(contacts, body, B, np.asarray(live))
+        S = np.zeros((B.shape[1],) * 2)
+        S[: moved.shape[1], : moved.shape[1]] = body.S
+        return cls(contacts, body, B, S, np.asarray(live))
+
+    def expand(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """V (size,) and the motions (q,) from w_Γ and these."""
+        values, motions = np.split(w, [self.body.S.shape[0]])
+        return self.body.expand(values), motions
 
     def least_energy(self, given: BoolArray, zero: BoolArray) -> FloatArray:
         """E with E x·x = min a(v, v) over v whose coefficients are x where `given`, and 0 where `zero`."""
         rows = np.vstack([self.B[given], self.B[zero & self.live]])
         particular, free = solutions(rows)
         count = int(given.sum())
-        P, S = particular[:, :count], self.body.S
+        P, S = particular[:, :count], self.S
         cross = free.T @ S @ P
         found = P.T @ S @ P - cross.T @ pseudo_solve(free.T @ S @ free, cross)
         return np.asarray((found + found.T) / 2.0)

@@ -121,12 +121,13 @@ def forged(result, problem=None, **changes):
     return ContactResult(known, replace(result.solution, **changes))
 
 
+@pytest.fixture(scope="module")
+def right():
+    return solve(pressed())
+
+
 class TestJudge:
     """Each check fails where it ought to."""
-
-    @pytest.fixture(scope="class")
-    def right(self):
-        return solve(pressed())
 
     def test_a_right_answer_has_no_error(self, right):
         assert wild.wrong(right) == []

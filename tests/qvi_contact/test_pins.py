@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import InputError, refine, save_problem, solve, solve_history, solve_sweep
 from qvi_contact.basics import Units
-from qvi_contact.bracket import bracket, outside_scope
+from qvi_contact.bracket import bracket
 from qvi_contact.cli import group
 from qvi_contact.companion import solve_companion
 from qvi_contact.discretization import misplaced_pins, pressed_pins
@@ -125,13 +125,6 @@ def test_two_pins_at_once():
     motion = result.plates["hole 1"]
     again = solved(eye(first, Contact.pin("hole 1", 0.4, (2.0, 0.0), 0.49, x=motion.x, y=motion.y, rotation=0.0)))
     assert difference(result, again) < 1e-6
-
-
-def test_bounds_under_friction_are_for_plates_that_are_not_driven():
-    drives = ({"x": 1.0}, {"force_x": 1.0})
-    moves, driven = (pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, **drive)) for drive in drives)
-    assert not outside_scope(moves)
-    assert "driven" in outside_scope(driven)
 
 
 class TestShearAroundABore:

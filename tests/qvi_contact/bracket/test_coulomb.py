@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 from scipy.stats import binom
 
 from comparisons.verification.chapters import half_disc, sheared_layer
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
+from qvi_contact import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, solve
 from qvi_contact.bracket import (
     Share,
     amplification,
@@ -349,14 +349,20 @@ class TestOtherBodies:
         assert "base.tangential_force" not in found.forces  # friction of the end that symmetry holds has no bound
 
     def test_arcs(self):
-        """Nothing is proved on a body with arcs, and a contact that is one has no bounds."""
+        """Nothing is proved on a body with arcs; a contact that is one has estimated bounds."""
         chords = half_disc(0.1, (4e-3, -2e-3))
         disc = replace(chords, mesh=chords.mesh.with_arc("flank", (0.0, 0.0), 1.0).with_arc("crown", (0.0, 0.0), 1.0))
         assert friction_norm(chords, shared(chords, 1.0)).proved
         assert not friction_norm(disc, shared(disc, 1.0)).proved
         assert solve(disc, degree=4).bracket.coulomb.kind == "estimated"
-        turned = [replace(disc.conditions[0], edges="flank"), disc.conditions[1], Traction("base", x=0.0, y=0.0)]
-        assert "is an arc" in solve(replace(disc, conditions=turned), degree=4).bracket.coulomb_reason
+        pressed = [Contact("crown", 0.1, gap=-2e-3, offset=4e-3), Displacement("base", x=0.0, y=0.0)]
+        turned = replace(disc, conditions=[*pressed, Traction("flank", x=0.0, y=0.0)])
+        found = solve(turned, degree=4).bracket.coulomb
+        assert found.kind == "estimated"
+        fine = solve(replace(turned, mesh=halved(turned.mesh)), degree=5).contacts["crown"]
+        for name in ("normal_force", "tangential_force"):
+            force = found.forces[f"crown.{name}"]
+            assert force.lower < getattr(fine, name) < force.upper
 
     def test_a_body_that_only_friction_holds(self):
         """It can slip without strain: nothing bounds the error."""
@@ -387,7 +393,7 @@ class TestOtherBodies:
         assert found.relative_error < 0.15
         fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=5)
         assert found.error > difference(solve(problem, degree=4), fine)
-        assert found.forces == {}  # no z is 1 along both normals, or beside what holds it
+        assert "bottom.normal_force" not in found.forces  # no z is 1 along both normals, or beside what holds it
 
     def test_a_kink_that_slips_is_named(self):
         layer = sheared_layer(0.3)
@@ -423,6 +429,34 @@ def pressed_block(friction, cells=(8, 4), **law):
     conditions = [Contact("bottom", friction, **law), Displacement("top", x=0.0, y=-0.1)]
     conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
     return ContactProblem(TriangleMesh.rectangle(cells, 2.0, 1.0), Material(1.0, 0.3), conditions)
+
+
+class TestPlates:
+    """Obstacles that forces drive: slip counts from them."""
+
+    @pytest.mark.parametrize("friction", [0.2, 0.5])
+    def test_a_block_under_a_plate_that_is_pressed_down(self, friction):
+        """The plate moves down, and turns; balance gives its force, a finer mesh the error of the stress."""
+        plate = RigidPlate(force_y=-0.1, x=0.01, moment=0.0, pivot=(1.0, 1.0))
+        conditions = [Contact("top", friction, name="plate", plate=plate), Displacement("bottom", x=0.0, y=0.0)]
+        conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+        problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1.0, 0.3), conditions)
+        result = solve(problem, degree=4)
+        fine = solve(replace(problem, mesh=halved(problem.mesh).graded([(0.0, 1.0), (2.0, 1.0)], 6)), degree=6)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / difference(result, fine) < 3.0
+        assert found.forces["plate.normal_force"] == pytest.approx((0.1, 0.1), rel=1e-6)
+        force = found.forces["plate.tangential_force"]
+        assert force.lower < fine.contacts["plate"].tangential_force < force.upper
+
+    def test_a_plate_that_only_friction_holds(self):
+        plate = RigidPlate(force_y=-0.1, force_x=0.01)
+        conditions = [Contact("top", 0.5, name="plate", plate=plate), Displacement("bottom", x=0.0, y=0.0)]
+        conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+        problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1.0, 0.3), conditions)
+        found = solve(problem, degree=4)
+        assert "hold the body along the contact" in found.bracket.message
+        assert found.uniqueness.apart == np.inf
 
 
 class TestBlock:
