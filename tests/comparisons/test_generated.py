@@ -79,7 +79,7 @@ class TestGenerator:
         frictions = [c.friction for each in problems["friction"] for c in each.contacts if not callable(c.friction)]
         assert min(frictions) == 0.0
         assert max(frictions) == 1e3
-        assert all(each.mesh.arcs for each in made("arcs", range(4)))
+        assert any(each.mesh.arcs for each in made("arcs", range(4)))  # some as polygons of their chords
         assert all("joint" in each.mesh.joint_names for each in made("bodies", range(8)))
         assert any(callable(c.pore_pressure) for each in made("fluids", range(20)) for c in each.contacts)
         assert all(m.incompressible for each in made("incompressible", range(20)) for m in each.materials)
@@ -195,16 +195,16 @@ def rows():
 
 def test_numbers_of_the_committed_run_are_those_of_its_rows(rows):
     values = wild.values_of(wild.problems_of(rows))
-    outcomes = [row.result["outcome"] for row in rows]
+    outcomes = [row.result.get("outcome") for row in rows]  # none of what ran out of time
     assert (values["problems"], values["solved"], values["wrong"]) == (len(rows), outcomes.count("solved"), 0)
-    open_ones = [row.result for row in rows if row.result["outcome"] == "open"]
+    open_ones = [row.result for row in rows if row.result.get("outcome") == "open"]
     assert values["missed"] == sum(each.get("exists") == wild.EXISTS for each in open_ones)
     assert values["solvable"] == values["solved"] + values["missed"]
     assert values["admissible"] == values["solved"] + sum(bool(each.get("admissible")) for each in open_ones)
 
 
 def test_what_must_not_happen_is_in_the_numbers_and_in_the_table(rows):
-    one = next(row for row in rows if row.result["outcome"] == "solved")
+    one = next(row for row in rows if row.result.get("outcome") == "solved")
     wrong = replace(one, result={**one.result, "outcome": "wrong", "errors": ["tension"]})
     dead = replace(one, status="timeout", reason="more than 120 s", result={}, seconds=120.0)
     problems = wild.problems_of([one, wrong, dead])
