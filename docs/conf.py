@@ -56,10 +56,10 @@ nitpick_ignore_regex = [
     (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.basics\.shown\.Rounding"),
-    (r"py:class", r"(Basis|ContactRows|Elimination|Energy|Parameter|PlateRows|Scales)"),
+    (r"py:class", r"(ContactRows|Elimination|Parameter|PlateRows|Scales|StressSpace|TriangleEnergy)"),
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
-    (r"py:class", r"qvi_contact\.companion\.(elasticity|space|state)\.\w+"),
-    (r"py:class", r"qvi_contact\.(mesh\.(edges|topology)\.\w+|plots\.figures\.LoadHistory)"),
-    (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.(energy|interface|linear|operator))\.\w+"),
+    (r"py:class", r"qvi_contact\.companion\.((elasticity|space)\.\w+|result\.CompanionState)"),
+    (r"py:class", r"qvi_contact\.(bracket\.bodies\.Body|mesh\.(edges|topology)\.\w+|plots\.figures\.LoadHistory)"),
+    (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.(energy|interface|linear|operator|problem))\.\w+"),
 ]

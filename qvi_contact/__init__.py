@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.stored import load_result
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
     from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
+    from qvi_contact.limit.strength_reduction import StrengthReduction, strength_reduction_factor
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
@@ -72,6 +73,7 @@ _HOME = {
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
     "StoredSweep": "files.sweep_store",
+    "StrengthReduction": "limit.strength_reduction",
     "Sweep": "solution.sweep",
     "SweepRow": "solution.sweep",
     "Symmetry": "problem.conditions",
@@ -95,6 +97,7 @@ _HOME = {
     "solve_companion": "companion",
     "solve_history": "solution.history",
     "solve_sweep": "solution.sweep",
+    "strength_reduction_factor": "limit.strength_reduction",
     "verify_result": "verification.verification",
 }
 
@@ -130,6 +133,7 @@ __all__ = [
     "SolveError",
     "SolverUnavailableError",
     "StoredSweep",
+    "StrengthReduction",
     "Sweep",
     "SweepRow",
     "Symmetry",
@@ -153,6 +157,7 @@ __all__ = [
     "solve_companion",
     "solve_history",
     "solve_sweep",
+    "strength_reduction_factor",
     "verify_result",
 ]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from solvers.inequality.problem import EnergyRoot, FrictionQVI
     from solvers.inequality.traces import Traces
     from solvers.inner.registry import available
-    from solvers.solution.solution import Iteration, QVISolution
+    from solvers.solution import Iteration, QVISolution
     from solvers.solve import solve_qvi
 
 _HOME = {
@@ -27,9 +27,9 @@ _HOME = {
     "Feasibility": "certificate.feasibility",
     "FrictionQVI": "inequality.problem",
     "InputError": "errors",
-    "Iteration": "solution.solution",
+    "Iteration": "solution",
     "QVIError": "errors",
-    "QVISolution": "solution.solution",
+    "QVISolution": "solution",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
     "Status": "basics.status",

@@ -38,15 +38,14 @@ from typing import Literal, get_args
 import numpy as np
 
 from solvers.basics.checks import one_of, positive_number, whole_number
+from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
-from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate.certificate import certify
 from solvers.inequality.compliance import Compliance
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import versions
-from solvers.solution.finish import Outcome, finish
-from solvers.solution.solution import Iteration, QVISolution
+from solvers.solution import Iteration, Outcome, QVISolution, finish
 
 Rule = Literal["printed", "accumulating"]
 Decay = Literal["geometric", "harmonic"]

@@ -101,10 +101,10 @@ def _forced_factorisation(request):
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Seconds of `solvers.basics.watch`, which pass only when `passes` lets them."""
+    """Seconds of `solvers.basics.progress`, which pass only when `passes` lets them."""
     clock = SimpleNamespace(now=0.0)
     clock.passes = lambda seconds: setattr(clock, "now", clock.now + seconds)
-    monkeypatch.setattr("solvers.basics.watch.time", SimpleNamespace(monotonic=lambda: clock.now))
+    monkeypatch.setattr("solvers.basics.progress.time", SimpleNamespace(monotonic=lambda: clock.now))
     return clock
 
 

@@ -110,11 +110,9 @@ def function():
     [
         ("qvi_contact.cli", "qvi_contact.command.cli"),
         ("qvi_contact.exact", "qvi_contact.gallery.exact"),
-        ("qvi_contact.export", "qvi_contact.files.export"),
+        ("qvi_contact.export", "qvi_contact.files"),
         ("qvi_contact.result", "qvi_contact.solution.result"),
         ("qvi_contact.units", "qvi_contact.basics.units"),
-        ("solvers.measures", "solvers.certificate.measures"),
-        ("solvers.uniqueness", "solvers.certificate.uniqueness"),
     ],
 )
 def test_public_names_outside_rooms_lead_into_them(public, home):

@@ -33,7 +33,7 @@ from scipy.linalg import eigh, eigvals, eigvalsh, pinvh
 from solvers.basics.types import BoolVector, Matrix, Vector
 from solvers.inequality.compliance import Compliance
 from solvers.inequality.problem import FrictionQVI
-from solvers.solution.solution import QVISolution
+from solvers.solution import QVISolution
 
 _NOTHING: Final = 1e-9
 """Eigenvalues below this share of the largest are zero."""

@@ -22,15 +22,14 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from comparisons.exchange.files import unreadable
-from solvers.basics.archives import open_regular, read_arrays
-from solvers.basics.files import replacing
+from solvers.basics.files import open_regular, read_arrays, replacing
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse
 from solvers.certificate.certificate import certify
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.traces import Traces
-from solvers.solution.solution import QVISolution
+from solvers.solution import QVISolution
 
 FORMAT = "qvi_contact.FrictionQVI"
 VERSION = 1

@@ -29,7 +29,7 @@ from scipy.sparse import csc_array, csr_array
 
 from comparisons.exchange.files import finite, unreadable
 from comparisons.exchange.local import LARGEST, ContactState, LocalProblem
-from solvers.basics.archives import LARGEST as LARGEST_CONTENT
+from solvers.basics.files import LARGEST as LARGEST_CONTENT
 from solvers.basics.files import replacing
 from solvers.basics.types import Matrix, Module, Sparse, SparseRows, Vector, load
 from solvers.errors import InputError

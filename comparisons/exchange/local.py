@@ -39,7 +39,7 @@ from solvers.certificate.certificate import Certificate, certify
 from solvers.errors import InputError
 from solvers.fixed_point.forms import CondensedForm, Simplified
 from solvers.inequality.problem import FrictionQVI
-from solvers.solution.solution import QVISolution
+from solvers.solution import QVISolution
 from solvers.solve import solve_qvi
 
 LARGEST = 6000

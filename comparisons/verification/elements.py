@@ -67,16 +67,16 @@ class Chapter(dict[str, Problem]):
 
         return known
 
-    def on(self, name: str, *elements: Element, few: int = 2) -> Callable[[OnElement], Problem]:
+    def on(self, name: str, *elements: Element) -> Callable[[OnElement], Problem]:
         """Make a problem one of this chapter that runs on each of these elements in turn; its rows name them.
 
-        Quick runs take the last `few` of the first two.
+        Quick runs take the second, if there are several.
         """
 
         def problem(rows: OnElement) -> Problem:
             @wraps(rows)
             def on_each(quick: bool) -> Iterator[Row]:
-                for element in elements[:2][-few:] if quick else elements:
+                for element in elements[:2][-1:] if quick else elements:
                     for row in rows(element, quick):
                         yield replace(row, element=element.name)
 

@@ -31,8 +31,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
 from solvers import Iteration, solve_qvi
-from solvers.basics.narration import narrated
-from solvers.basics.watch import watched
+from solvers.basics.progress import narrated, watched
 from solvers.factorisation import FactorisationError
 from solvers.solve import check_settings
 

@@ -24,8 +24,8 @@ from qvi_contact.companion.solver import solve_companion
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
-from solvers.following import followed_solutions, traction_difference
-from solvers.solution.finish import WHAT_TO_DO
+from solvers.solution import WHAT_TO_DO
+from solvers.solve import followed_solutions, traction_difference
 
 
 @dataclass(frozen=True, eq=False)

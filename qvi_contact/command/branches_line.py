@@ -11,7 +11,7 @@ from qvi_contact.basics.units import Units
 from qvi_contact.command.report import contact_tables, result_lines
 from qvi_contact.files.export import summary
 from qvi_contact.solution.result import ContactResult
-from solvers.solution.finish import WHAT_TO_DO
+from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Branches

@@ -370,7 +370,7 @@ def bracket(
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.watch import watched
+    from solvers.basics.progress import watched
 
     targets = checked_targets(file, plot=plot, vtk=vtk)
     problem_file = load_problem(file)
@@ -442,7 +442,7 @@ def branches(
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.watch import watched
+    from solvers.basics.progress import watched
 
     targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json)
     problem_file = load_problem(file)
@@ -647,6 +647,60 @@ def limit(
     return 1 if missed or found == -float("inf") else 0
 
 
+@group.command(short_help="Bound the factor of safety on strength and friction.")
+@click.argument("file", type=click.Path())
+@click.option(
+    "--of", metavar="NAME", multiple=True, help="Contact, region or body to weaken; may be given several times."
+)
+@click.option("--accuracy", type=float, default=1e-3, show_default=True, help="Relative width of each bisection.")
+@_DEGREE
+@_ROWS
+@_TIME_LIMIT
+@_VERBOSE
+@_JSON
+def safety(
+    file: str,
+    of: tuple[str, ...],
+    accuracy: float,
+    degree: int | None,
+    contact_rows: str | None,
+    time_limit: float | None,
+    verbose: bool,
+    as_json: bool,
+) -> int:
+    """Bounds of the factor by which friction, cohesion and strengths may be divided until the loads are just carried.
+
+    The first number is a factor at which stresses of this mesh carry all loads, the second one at which no stress does.
+    By default all contacts and materials are weakened together; name some of them by --of. "body" is the material of
+    the body. With a [history] the problem at its first time is used. The exit status is 1 if the first number is below
+    1.
+
+    \b
+    Examples:
+        qvi-contact safety examples/gravity_dam.toml
+        qvi-contact safety examples/gravity_dam.toml --of base
+    """  # noqa: D301
+    from qvi_contact.command.solve_line import solving
+    from qvi_contact.files.problem_file import load_problem
+    from qvi_contact.limit.strength_reduction import strength_reduction_factor
+
+    problem_file = load_problem(file)
+    with problem_file.named_errors(), solving(problem_file.title or "safety", verbose=verbose):
+        space: dict[str, Any] = problem_file.element | _given(degree=degree, contact_rows=contact_rows)
+        found = strength_reduction_factor(
+            problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=time_limit, **space
+        )
+    if as_json:
+        upper = found.upper if found.upper < float("inf") else None
+        click.echo(_json({"of": list(of), "lower": found.lower, "upper": upper}))
+    else:
+        click.echo(
+            f"strengths divided by {found.lower:.6g} carry the loads on this mesh; divided by {found.upper:.6g} they "
+            "do not on any mesh"
+        )
+    return 0 if found.lower >= 1.0 else 1
+
+
 @group.command("check-proof", short_help="Check a proof file of limit in exact arithmetic.")
 @click.argument("file", type=click.Path())
 def check_proof(file: str) -> int:
@@ -799,9 +853,9 @@ def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[s
 
         save_figure(targets["plot"], bracket_figure(found, file.units, file.title))
     if "vtk" in targets:
-        from qvi_contact.files.companion import write_vtu
+        from qvi_contact.files.vtu import write_companion_vtu
 
-        write_vtu(targets["vtk"], companion, file.units)
+        write_companion_vtu(targets["vtk"], companion, file.units)
 
 
 def _show_bracket(file: "ProblemFile", result: "ContactResult", found: "Bracket | None", as_json: bool) -> None:

@@ -74,6 +74,7 @@ def _materials(problem: ContactProblem) -> list[dict[str, Any]]:
     counts = np.bincount(problem.cell_materials, minlength=len(problem.materials))
     return [
         {"young": material.young, "poisson": material.poisson, "plane": material.plane, "cells": int(count)}
+        | ({} if material.strength is None else {"strength": material.strength.kind})
         for material, count in zip(problem.materials, counts, strict=True)
     ]
 

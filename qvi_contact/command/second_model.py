@@ -57,7 +57,7 @@ class SecondModel:
 
     def write(self, path: str, units: Units) -> None:
         """Write the fields of the body, with the displacement if there is one, and those of contacts beside them."""
-        from qvi_contact.files.export import contacts_path, write_contacts_vtu, write_vtu
+        from qvi_contact.files.vtu import contacts_path, write_contacts_vtu, write_vtu
 
         write_vtu(path, self.result, units, bracket=None if self.companion is None else self.bracket)
         if self.result.contacts:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from qvi_contact.basics import terminal
 from qvi_contact.basics.terminal import Advance
-from solvers.basics.watch import Progress, watched
+from solvers.basics.progress import Progress, watched
 
 if TYPE_CHECKING:
     from rich.console import Console

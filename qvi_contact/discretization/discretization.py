@@ -14,6 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, whole_number
+from qvi_contact.basics.retired import refuse_arguments
 from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, laws_vary
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
 from qvi_contact.discretization.energy import TriangleEnergy
@@ -27,7 +28,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import EnergyRoot, FrictionQVI, Traces
-from solvers.basics.pickles import Stated
+from solvers.basics.types import Stated
 
 DEFAULT_DEGREE: Final = 4
 """Degree of the Airy function where none is given."""
@@ -333,6 +334,7 @@ def discretize(
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     scales: Scales | None = None,
+    **retired: Any,
 ) -> Discretization:
     """Discretise a contact problem.
 
@@ -348,6 +350,8 @@ def discretize(
         edge, or another bound does so but linearly, as coefficients do not hold such laws.
     scales : Scales, optional
         Units of the dimensionless problem; those of the problem by default.
+    **retired
+        Nothing: arguments of version 0.1 are refused with what to do instead.
 
     Notes
     -----
@@ -367,6 +371,7 @@ def discretize(
         or there is no element of that degree, or no such rows.
 
     """
+    refuse_arguments(retired)
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if scales is not None and not isinstance(scales, Scales):

@@ -6,11 +6,11 @@ __getattr__ = front(
     __name__,
     {
         "archive": ("Archive", "FORMAT_VERSION", "OWN", "digest", "write_archive"),
-        "companion": ("write_vtu",),
-        "export": ("summary", "write_npz"),
+        "export": ("field_arrays", "summary", "write_json", "write_npz"),
         "problem_document": ("SolveTable",),
         "problem_file": ("ELEMENT_OPTIONS", "load_problem", "problem_from_toml"),
         "problem_writer": ("problem_to_toml",),
         "stored": ("answer_from_archive", "load_result"),
+        "vtu": ("write_companion_vtu", "write_contacts_vtu", "write_vtu"),
     },
 )

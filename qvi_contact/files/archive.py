@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
-from solvers.basics.archives import open_regular, read_arrays
+from solvers.basics.files import open_regular, read_arrays
 
 FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 1

@@ -1,4 +1,4 @@
-"""Results as files for other programs: JSON summary, NumPy archive, VTU for ParaView.
+"""Results as files for other programs: JSON summary and NumPy archive; for ParaView see `files.vtu`.
 
 Every file is either written whole or not at all.
 """
@@ -11,28 +11,18 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, write_text
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import physical
 from qvi_contact.discretization.space import FAMILY
-from qvi_contact.errors import InputError
 from qvi_contact.files.archive import write_archive
 from qvi_contact.files.stored import solution_arrays
-from qvi_contact.files.vtu import check_vtu, named, stress_fields, vectors, write_grid
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
-from qvi_contact.solution.sampling import cell_factors
-from qvi_contact.solution.stress import stress_in_cells
 
 if TYPE_CHECKING:
-    from qvi_contact.bracket import Bracket
-    from qvi_contact.companion import CompanionResult
+    pass
 
-_CHUNK: Final = 4096  # cells at a time: their tables stay small
-_SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
-_MOST_SUBDIVISIONS: Final = 100  # of a part of a cell: ten thousand triangles
 _NOT_STORED: Final = (
     "name",
     "ends",
@@ -178,152 +168,6 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
     return {**_body_arrays(result), **_contact_arrays(result.contacts), **_numbers(result)}
 
 
-def write_vtu(
-    path: str | Path,
-    result: ContactResult,
-    units: Units | None = None,
-    subdivisions: int = 4,
-    bracket: "Bracket | None" = None,
-) -> None:
-    """Write stresses as an unstructured VTK grid, which ParaView opens; needs the extra ``vtk`` (meshio).
-
-    Each of the three parts of a cell is divided into subdivisions² triangles of its own, that share no points with
-    those of other cells, so that normal stresses may jump between cells as they do in the element. Fields are linear in
-    them.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file, ending in .vtu.
-    result : ContactResult
-        A result with a stress state.
-    units : Units, optional
-        If given, names of fields end in their unit, as in "stress [MPa]".
-    subdivisions : int
-        Parts along each side of a cell.
-    bracket : Bracket, optional
-        That of the result, such as ``result.bracket``: displacements and the error of each cell are written too.
-
-    Raises
-    ------
-    InputError
-        If meshio is missing, there is no stress state, the bracket is of another mesh or has no displacement, the
-        suffix is another one, or the file cannot be written.
-
-    Notes
-    -----
-    Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = ν(xx + yy) in plane
-    strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function (left out
-    where a hole carries a force, as it has several values around it); with a bracket "displacement", x, y, 0, of its
-    displacement elements. Cell data: "material", 0 for the body's own and then the number of the region, "cell", the
-    number of the mesh's cell; with a bracket "energy gap", what the whole cell adds to the gap between the bounds of
-    the energy.
-
-    """
-    check_vtu(path)
-    r = whole_number("subdivisions", subdivisions, _MOST_SUBDIVISIONS)
-    points, point_data = _point_data(result, r, units)
-    t, corners = result.discretization.space.lattice(r)
-    count = result.problem.mesh.cell_count
-    number = np.repeat(np.arange(count), len(corners))
-    cell_data: dict[str, FloatArray | IntArray] = {"material": result.problem.cell_materials[number], "cell": number}
-    if bracket is not None:
-        companion = _companion(result, bracket)
-        moved = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2)
-        point_data[named("displacement", "displacement", units)] = vectors(moved)
-        cell_data[named("energy gap", "energy", units)] = bracket.cell_gaps[number]
-    cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
-    write_grid(path, points, cells, point_data, cell_data)
-
-
-def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
-    """Write what happens on the contacts as lines through their points, for ParaView; needs the extra ``vtk`` (meshio).
-
-    Parameters
-    ----------
-    path : str or Path
-        The file, ending in .vtu.
-    result : ContactResult
-        A result with a stress state and contacts.
-    units : Units, optional
-        If given, names of fields end in their unit, as in "pressure [MPa]".
-
-    Raises
-    ------
-    InputError
-        If meshio is missing, there is no stress state or no contact, the suffix is another one, or the file cannot be
-        written.
-
-    Notes
-    -----
-    Point data: "pressure" −σ_N, "fluid pressure" p_w, which is part of it, "shear" σ_T, "friction bound" (NaN where
-    tied), "gap", "slip" and "state" (numbers of `ContactState`) as `ContactLine` has them, "traction" on the body and
-    "normal" as vectors. Cell data: "contact", its number in the order of the problem. Lines join neighbouring points
-    along each contact.
-
-    """
-    check_vtu(path)
-    if not result.contacts:
-        raise InputError("vtk", str(path), "there is no contact to write")
-    parts, joints, number, count = [], [], [], 0
-    for index, (contact, line) in enumerate(zip(result.problem.contacts, result.contacts.values(), strict=True)):
-        normal = np.repeat(result.problem.mesh.edges(contact.edges).normal, line.points_per_edge, axis=0)
-        tangent = np.repeat(result.problem.mesh.edges(contact.edges).tangent, line.points_per_edge, axis=0)
-        order = line.path.points(line.points_per_edge)
-        parts.append(_contact_points(line, normal, tangent, units))
-        joints.append(count + _joined_points(order, line.path.line))
-        number.append(np.full(len(joints[-1]), index))
-        count += len(line.x)
-    points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])
-    fields = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    write_grid(path, points, np.concatenate(joints), fields, {"contact": np.concatenate(number)})
-
-
-def contacts_path(path: str | Path) -> Path:
-    """The file of contacts beside a file of fields: part.vtu has part_contacts.vtu."""
-    whole = Path(path)
-    return whole.with_name(f"{whole.stem}_contacts{whole.suffix}")
-
-
-def _companion(result: ContactResult, bracket: "Bracket") -> "CompanionResult":
-    """The displacement of a bracket of this result's mesh."""
-    companion = bracket.companion
-    if not bracket.problem.mesh.same_as(result.problem.mesh):
-        raise InputError("bracket", repr(bracket.problem.mesh), "belongs to another mesh: give the one of this result")
-    if companion is None or not companion.has_state:
-        raise InputError("bracket", bracket.message, "there is no displacement in it to write")
-    return companion
-
-
-def _contact_points(
-    line: ContactLine, normal: FloatArray, tangent: FloatArray, units: Units | None
-) -> dict[str, FloatArray]:
-    """The fields of one contact."""
-    bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
-    stresses = {
-        "pressure": -line.normal_stress,
-        "fluid pressure": line.pore_pressure,
-        "shear": line.tangential_stress,
-        "friction bound": bound,
-    }
-    traction = line.normal_stress[:, None] * normal + line.tangential_stress[:, None] * tangent
-    return {
-        **{named(name, "stress", units): values for name, values in stresses.items()},
-        **{named(name, "displacement", units): getattr(line, name) for name in ("gap", "slip")},
-        "state": line.state.astype(np.float64),
-        named("traction", "stress", units): vectors(traction),
-        "normal": vectors(normal),
-    }
-
-
-def _joined_points(order: IntArray, line: IntArray) -> IntArray:
-    """Pairs (k, 2) of neighbours among points in order (n, q), of edges on lines with these numbers (n,)."""
-    within = np.stack([order[:, :-1].ravel(), order[:, 1:].ravel()], axis=1)
-    goes_on = np.diff(line) == 0
-    between = np.stack([order[:-1, -1][goes_on], order[1:, 0][goes_on]], axis=1)
-    return np.concatenate([within, between])
-
-
 _STATE_KEYS: Final = ("contacts", "plates", "energies", "resultants", "traction_misfit")
 
 
@@ -426,12 +270,6 @@ def _plain(value: object) -> object:
     return int(value) if isinstance(value, np.integer) else value
 
 
-def airy_units(result: ContactResult) -> FloatArray:
-    """Units (4,) of Φ, Φ_x, Φ_y, Φ_xy: S L², S L, S L, S of `Scales`."""
-    scales = result.discretization.scales
-    return np.asarray(scales.airy / np.array([1.0, scales.length, scales.length, scales.length**2]))
-
-
 def _body_arrays(result: ContactResult) -> dict[str, Any]:
     x, y, stress = result.gauss_stress()
     mesh, material = result.problem.mesh, result.problem.cell_materials
@@ -462,19 +300,3 @@ def _numbers(result: ContactResult) -> dict[str, Any]:
         "traction_misfit": result.traction_misfit,
         **{f"{name}.motion": np.array([motion.x, motion.y, motion.rotation]) for name, motion in motions.items()},
     }
-
-
-def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Points (m, 2) of all cells, those of `StressSpace.lattice` in each, cell by cell, and the fields there."""
-    known, count = result.discretization, result.problem.mesh.cell_count
-    t, _ = known.space.lattice(r)
-    chunks = [np.arange(count)[start : start + _CHUNK] for start in range(0, count, _CHUNK)]
-    coefficients = known.energy.coefficients(result.dofs)
-    places = np.concatenate([known.space.points(cells, t) for cells in chunks]).reshape(-1, 2)
-    stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
-    stress *= known.scales.stress
-    found = stress_fields(stress, np.repeat(cell_factors(result.problem), len(t)), units)
-    if np.abs(known.space.jumps(result.dofs)).max(initial=0.0) <= _SINGLE_VALUED:
-        airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks])
-        found[named("Airy function", "moment", units)] = airy.ravel() * known.scales.airy
-    return np.column_stack(physical(result.problem, known.scales, places)), found

@@ -1,4 +1,4 @@
-"""Published contact problems of several bodies on triangles: rings, a press fit, pins in holes, the corner of a block.
+"""Published contact problems of several bodies: rings, a press fit, pins in holes, the corner of a block.
 
 Circles are true arcs.
 """

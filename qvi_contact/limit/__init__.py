@@ -6,6 +6,7 @@
 | `stresses`       | from below, where bodies yield: stresses in the yield cones                   |
 | `flow`           | from above: velocities, with jumps on contacts                                |
 | `gap`            | parts of the difference, where to refine                                      |
+| `strength_reduction` | the factor of safety on strength                                          |
 | `proof`          | proof files in rational numbers                                               |
 | `check_proof`    | a script that checks them, by Python's standard library alone                 |
 | `yielding`       | strengths as cones on Bernstein coefficients                                  |
@@ -22,6 +23,7 @@ __getattr__ = front(
         "carried_forces": ("Relations",),
         "flow": ("BodyMotion", "ContactFlow"),
         "check_proof": ("check",),
+        "strength_reduction": ("StrengthReduction", "strength_reduction_factor"),
         "load_factor": ("Collapse", "LimitLoad", "limit_load", "limit_load_factor", "limit_proof"),
     },
 )

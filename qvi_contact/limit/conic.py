@@ -16,8 +16,8 @@ from scipy.sparse import linalg
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import SolveError
+from solvers.basics.progress import left
 from solvers.basics.types import load
-from solvers.basics.watch import left
 
 _TOLERANCE: Final = 1e-9  # of the solver
 _COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blocks: bounds come from x in any case
@@ -124,7 +124,7 @@ class ConicProgram:
         found = np.array(x)
         for _ in range(_SWEEPS if len(self.e) else 0):
             found += self.E.T @ self._normal.solve(self.e - self.E @ found)
-        return found
+        return np.asarray(found)
 
     @cached_property
     def _normal(self) -> Any:
@@ -137,7 +137,8 @@ class ConicProgram:
         """How far inside all inequalities and cones x is, relative to what stands in them."""
         slack = self.h - self.L @ x
         size = max([1e-300, np.abs(self.h).max(initial=0.0), *(cone.sizes(x).max(initial=0.0) for cone in self.cones)])
-        return np.concatenate([slack, *(cone.margins(x) for cone in self.cones)]) / size
+        found = np.concatenate([slack, *(cone.margins(x) for cone in self.cones)])
+        return np.asarray(found / size)
 
     def repaired(self, x: FloatArray, least: float = 0.0) -> tuple[FloatArray, float]:
         """A point near x that holds everything, and what it still violates, relative: rows that leave no room.
@@ -155,7 +156,8 @@ class ConicProgram:
                 share = float((-margins[outside] / (room[outside] - margins[outside])).max(initial=0.0))
                 x = x + min(1.0, share * (1.0 + 1e-9) + least) * (inside - x)
                 margins = self.margins(x)
-        return x, float(max(-margins.min(initial=0.0), 0.0))
+        missed = np.abs(self.E @ x - self.e) / (1.0 + abs(self.E) @ np.abs(x))
+        return x, float(max(-margins.min(initial=0.0), missed.max(initial=0.0), 0.0))
 
     def _inside(self) -> FloatArray | None:
         """A point as far inside as can be, as far as rows leave room."""

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -36,6 +36,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.affine import EDGES
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import exponents, gradient, quadrature
+from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.yielding import YieldCones, coefficients_of, part_corners
 from qvi_contact.mechanism.works import FLUID
@@ -45,6 +46,7 @@ from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 _ALONG: Final = np.linspace(0.0, 1.0, 33)  # places of an edge where fields of contacts are looked at
+_HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 _FREE: Final = 1e-12  # of squared unit vectors, in which nothing is prescribed
 _NULL: Final = 1e-10  # of the largest singular value of conditions on rigid parts
 
@@ -308,21 +310,26 @@ class FlowProgram:
         self.space = Velocities(problem, self.k + 1, cones.strong)
 
     def solved(self) -> Flow:
-        """The flow with the least bound that is found."""
+        """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions."""
         works = {name: row @ self.space.basis for name, row in self.powers().items()}
         size = self.space.basis.shape[1]
         live = sum((works[name] for name in works if name in self.names), np.zeros(size))
         dead = sum((works[name] for name in works if name not in self.names), np.zeros(size))
-        program = self._program(np.asarray(live), np.asarray(dead))
+        program, layout = self._program(np.asarray(live), np.asarray(dead))
         found = program.solve()
         if isinstance(found, str):
             return Flow(np.inf if found == INFEASIBLE else -np.inf, 0.0)
-        x, violation = program.repaired(self._raised(program, found))
-        x = self._raised(program, x)
+        x, violation = program.repaired(self._raised(program, found, size))
+        x = self._raised(program, x, size)
         power = float(live @ x[:size])
-        return Flow(float(program.q @ x) / power, violation, self._motion(x / power))
+        if not violation <= _HELD or not power > 0.0:
+            raise SolveError(
+                f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
+                "mesh that is less graded"
+            )
+        return Flow(float(program.q @ x) / power, violation, self._motion(layout, x / power))
 
-    def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:
+    def _program(self, live: FloatArray, dead: FloatArray) -> tuple[ConicProgram, _Layout]:
         """Unknown are q, then s, r and ρ of the cones, then the slips of contacts."""
         strain, cones = self._strain @ self.space.basis, self.cones
         weight = self._weights
@@ -376,14 +383,15 @@ class FlowProgram:
             order_rows = np.arange(d * b).reshape(d, b).T.ravel()
             G = sparse.csr_array(sparse.csr_array(sparse.vstack(parts))[order_rows])
             found.append(Cones(G, np.zeros((b, d))))
-        self._layout = (n, rows, start_m + len(mean), contacts)
         limits = np.zeros(contacts.L.shape[0])
-        return ConicProgram(q, sparse.csr_array(sparse.vstack(E)), e, contacts.L, limits, tuple(found), dependent=True)
+        program = ConicProgram(
+            q, sparse.csr_array(sparse.vstack(E)), e, contacts.L, limits, tuple(found), dependent=True
+        )
+        return program, _Layout(n, rows, start_m + len(mean), contacts)
 
-    def _raised(self, program: ConicProgram, x: FloatArray) -> FloatArray:
+    def _raised(self, program: ConicProgram, x: FloatArray, n: int) -> FloatArray:
         """The same with s of cones that no trace is tied to as large as need be, and no larger."""
         x = program.projected(x)
-        n = self._layout[0]
         cones, start = self.cones, 0
         for has_mean in (False, True):
             chosen = np.flatnonzero((cones.mean != 0.0) == has_mean)
@@ -573,9 +581,9 @@ class FlowProgram:
             cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0).max(axis=1)
         return found[0], found[1], cap
 
-    def _motion(self, x: FloatArray) -> BodyMotion:
+    def _motion(self, layout: _Layout, x: FloatArray) -> BodyMotion:
         """In the form of a result."""
-        n, rows, start, contacts = self._layout
+        n, rows, start, contacts = layout
         space, cones = self.space, self.cones
         v = space.basis @ x[:n]
         velocities = np.stack([v[2 * space.global_], v[2 * space.global_ + 1]], axis=-1)
@@ -596,6 +604,15 @@ class FlowProgram:
                 cost.reshape(shape).sum(axis=1),
             )
         return BodyMotion(velocities, space.nodes.places, strain, dissipation, found)
+
+
+class _Layout(NamedTuple):
+    """The unknowns of the program: n of q, one for each cone row, from `start` on those of contacts."""
+
+    n: int
+    rows: int
+    start: int
+    contacts: _ContactRows
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
+from qvi_contact.basics.retired import refuse_arguments
 from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
@@ -23,15 +24,14 @@ from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.limit.yielding import YieldCones, coefficients_of
 from qvi_contact.mechanism import Mechanism, upper_bound
-from qvi_contact.mechanism.works import BODY
+from qvi_contact.mechanism.works import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
-from solvers.basics.narration import narrated
-from solvers.basics.watch import watched
+from solvers.basics.progress import narrated, watched
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, Answer, solved
 
 if TYPE_CHECKING:
@@ -133,6 +133,7 @@ def limit_load_factor(
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     verbose: bool = False,
+    **retired: Any,
 ) -> LimitLoad:
     """Largest multiple of the named loads that contacts and body can carry while all other loads stay, from both sides.
 
@@ -168,6 +169,8 @@ def limit_load_factor(
         Degree of the element, and what bounds tractions, see `discretize`.
     verbose : bool
         Print what is asked for, and both sides with the time.
+    **retired
+        Nothing: arguments of version 0.1 are refused with what to do instead.
 
     Returns
     -------
@@ -183,6 +186,7 @@ def limit_load_factor(
         If a linear program is not solved, that of the mesh to a relative accuracy of 1e-7, or not in time.
 
     """
+    refuse_arguments(retired)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as story:
         posed = _posed(problem, loads, degree=degree, contact_rows=contact_rows)
         story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
@@ -302,11 +306,15 @@ class LimitProblem:
         upper = min(flow.bound, of_blocks)
         if of_blocks > flow.bound:
             mechanism = None
-        collapse = None
+        straight, collapse = not self.problem.mesh.curved.any(), None
+        if straight and carried.factor > upper and not carried.factor - upper <= _CERTIFIED * (1.0 + abs(upper)):
+            raise SolveError(
+                f"limit load: stresses that carry {carried.factor:.9g} times the loads contradict a flow at "
+                f"{upper:.9g}: use another degree, or a mesh that is less graded"
+            )
         if carried.stress is not None and flow.motion is not None:
             parts = gap_in_cells(self.low, carried, flow.motion, degree)
             stress = carried.stress * self.low.scales.stress
-            straight = not self.problem.mesh.curved.any()
             collapse = Collapse(flow.motion, stress, parts, straight and self._polynomial_force(degree))
         violation = max(carried.violation, flow.violation)
         limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
@@ -462,28 +470,31 @@ def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> 
     potential = problem.body_potential
     if isinstance(potential, BodyForces):
         parts = {
-            name: _times(part, factor) if name in names or BODY in names else part
+            name: times(part, factor) if name in names or BODY in names else part
             for name, part in potential.parts.items()
         }
         potential = BodyForces(parts)
     elif BODY in names:
-        potential = _times(potential, factor)
+        potential = times(potential, factor)
     return replace(problem, conditions=conditions, body_potential=potential)
 
 
 def _scaled(condition: Condition, names: Sequence[str], factor: float) -> Condition:
-    """A named traction, or a named plate's forces, times the factor."""
+    """A named traction, a named plate's forces, or what fluids press with, times the factor."""
+    if isinstance(condition, Contact) and FLUID in names:
+        condition = replace(condition, pore_pressure=times(condition.pore_pressure, factor))
     if not isinstance(condition, (Traction, Contact)) or condition.name not in names:
         return condition
     if isinstance(condition, Traction):
-        scaled: dict[str, Any] = {name: _times(value, factor) for name, value in components(condition).items()}
+        scaled: dict[str, Any] = {name: times(value, factor) for name, value in components(condition).items()}
         return replace(condition, **scaled)
     forces = {name: getattr(condition.plate, name, None) for name in ("force_x", "force_y", "moment")}
     larger = {name: factor * value for name, value in forces.items() if value is not None}
     return replace(condition, plate=replace(condition.plate, **larger)) if condition.plate else condition
 
 
-def _times(field: Field, factor: float) -> Field:
+def times(field: Field, factor: float) -> Field:
+    """The field times the factor."""
     if not callable(field):
         return factor * field
     function: Callable[[FloatArray, FloatArray], object] = field

@@ -15,7 +15,7 @@ from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.program import Motion, Rigid
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.names import Named
-from solvers.basics.pickles import Stated
+from solvers.basics.types import Stated
 
 _CERTAIN: Final = 1e-8
 """Gain of work, relative to the work that drives and resists, below which nothing is claimed."""

@@ -15,6 +15,6 @@ __getattr__ = front(
         "grid": ("SIDES",),
         "mesher": ("divided_corners",),
         "outline": ("Outline", "polygons"),
-        "topology": ("Topology", "outward_normals"),
+        "topology": ("Topology", "edges_on_segment", "outward_normals"),
     },
 )

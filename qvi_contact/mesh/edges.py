@@ -1,4 +1,4 @@
-"""Edges of a mesh of any kind, where contact, loads and supports live."""
+"""Edges of a mesh, where contact, loads and supports live."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -152,6 +152,8 @@ def edges_on_segment(
     t, distance = offset @ along, np.abs(offset @ np.array([-along[1], along[0]]))
     on = (distance <= near) & (t >= -near) & (t <= length + near)
     pairs = _pairs(topology, on, inside)
+    run = vertices[pairs[:, 1]] - vertices[pairs[:, 0]]
+    pairs = pairs[np.abs(run @ along) > np.abs(run @ [-along[1], along[0]])]  # shorter ones may leave the line
     if not len(pairs):
         where = "inside the body" if inside else "of the boundary"
         raise InputError("segment", [list(start), list(stop)], f"no edge {where} lies on this line: correct its ends")
@@ -177,6 +179,10 @@ def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) 
     given = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
     closed, open_ = _within(vertices, x, y)
     inside = closed[cells].all(axis=1)
+    for axis, bounds in ((0, x), (1, y)):
+        if bounds is not None:  # of triangles that are smaller than what counts as near, on which side they lie
+            centres = vertices[cells][..., axis].mean(axis=1)
+            inside &= (centres > bounds[0]) & (centres < bounds[1])
     cut = open_[cells].any(axis=1) & ~inside
     if cut.any():
         px, py = vertices[cells[np.argmax(cut)]].mean(axis=0)

@@ -34,8 +34,7 @@ from qvi_contact.mesh.triangle_checks import (
     refuse_flaws,
 )
 from solvers.basics.names import known_name
-from solvers.basics.pickles import Stated
-from solvers.basics.types import load
+from solvers.basics.types import Stated, load
 
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
@@ -589,6 +588,8 @@ class TriangleMesh(Stated):
 
     def _chosen(self, name: str, where: Where, among: BoolArray, kind: str) -> IntArray:
         """Vertices of the chosen edges, which must be among those."""
+        if isinstance(where, str):  # a side of the grids of version 0.1
+            raise InputError(name, where, "give a function of (x, y), or the edges by their vertices")
         if not callable(where):
             pairs = checked_pairs(name, where, self.topology, self.vertices)
         else:

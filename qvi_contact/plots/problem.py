@@ -156,6 +156,8 @@ class _Sketch:
             material = self.problem.materials[chosen]
             name = self.problem.regions[chosen - 1].name if chosen else None
             text = f"E = {material.young:.6g} {self.units.stress}, ν = {material.poisson:.4g}, plane {material.plane}"
+            if material.strength is not None:
+                text += f", strength {material.strength.kind}"
             if len(present) > 1:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
                 self._number(cells.mean(axis=1), str(index + 1))

@@ -112,10 +112,7 @@ class BodyForces:
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y): of all parts together."""
         parts = (part(x, y) if callable(part) else part for part in self.parts.values())
-        return np.sum([np.broadcast_to(np.asarray(part, dtype=float), np.shape(x)) for part in parts], axis=0)
-
-    def __hash__(self) -> int:
-        return hash(tuple(self.parts.items()))
+        return np.asarray(sum(np.broadcast_to(np.asarray(part, dtype=float), np.shape(x)) for part in parts))
 
     def __getstate__(self) -> dict[str, Any]:
         return dict(self.parts)

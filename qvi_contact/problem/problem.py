@@ -27,8 +27,7 @@ from qvi_contact.problem.conditions import (
 )
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.material import Material, Region, cell_materials
-from solvers.basics.pickles import Stated
-from solvers.basics.types import load
+from solvers.basics.types import Stated, load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
 _CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1

@@ -21,8 +21,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import check_options
 from qvi_contact.version import __version__
 from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.narration import Narration, narrated
-from solvers.basics.watch import watched
+from solvers.basics.progress import Narration, narrated, watched
 
 _COLUMNS = {
     "round": ">5", "cells": ">8", "unknowns": ">9", "value": ">16.9g", "estimate": ">9.1e", "guaranteed": ">10",

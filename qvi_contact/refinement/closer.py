@@ -1,6 +1,6 @@
 """How far off an answer is, by what it is compared with: bounds where the contact laws allow them, else a closer look.
 
-A closer look at an answer on triangles: one degree more, on a mesh bisected where one degree more says little.
+A closer look at an answer is one degree more, on a mesh bisected where one degree more says little.
 
 The difference of the two is what an answer of degree p is off by, as far as the closer look is better by a factor. For
 smooth stresses a degree is enough. It is not

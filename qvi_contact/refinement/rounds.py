@@ -11,7 +11,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
-from solvers.basics.watch import expired
+from solvers.basics.progress import expired
 
 ROUNDS: Final = 60
 """Largest number of rounds, unless another is asked for."""

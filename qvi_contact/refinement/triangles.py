@@ -39,7 +39,7 @@ from qvi_contact.refinement.rounds import (
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import posed, solve
 from solvers import Status
-from solvers.basics.watch import expired
+from solvers.basics.progress import expired
 
 DEGREE: Final = 5
 """Degree where none is given."""

@@ -39,9 +39,8 @@ from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.names import known_name
-from solvers.basics.narration import narrated
+from solvers.basics.progress import expired, narrated, watched
 from solvers.basics.types import load
-from solvers.basics.watch import expired, watched
 from solvers.solve import takes_state
 
 if TYPE_CHECKING:

@@ -32,8 +32,7 @@ from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, sup
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.frames import columns_of, frame, pandas
 from solvers.basics.names import Named, known_name
-from solvers.basics.pickles import Stated
-from solvers.basics.types import load
+from solvers.basics.types import Stated, load
 from solvers.certificate.feasibility import AdmissibleRows
 from solvers.factorisation import FactorisationError
 

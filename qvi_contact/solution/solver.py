@@ -22,6 +22,7 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, real_array
+from qvi_contact.basics.retired import RETIRED, refuse_arguments
 from qvi_contact.discretization.contact_rows import joined, laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.space import FAMILY, RowKind
@@ -33,10 +34,9 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.version import __version__
 from solvers import QVISolution, Status, solve_qvi
 from solvers.basics.checks import true_or_false
-from solvers.basics.narration import narrated
-from solvers.basics.watch import Progress, tell, watched
+from solvers.basics.progress import Progress, narrated, tell, watched
 from solvers.factorisation import FactorisationError
-from solvers.solution.start import Start
+from solvers.solution import Start
 from solvers.solve import check_settings, default_method, facts_of
 
 _MANY_CELLS = 20_000  # whose discretisation takes seconds
@@ -132,9 +132,7 @@ def solve(
 
 def check_options(options: Mapping[str, Any]) -> None:
     """Raise what `solve` raises of these options for any problem, before anything is computed."""
-    if "element" in options:
-        remedy = "there is one element, on triangles, into which grids are cut: leave this out"
-        raise InputError("element", options["element"], remedy)
+    refuse_arguments({name: value for name, value in options.items() if name in RETIRED})
     check_settings(options)
     initial = options.get("initial")
     if initial is not None and not isinstance(initial, ContactResult):

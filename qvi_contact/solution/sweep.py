@@ -38,9 +38,8 @@ from solvers import Status
 from solvers.basics.checks import function_or_none
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.names import known_name
-from solvers.basics.narration import narrated
+from solvers.basics.progress import expired, left, narrated, watched
 from solvers.basics.types import load
-from solvers.basics.watch import expired, left, watched
 from solvers.solve import takes_state
 
 if TYPE_CHECKING:

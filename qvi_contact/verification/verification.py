@@ -43,7 +43,7 @@ from qvi_contact.verification.claims import (
 from solvers import Certificate, Status
 from solvers.certificate.feasibility import is_farkas
 from solvers.factorisation import FactorisationError
-from solvers.solution.finish import LOOSEST
+from solvers.solution import LOOSEST
 
 DOCUMENT_VERSION: Final = 1
 """Grows when an entry of `Verification.document` changes its meaning or goes away."""
@@ -54,8 +54,7 @@ _BOUND: Final = 10.0  # of the tolerance: results of the fixed point may hold th
 _SHOWN: Final = 5  # names in a sentence
 
 _GROUPS: Final = {
-    "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh", "vertices": "mesh", "cells": "mesh",
-    "airy": "Airy function",
+    "material": "mesh", "vertices": "mesh", "cells": "mesh",
     "gauss_x": "stresses", "gauss_y": "stresses", "gauss_stress": "stresses",
     "x": "points", "y": "points", "weights": "points", "friction": "points",
     "gap": "gap and slip", "slip": "gap and slip", "state": "states", "motion": "motion",
@@ -64,7 +63,6 @@ _GROUPS: Final = {
 
 _MEANINGS: Final = {
     "mesh": "Vertices, cells and materials of the problem.",
-    "Airy function": "Nodal values of the stress function, from the unknowns.",
     "stresses": "Stress at the Gauss points of all cells, from the stress function.",
     "energies": "Strain energy, work of prescribed displacements, dissipation.",
     "traction_misfit": "Pointwise difference of prescribed and computed tractions.",
@@ -186,7 +184,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
         The result. A proof that the load cannot be carried is checked too; any other result without stresses fails.
     tolerance : float, optional
         Of the certificate, in (0, 1); by default the one the result was solved with, which must not be looser than
-        `solvers.solution.finish.LOOSEST` then.
+        `solvers.solution.LOOSEST` then.
 
     Returns
     -------
@@ -244,7 +242,7 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
         The archive.
     tolerance : float, optional
         Of the certificate; by default the one the result was solved with, which must not be looser than
-        `solvers.solution.finish.LOOSEST` then: the file does not choose what it is measured by.
+        `solvers.solution.LOOSEST` then: the file does not choose what it is measured by.
 
     Raises
     ------

@@ -5,12 +5,10 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "archives": ("LARGEST",),
         "checks": ("one_of", "real_array", "whole_number"),
-        "files": ("_put",),
+        "files": ("LARGEST", "_put"),
         "foreign": ("foreign_code",),
-        "narration": ("ITERATIONS", "narrated"),
+        "progress": ("ITERATIONS", "Progress", "expired", "left", "narrated", "tell", "watched"),
         "types": ("IntVector", "Matrix", "Vector"),
-        "watch": ("Progress", "expired", "left", "tell", "watched"),
     },
 )

@@ -3,7 +3,7 @@
 from solvers.basics.front import front
 from solvers.certificate.certificate import EXPONENTS, Certificate, CertificateRow, body_scales, certify, scales_at
 from solvers.certificate.feasibility import AdmissibleRows, Feasibility, check_feasibility, is_farkas
-from solvers.certificate.measures import MEASURES, Measure
+from solvers.certificate.measures import MEASURES, Measure, law_residuals
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "certify",
     "check_feasibility",
     "is_farkas",
+    "law_residuals",
     "scales_at",
     "uniqueness_bound",
 ]

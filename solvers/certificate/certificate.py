@@ -66,11 +66,10 @@ import numpy as np
 
 from solvers.basics.checks import finite_number, real_array
 from solvers.basics.types import Vector
-from solvers.certificate.measures import MEASURES, Measure
+from solvers.certificate.measures import MEASURES, Measure, largest, law_residuals
 from solvers.errors import InputError
-from solvers.inequality.blocks import absolute_product
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.residuals import largest, law_residuals
+from solvers.inequality.rows import absolute_product
 
 _CANCELS = 1e-4  # share of the terms of A z that an error is measured by where b is small
 _ROUNDED = 1e-15  # share of the largest z in the unknowns of a row that is no error

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csc_array, hstack, triu, vstack
 
+from solvers.basics.progress import left, watched
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
-from solvers.basics.watch import left, watched
-from solvers.inequality.blocks import by_columns
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import by_columns
 from solvers.inner.guard import BackendFailure, attempt, real_vector
 from solvers.inner.linear_program import solved
 

@@ -4,7 +4,12 @@ A measure may be as large as  factor · tolerance^exponent.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solvers.basics.types import Vector
+from solvers.inequality.problem import FrictionQVI
 
 
 @dataclass(frozen=True)
@@ -104,3 +109,96 @@ MEASURES: Final = (
     ),
 )
 """In the order of the table."""
+
+
+# How far tractions and displacements of a contact are from its law, as numbers.
+#
+# With λ = m / W, thr(p) = min(cohesion + mu p, cap), the scales S, D, E of `certificate` and k = S / D, at each point
+#
+#     π_N = min(σ_N + k λ_N, 0), bilateral σ_N + k λ_N                the augmented normal traction
+#     natural map      σ_N − π_N   and   σ_T − clip(σ_T + k λ_T, ±thr(|σ_N|))
+#     Alart-Curnier    σ_T − clip(σ_T + k λ_T, ±thr(|π_N|)), bilateral |σ_N|
+#     bipotential      β = thr(|σ_N|) |λ_T| − σ_T λ_T − σ_N λ_N,  that is thr |u_T − w| + σ_N (u_N − g) + σ_T (u_T − w).
+#
+# Each is zero exactly where the law holds: the first two are projections on the cone of the present and of the
+# augmented pressure, the third is Coulomb's bipotential, which admissible pairs (σ_N ≤ 0, |σ_T| ≤ thr, λ_N ≥ 0) make ≥
+# 0. It is summed with its sign; violations of bounds may cancel gaps there, which is why the sums of
+# `complementarity_normal` and `complementarity_tangential` take absolute values.
+#
+# Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991); G. de Saxcé, Z.-Q. Feng, Math. Comput.
+# Modelling 28 (1998).
+
+
+_NEAR = 10.0  # gaps and slips count up to this many E / (S Σ W)
+
+
+class LawResiduals(NamedTuple):
+    """What is left of the contact law.
+
+    Attributes
+    ----------
+    measures : name → value ≥ 0, see `certificate`
+    work : Σ W β with m_N made admissible: what it adds to the gap between primal and dual energy, signed
+    bipotential : Σ W β, signed
+
+    """
+
+    measures: dict[str, float]
+    work: float
+    bipotential: float
+
+
+def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales: dict[str, float]) -> LawResiduals:
+    """All measures of the contact law of the QVI at z (n,) with row multipliers m_N, m_T (m,)."""
+    S, D, E = scales["stress"], scales["displacement"], scales["energy"]
+    sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
+    bound = qvi.threshold(np.abs(sigma_N))
+    lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
+    slack_T = np.abs(m_T) * bound - m_T * sigma_T
+    far = largest_gap(qvi, scales) * qvi.W
+    near_N, near_T = np.minimum(m_N, far), slack_T * far / np.maximum(np.abs(m_T), far)
+    bipotential = float(near_T.sum() - near_N @ sigma_N)
+    natural, augmented = _projections(qvi, sigma_N, sigma_T, lambda_N, lambda_T, S / D)
+    pulled = np.where(qvi.bilateral, 0.0, np.maximum(sigma_N, 0.0))
+    measures = {
+        "normal": largest(pulled) / S,
+        "friction": largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
+        "sign": _signs(qvi, sigma_T, lambda_N, lambda_T, S, D),
+        "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
+        "complementarity_tangential": float(np.abs(near_T).sum()) / E,
+        "natural_map": natural / S,
+        "alart_curnier": augmented / S,
+        "bipotential": abs(bipotential) / E,
+    }
+    return LawResiduals(measures, float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N), bipotential)
+
+
+def largest_gap(qvi: FrictionQVI, scales: dict[str, float]) -> float:
+    """Up to where gaps and slips λ count: 10 E / (S Σ W), at which a wrong stress of ε S weighs 10 ε, however large."""
+    length = float(qvi.W.sum())
+    return _NEAR * scales["energy"] / (scales["stress"] * length) if length > 0.0 else 0.0
+
+
+def _signs(qvi: FrictionQVI, sigma_T: Vector, lambda_N: Vector, lambda_T: Vector, S: float, D: float) -> float:
+    """Multipliers of the wrong sign, relative."""
+    wrong_N = np.where(qvi.bilateral, np.abs(lambda_N), np.maximum(-lambda_N, 0.0))
+    wrong_T = np.maximum(-lambda_T * sigma_T, 0.0)
+    return max(largest(wrong_N) / D, largest(wrong_T) / (S * max(D, largest(lambda_T))))
+
+
+def _projections(
+    qvi: FrictionQVI, sigma_N: Vector, sigma_T: Vector, lambda_N: Vector, lambda_T: Vector, k: float
+) -> tuple[float, float]:
+    """Largest residual of the natural map, and of Alart and Curnier's, the latter over 1 + mu."""
+    shifted_N, shifted_T = sigma_N + k * lambda_N, sigma_T + k * lambda_T
+    projected = np.where(qvi.bilateral, shifted_N, np.minimum(shifted_N, 0.0))
+    normal = np.abs(sigma_N - projected)
+    bound = qvi.threshold(np.abs(sigma_N))
+    augmented = qvi.threshold(np.abs(np.where(qvi.bilateral, sigma_N, projected)))
+    natural, other = (np.abs(sigma_T - np.clip(shifted_T, -limit, limit)) for limit in (bound, augmented))
+    return max(largest(normal), largest(natural)), largest(np.maximum(normal, other) / (1.0 + qvi.mu))
+
+
+def largest(vector: Vector) -> float:
+    """Max |v|, 0 for no entries."""
+    return float(np.maximum.reduce(np.abs(vector), initial=0.0))

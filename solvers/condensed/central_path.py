@@ -18,7 +18,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.basics.types import Vector
-from solvers.condensed.interior_point import InteriorPoint, Newton, Point, Step
+from solvers.condensed.interior_point import InteriorPoint, Newton, Point
 
 _FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01
 _GROWTH = 1.5
@@ -97,9 +97,9 @@ class CentralPath:
             return bool(orientation * tangent[0] > 0.0)
         return bool((tangent[0] if self._tangent is None else -self._metric @ (self._tangent * tangent)) > 0.0)
 
-    def _relative(self, log: float, step: Step) -> Vector:
+    def _relative(self, log: float, step: Point) -> Vector:
         return np.concatenate([[log], step.values / self._method.point.values])
 
 
-def _sum(first: Step, second: Step, factor: float) -> Step:
+def _sum(first: Point, second: Point, factor: float) -> Point:
     return Point(first.y + factor * second.y, first.values + factor * second.values, len(first.s))

@@ -29,11 +29,10 @@ import numpy as np
 
 from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate import body_scales
-from solvers.condensed.equations import Equations
-from solvers.condensed.frictionless import Frictionless
+from solvers.condensed.equations import Equations, Frictionless
 from solvers.condensed.systems import FRICTION_SHARES, Base, NewtonSystem, Shares, Space
-from solvers.inequality.blocks import Rows, add_product, dense, magnitudes, mapped, scaled, stacked
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import Rows, add_product, dense, magnitudes, mapped, scaled, stacked
 
 SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
 """Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""

@@ -16,7 +16,7 @@ In `docs/theory.md`: (D6).
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,8 @@ from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.saddle import Saddle
 from solvers.condensed.systems import Solve
-from solvers.inequality.blocks import Rows
+from solvers.inequality.rows import Rows
+from solvers.solution import Start
 
 _STEP = 0.99  # of the way to the nearest bound, at least
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
@@ -79,10 +80,6 @@ class Point:
     def moved(self, step: "Point", length: float) -> "Point":
         """The point a step further."""
         return Point(self.y + length * step.y, self.values + length * step.values, len(self.s))
-
-
-Step: TypeAlias = Point
-"""Changes of the unknowns of a `Point`."""
 
 
 class Residuals(NamedTuple):
@@ -214,7 +211,7 @@ class InteriorPoint:
         self.point = point.moved(step, length)
         return length
 
-    def past_few(self, step: Step, length: float) -> float:
+    def past_few(self, step: Point, length: float) -> float:
         """A step that is longer if it is stopped by few bounds, whose slacks and multipliers keep a share instead.
 
         That leaves residuals at these bounds alone, which the next steps reduce. Returns its length.
@@ -231,7 +228,7 @@ class InteriorPoint:
         self.point = point.moved(step, length)
         return length
 
-    def _passed(self, step: Step, length: float) -> Point:
+    def _passed(self, step: Point, length: float) -> Point:
         """The point a step further, where slacks and multipliers keep a share at least."""
         moved = self.point.moved(step, length)
         return Point(moved.y, np.maximum(moved.values, _KEPT * self.point.values), len(moved.s))
@@ -259,7 +256,7 @@ class InteriorPoint:
         self.shares = shares
         self._total_share = float(self.problem.weights @ shares[: len(self.problem.weights)])
 
-    def _in_neighbourhood(self, step: Step, length: float) -> float:
+    def _in_neighbourhood(self, step: Point, length: float) -> float:
         """Shorten the step until no product is far below the others."""
         least = min(_NEIGHBOURHOOD, self._centrality(self.point))
         for _ in range(20):
@@ -294,7 +291,7 @@ class Newton:
             return cls(point, problem, residuals, rows, None, Saddle.at(problem, point.s, point.lam, rows))
         return cls(point, problem, residuals, rows, problem.system.factorised(problem, point.lam / point.s, slope))
 
-    def step(self, comp: Vector, *, only: bool = False) -> Step:
+    def step(self, comp: Vector, *, only: bool = False) -> Point:
         """The change that makes the products grow by comp (q + b,); `only`: without reducing the residuals."""
         (force, slack, split, _), point, problem = self.residuals, self.point, self.problem
         if only:
@@ -333,7 +330,7 @@ class Newton:
         return y, s, lam
 
 
-def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, least: float) -> tuple[Step, float]:
+def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, least: float) -> tuple[Point, float]:
     """Gondzio's correctors: bring outlying products nearer to the target as long as that lengthens the step.
 
     Steps shorter than `least` are not corrected: they will go past the few bounds that stop them.
@@ -354,7 +351,7 @@ def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, least
     return step, length
 
 
-def _longest(point: Point, step: Step) -> float:
+def _longest(point: Point, step: Point) -> float:
     """The length at which a slack, a multiplier, a pull or a push reaches zero."""
     least = float(np.minimum.reduce(step.values / point.values, initial=0.0))
     return -1.0 / least if least < 0.0 else np.inf
@@ -362,3 +359,44 @@ def _longest(point: Point, step: Step) -> float:
 
 def _largest(values: Vector) -> float:
     return float(np.maximum.reduce(np.abs(values), initial=0.0))
+
+
+# An interior point near the answer to a problem before.
+#
+# At every bound there are the slack s₀ that this answer has now, negative where the bound has moved past it, and its
+# multiplier λ₀. Slack and multiplier that are both positive, whose product is that of a point on the central path and
+# whose difference is as before,
+#
+#     s − κ λ = s₀ − κ λ₀,    s λ = τ ω,    κ = stress / displacement × size²,
+#
+# solve a quadratic equation. They differ from s₀ and λ₀ by √τ where a point is about to open or to slip, by τ
+# elsewhere, and by as much as a bound has moved. Where contact opens or closes on a larger part than that a first step
+# is short, and nothing is gained.
+
+
+GAP = 1e-5
+"""Gap, relative, at which such a point lies: with 1e-3 less is gained, with 1e-7 it is too close to the bounds."""
+
+
+def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
+    """Exchange the iterate of a method, already started, for one near a state with free trace coordinates y (k,)."""
+    problem, split = interior.problem, len(interior.point.pull)
+    interior.settle()
+    unit = problem.stress * interior.displacement * float(problem.weights.sum())
+    products = GAP * unit / float(problem.weights @ problem.shares) * interior.shares
+    kink = products[len(products) - split :]
+    normal = problem.split_normal(y)
+    size = np.sqrt(normal**2 + 4.0 * kink)
+    pull, push = _pair(normal, kink)
+    slack = problem.slack(y, size)
+    kappa = problem.stress / interior.displacement * problem.sizes**2
+    lam = problem.bound_multipliers(start.normal_multiplier, start.tangential_multiplier, slack)
+    s, lam = _pair(slack - kappa * lam, kappa * products[: len(products) - split])
+    interior.point = Point.of(y, s, lam / kappa, pull, push)
+
+
+def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:
+    """The two positive numbers with this difference and this product."""
+    larger = 0.5 * (np.abs(difference) + np.sqrt(difference**2 + 4.0 * product))
+    smaller = product / larger
+    return np.where(difference > 0.0, larger, smaller), np.where(difference > 0.0, smaller, larger)

@@ -40,23 +40,19 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.basics.checks import one_of, whole_number
+from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
-from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate import certify
 from solvers.certificate.feasibility import Feasibility, refuted
 from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
-from solvers.condensed.reduction import Reduction
+from solvers.condensed.coordinates import Reduction, Whole, obstacle
+from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals, start_near
 from solvers.condensed.systems import FITTING_SHARES, Base, Shares, Space, SystemName
-from solvers.condensed.warm_start import start_near
-from solvers.condensed.whole import Whole, obstacle
 from solvers.errors import InputError
-from solvers.inequality.equilibrium import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
-from solvers.solution.finish import Outcome, finish
-from solvers.solution.solution import Iteration, QVISolution
-from solvers.solution.start import Start
+from solvers.inequality.stiffness import SLOW_CONTRACTION
+from solvers.solution import Iteration, Outcome, QVISolution, Start, finish
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
 _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`

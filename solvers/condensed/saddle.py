@@ -26,7 +26,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.condensed.complementarity import SLOTS, Complementarity
-from solvers.inequality.blocks import Rows, dense, scaled
+from solvers.inequality.rows import Rows, dense, scaled
 
 _SIDES = np.array(SLOTS)
 _SAME_SIDE = np.outer(_SIDES, _SIDES)

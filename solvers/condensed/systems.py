@@ -17,7 +17,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
 from solvers.basics.types import Matrix, SparseRows, Vector
 from solvers.factorisation.base import State
-from solvers.inequality.blocks import Rows
+from solvers.inequality.rows import Rows
 
 if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity

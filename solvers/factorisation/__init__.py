@@ -9,9 +9,8 @@ Back ends: Intel MKL's PARDISO (package mkl, extra fast) and SuperLU (SciPy, alw
 """
 
 from solvers.basics.front import front
-from solvers.factorisation.base import Factorisation
-from solvers.factorisation.errors import FactorisationError
-from solvers.factorisation.registry import (
+from solvers.factorisation.base import Factorisation, FactorisationError
+from solvers.factorisation.choice import (
     BACKENDS,
     available_backends,
     factorise,
@@ -35,11 +34,10 @@ __getattr__ = front(
     __name__,
     {
         "augmented": ("ORTHOGONAL", "factorise_root"),
-        "choice": ("Request", "condensing_pays"),
+        "choice": ("Request", "VARIABLE", "condensing_pays"),
         "dense": ("DENSE",),
         "forecast": ("Forecast", "Work", "check_limits", "machine_memory"),
         "ordering": ("interface_last", "nested_dissection"),
-        "registry": ("VARIABLE",),
         "threads": ("limited_blas", "thread_count"),
         "unsymmetric": ("refactorisation",),
     },

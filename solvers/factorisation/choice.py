@@ -1,5 +1,7 @@
-"""Which factorisation a problem gets: the one asked for, or the first installed."""
+"""Names of the back ends, the one taken by default, and `factorise`."""
 
+import os
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import Final, NamedTuple
 
@@ -7,14 +9,181 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from solvers.basics.checks import whole_number
-from solvers.basics.types import IntVector, Matrix, Sparse
-from solvers.factorisation.base import Factorisation
-from solvers.factorisation.dense import DENSE
+from solvers.basics.names import remedy_if_retired
+from solvers.basics.progress import LOGGER
+from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
+from solvers.errors import InputError, SolverUnavailableError
+from solvers.factorisation.base import Factorisation, FactorisationError, NoInterior
+from solvers.factorisation.dense import DENSE, SMALL, DenseFactor
 from solvers.factorisation.forecast import check_limits
 from solvers.factorisation.ordering import nested_dissection
-from solvers.factorisation.registry import BACKENDS, factorise, faster_than, resolve, usable
+from solvers.factorisation.superlu import SuperLU
 from solvers.factorisation.threads import limited_blas, thread_count
 from solvers.factorisation.unsymmetric import Refactorisation, refactorisation
+
+BACKENDS: Final = ("pardiso", "superlu")
+"""Names of the sparse back ends, the fastest first."""
+
+VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
+"""Environment variable with the name of the default back end."""
+
+_INSTALL: Final = {"pardiso": "pip install mkl"}
+_WORTH_INSTALLING: Final = 20_000  # unknowns from which on PARDISO is at least twice as fast
+_default: str | None = None
+
+
+def factorise(
+    K: Sparse,
+    interface: IntVector,
+    backend: str = "auto",
+    threads: int | None = None,
+    places: Matrix | None = None,
+) -> Factorisation:
+    """Factorise K and form the dense Schur complement S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
+
+    Parameters
+    ----------
+    K : Sparse (n, n)
+        Symmetric positive definite, both triangles stored; the symmetry is not checked.
+    interface : IntVector (k,)
+        Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
+    backend : str
+        A name in `BACKENDS`, "dense", or "auto": the name given to `set_default`, else the one in the environment
+        variable QVI_CONTACT_FACTORISATION, else "dense" for up to 500 unknowns, else the first that is installed.
+    threads : int, optional
+        Threads to use; all cores this process may run on, or OMP_NUM_THREADS, or MKL_NUM_THREADS if not given.
+        "superlu" always has one.
+    places : Matrix (n, 2), optional
+        Where the unknowns are, in any unit. SuperLU takes half the time with them: it eliminates by nested dissection.
+
+    Raises
+    ------
+    InputError
+        K is not square, holds numbers that are not finite, or the interface is not increasing or out of range.
+    SolverUnavailableError
+        The back end does not exist or is not installed.
+    FactorisationError
+        K_II is not positive definite, memory is lacking, or the back end fails. An indefinite S is found by `solve`.
+        Before it begins: if it is estimated to take more than twice the time that is left (see `watch`), or twice the
+        memory of the machine.
+
+    """
+    K, interface = _checked(K, interface)
+    if threads is not None and threads < 1:
+        raise InputError("threads", threads, "give 1 or more, or None for all cores")
+    small = backend == "auto" and chosen() is None and K.shape[0] <= SMALL
+    name = DENSE if small or backend == DENSE else resolve(backend)
+    if interface.size == K.shape[0]:
+        return NoInterior(K, interface)
+    diagonal = K.diagonal()
+    if not np.all(diagonal > 0.0):
+        row = int(np.argmin(diagonal > 0.0))
+        raise FactorisationError("singular", name, f"diagonal entry {row} of K is {diagonal[row]:.3g}")
+    if name == BACKENDS[-1] and chosen() is None and K.shape[0] >= _WORTH_INSTALLING:
+        LOGGER.info("%d unknowns by SuperLU; PARDISO takes half the time or less: %s", K.shape[0], _INSTALL["pardiso"])
+    try:
+        if name == DENSE:
+            return DenseFactor(K, interface)
+        check_limits(K, interface, name, thread_count(threads), faster_than(name))
+        if name == BACKENDS[-1]:
+            return SuperLU(K, interface, places)
+        return _module(name).factorise(K, interface, threads)  # type: ignore[no-any-return]
+    except MemoryError as error:
+        raise FactorisationError("memory", name, "out of memory") from error
+
+
+def faster_than(name: str) -> str:
+    """How to get the fastest back end in the place of another one; empty if that is the fastest."""
+    if name == BACKENDS[0]:
+        return ""
+    missing = _module(BACKENDS[0]).version() is None
+    return _INSTALL[BACKENDS[0]] if missing else f"factorisation={BACKENDS[0]!r}"
+
+
+def available_backends() -> dict[str, str]:
+    """Back ends that load here, with their library and version, e.g. ``{"pardiso": "mkl 2026.2.0", …}``."""
+    found = {name: _module(name).version() for name in BACKENDS}
+    return {name: version for name, version in found.items() if version is not None}
+
+
+def missing_backends() -> dict[str, str]:
+    """Back ends that do not load here, with the command that installs them."""
+    return {name: command for name, command in _INSTALL.items() if _module(name).version() is None}
+
+
+def set_default(name: str | None) -> None:
+    """Choose the back end that "auto" means; None: by the environment variable, or the first available."""
+    global _default
+    _default = None if name is None else usable("backend", name)
+
+
+def resolve(backend: str = "auto") -> str:
+    """Name of the back end that `backend` means; `SolverUnavailableError` if it cannot be used."""
+    if backend != "auto":
+        return usable("backend", backend)
+    return chosen() or next(name for name in BACKENDS if _module(name).version() is not None)
+
+
+def chosen() -> str | None:
+    """Name given to `set_default`, else the one in the environment variable, None if neither is given."""
+    if _default is not None:
+        return _default
+    name = os.environ.get(VARIABLE, "").strip().lower()
+    return None if name in ("", "auto") else usable(VARIABLE, name)
+
+
+def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
+    """The name if it is that of a back end that loads here; `others` are what `field` may name beside back ends.
+
+    Raises
+    ------
+    SolverUnavailableError
+        If it is not; about `field`.
+
+    """
+    if name not in BACKENDS:
+        remedy = remedy_if_retired(name) or f"choose one of {', '.join((*others, *BACKENDS))}"
+        raise SolverUnavailableError(field, name, remedy)
+    if _module(name).version() is None:
+        remedy = f"its library does not load ({_INSTALL.get(name, 'reinstall scipy')}); choose one of"
+        raise SolverUnavailableError(field, name, f"{remedy} {', '.join((*others, *available_backends()))}")
+    return name
+
+
+def _module(name: str) -> Module:
+    """Module of a back end: `version()`, and `factorise(K, interface, threads)`."""
+    return load(f"solvers.factorisation.{name}")
+
+
+def _checked(K: Sparse, interface: IntVector) -> tuple[Sparse, IntVector]:
+    """K in compressed columns with sorted indices, and the interface as int64."""
+    if len(K.shape) != 2 or K.shape[0] != K.shape[1]:
+        raise InputError("K", K.shape, "give a square matrix")
+    if getattr(K, "format", "") != "csc" or K.dtype != np.float64:
+        K = csc_array(K, dtype=np.float64)
+    if not K.has_canonical_format:
+        K = K.copy()
+        K.sum_duplicates()
+    if not np.isfinite(K.data).all():
+        raise InputError("K", "not finite", "give finite entries")
+    return K, _checked_interface(interface, K.shape[0])
+
+
+def _checked_interface(interface: IntVector, n: int) -> IntVector:
+    indices = np.asarray(interface)
+    if indices.size == 0:
+        return np.zeros(0, dtype=np.int64)
+    if indices.ndim != 1 or indices.dtype.kind not in "iu":
+        raise InputError("interface", indices.shape, "give a one-dimensional array of indices")
+    if np.any(np.diff(indices) <= 0):
+        raise InputError("interface", indices, "give the indices in increasing order, none twice: np.unique(indices)")
+    if indices[0] < 0 or indices[-1] >= n:
+        raise InputError("interface", indices, f"give indices from 0 to {n - 1}")
+    return indices.astype(np.int64)
+
+
+# Which factorisation a problem gets: the one asked for, or the first installed.
+
 
 OTHERS: Final = ("auto", DENSE)
 """What is no back end."""

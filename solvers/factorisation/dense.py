@@ -14,8 +14,7 @@ from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from solvers.basics.types import IntVector, Matrix, Sparse
-from solvers.factorisation.base import Factorisation, State, check_pivots
-from solvers.factorisation.errors import FactorisationError
+from solvers.factorisation.base import Factorisation, FactorisationError, State, check_pivots
 
 DENSE: Final = "dense"
 """Name of this back end."""

@@ -24,10 +24,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solvers.basics.narration import LOGGER
+from solvers.basics.progress import LOGGER, Progress, expired, left, tell
 from solvers.basics.types import IntVector, Sparse
-from solvers.basics.watch import Progress, expired, left, tell
-from solvers.factorisation.errors import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.factorisation.ordering import interior_groups
 from solvers.factorisation.superlu import filled
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from solvers.basics.foreign import foreign_code
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
-from solvers.factorisation.base import Factorisation, State, symmetrised
-from solvers.factorisation.errors import FactorisationError, Reason
+from solvers.factorisation.base import Factorisation, FactorisationError, Reason, State, symmetrised
 from solvers.factorisation.mkl import library, limited_threads, version
 from solvers.factorisation.threads import thread_count
 

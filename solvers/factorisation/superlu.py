@@ -15,8 +15,7 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spilu, splu
 
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector
-from solvers.factorisation.base import Factorisation, State, check_pivots, symmetrised
-from solvers.factorisation.errors import FactorisationError
+from solvers.factorisation.base import Factorisation, FactorisationError, State, check_pivots, symmetrised
 from solvers.factorisation.ordering import interface_last
 
 __all__ = ["SuperLU", "filled", "version"]

@@ -12,7 +12,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Module, Vector, load
-from solvers.factorisation.errors import FactorisationError
+from solvers.factorisation.base import FactorisationError
 
 _Ordering: TypeAlias = Literal["MMD_AT_PLUS_A", "NATURAL"]
 

@@ -5,12 +5,9 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "blocks": ("dense",),
         "compliance": ("Compliance",),
-        "edges": ("quadratic_basis",),
         "linear": ("interface_of",),
-        "residuals": ("law_residuals",),
-        "rows": ("echelon", "independent_rows", "spanning_rows"),
+        "rows": ("dense", "echelon", "independent_rows", "spanning_rows"),
         "traces": ("Traces", "trace_coordinates"),
     },
 )

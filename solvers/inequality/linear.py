@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, csr_array
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation, FactorisationError
-from solvers.inequality.blocks import Rows, are_few, dense, stored, transposed
+from solvers.inequality.rows import Rows, are_few, dense, stored, transposed
 
 _REFINEMENTS = 2  # of the dense system, where there are equality rows
 _DEPENDENT = 1e-12  # directions in which equality rows are weaker than this repeat each other

@@ -15,12 +15,10 @@ from scipy.sparse import csc_array, issparse
 from solvers.basics.checks import real_array
 from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
-from solvers.inequality.blocks import absolute_product, by_columns
 from solvers.inequality.energy import Energy, EnergyRoot
-from solvers.inequality.equilibrium import Equilibrium
-from solvers.inequality.interface import ContactFrame, Interface
 from solvers.inequality.linear import EqualitySystem
-from solvers.inequality.operator import Operator
+from solvers.inequality.rows import absolute_product, by_columns
+from solvers.inequality.stiffness import ContactFrame, Equilibrium, Interface, Operator
 from solvers.inequality.traces import Traces
 
 __all__ = ["EnergyRoot", "FrictionQVI"]

@@ -17,8 +17,17 @@ from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
-from solvers.inequality.blocks import Rows, absolute_product, are_few, by_columns, magnitudes, stored
-from solvers.inequality.rows import basis_rows, echelon, spanning_rows
+from solvers.inequality.rows import (
+    Rows,
+    absolute_product,
+    are_few,
+    basis_rows,
+    by_columns,
+    echelon,
+    magnitudes,
+    spanning_rows,
+    stored,
+)
 
 _NOISE = 1e-14  # share of the largest term of a combination of rows that is rounding
 _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|

@@ -11,7 +11,6 @@ __getattr__ = front(
         "problem": ("Centre", "InnerProblem", "InnerSolution", "no_result"),
         "qp": ("QPSolver",),
         "registry": ("make_inner",),
-        "root": ("square_root",),
-        "socp": ("SOCPSolver",),
+        "socp": ("SOCPSolver", "square_root"),
     },
 )

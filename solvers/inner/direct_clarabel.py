@@ -17,7 +17,7 @@ from solvers.basics.types import Module, Vector, load
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.guard import updated_solve
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution
-from solvers.inner.qp_backends import CLARABEL_WORDS
+from solvers.inner.qp import CLARABEL_WORDS
 
 _FLOOR = 1e-12
 

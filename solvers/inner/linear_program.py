@@ -5,8 +5,8 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
+from solvers.basics.progress import left
 from solvers.basics.types import Vector
-from solvers.basics.watch import left
 from solvers.inner.guard import BackendFailure, attempt, real_vector
 
 TIME_LIMIT, INFEASIBLE, UNBOUNDED = 1, 2, 3

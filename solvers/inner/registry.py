@@ -10,8 +10,8 @@ from solvers.basics.foreign import foreign_code
 from solvers.basics.names import remedy_if_retired
 from solvers.errors import SolverUnavailableError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner import qp_backends, socp
-from solvers.inner.guarded import Guarded
+from solvers.inner import qp, socp
+from solvers.inner.guard import Guarded
 from solvers.inner.problem import InnerSolver
 
 _FREE = frozenset(
@@ -94,7 +94,7 @@ def _choices() -> str:
 def _catalogue() -> dict[str, tuple[str, ...]]:
     """Name → modules it needs."""
     return {
-        **{f"qp:{name}": ("qpsolvers", entry.module) for name, entry in sorted(qp_backends.BACKENDS.items())},
+        **{f"qp:{name}": ("qpsolvers", entry.module) for name, entry in sorted(qp.BACKENDS.items())},
         "direct:clarabel": ("clarabel",),
         **{f"socp:{name}": ("cvxpy", entry.module) for name, entry in sorted(socp.BACKENDS.items())},
     }

@@ -11,13 +11,15 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import splu
 
 from solvers.basics.status import Status
-from solvers.basics.types import Vector, load
+from solvers.basics.types import Sparse, Vector, load
+from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.guard import solve_cvxpy, within_time
 from solvers.inner.problem import Centre, InnerSolution, no_result
-from solvers.inner.root import square_root
 
 
 @dataclass(frozen=True)
@@ -116,3 +118,24 @@ class SOCPSolver:
         nu = arrays[3] if qvi.p else np.zeros(0)
         iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
         return InnerSolution(centre.z + arrays[0], arrays[1], -arrays[2], nu, status, iterations, seconds, message)
+
+
+# A square root of a sparse positive definite matrix: RᵀR = K.
+
+
+def square_root(K: Sparse) -> Sparse:
+    """R (n, n) sparse with RᵀR = K, from P K Pᵀ = L D Lᵀ (SuperLU in symmetric mode): R = D^½ Lᵀ P.
+
+    K has to be positive definite itself, not only on a subspace; otherwise `InputError`.
+    """
+    try:
+        factor = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError as error:
+        raise InputError("K", "singular", "give a positive definite K, or a 'qp:' inner solver") from error
+    pivots = factor.U.diagonal()
+    if not np.array_equal(factor.perm_r, factor.perm_c) or pivots.min() <= 0:
+        raise InputError("K", "not positive definite", "give a positive definite K, or a 'qp:' inner solver")
+    n = K.shape[0]
+    order = np.argsort(factor.perm_c)  # row i of P K Pᵀ is row order[i] of K
+    P = csc_array((np.ones(n), (np.arange(n), order)), shape=(n, n))
+    return csc_array(diags_array(np.sqrt(pivots)) @ factor.L.T @ P)

@@ -203,7 +203,7 @@ class TestElements:
     def test_rows_name_them(self):
         chapter = room.Chapter()
 
-        @chapter.on("degree", room.TRIANGLES, room.QUINTIC, room.Element(6))
+        @chapter.on("degree", room.TRIANGLES, room.QUINTIC, room.Element("triangles of degree 6", 6))
         def problem(element, _):
             yield absolute("degree", element.degree, 5.0, 1.0, *REST)
 

@@ -31,7 +31,7 @@ NUMERICAL: Final = (
 """Rooms whose mutations are drawn three times as often."""
 RETIRING: Final = (
     "bogner_fox_schmit", "exchange", "levels", "dissection", "rectangle", "rectilinear", "hermite.py",
-    "grids.py", "lines.py", "cluster", "sweep_stream", "comparisons/lab",
+    "grids.py", "lines.py", "comparisons/lab",
     "comparisons/scaling", "sequences", "benchmark/systems", "inequality/edges", "threshold",
 )  # fmt: skip
 """Files of subjects that go, of which nothing is drawn."""
@@ -130,7 +130,7 @@ def cover() -> None:
     settings = CACHE / "settings.ini"  # not coverage.…: these files are erased
     settings.write_text(f"[run]\nsource = {','.join(PACKAGES)}\nrelative_files = True\n", encoding="utf-8")
     command = [
-        sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--ignore=tests/retiring", "--cov", "--cov-report=",
+        sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--cov", "--cov-report=",
         f"--cov-config={settings}", "--cov-context=test", f"--junit-xml={CACHE / 'junit.xml'}",
     ]  # fmt: skip
     subprocess.run(command, cwd=ROOT, env=os.environ | {"COVERAGE_FILE": str(CACHE / "coverage")}, check=False)

@@ -1,6 +1,7 @@
 """Limit loads of bodies that yield, with their contacts, against closed forms and each other."""
 
 import copy
+import json
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from qvi_contact import (
     Contact,
     ContactProblem,
     Displacement,
+    InputError,
     LimitFactor,
     Material,
     Mises,
@@ -22,7 +24,9 @@ from qvi_contact import (
     TriangleMesh,
     limit_load_factor,
     refine,
+    save_problem,
     solve,
+    strength_reduction_factor,
 )
 from tests.effort import thinned
 
@@ -268,3 +272,38 @@ def test_solve_says_where_the_elastic_stress_exceeds_the_strength():
     assert "0.1 [stress]" in found[0]
     assert "100 %" in found[0]
     assert not any("strength" in remark for remark in strong.remarks)
+
+
+@pytest.mark.parametrize(
+    ("mu", "c", "of", "exact"), [(0.6, 5.0, None, 1.2), (0.9, 1.5, None, 1.5), (0.9, 1.5, ["bottom"], 1.8)]
+)
+def test_strength_may_be_divided_by_what_the_shear_leaves(mu, c, of, exact):
+    """Pressure 2 and shear 1: the base has 2μ, the block c."""
+    found = strength_reduction_factor(block(Tresca(c), mu, 2.0), of=of, accuracy=1e-3)
+    assert found.lower == pytest.approx(exact, rel=2e-3)
+    assert found.upper == pytest.approx(exact, rel=2e-3)
+    assert found.lower <= found.upper
+
+
+def test_strength_that_is_not_enough_has_a_factor_below_one():
+    found = strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), accuracy=0.01)
+    assert found.lower <= 0.6 * (1 + 1e-6) <= found.upper * (1 + 1e-6)
+    with pytest.raises(InputError, match="bottom"):
+        strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), of=["botom"])
+
+
+def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell):
+    file, picture = tmp_path / "block.toml", tmp_path / "flow.png"
+    save_problem(file, block(Tresca(0.5), 0.6, 2.0))
+    status, out, _ = shell("limit", file, "--load", "shear", "--json", "--plot", picture)
+    found = json.loads(out)
+    assert status == 0
+    assert found["bounds"]
+    assert [found["factor"], found["upper"]] == pytest.approx([0.5, 0.5], rel=1e-5)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    status, out, _ = shell("safety", file, "--json", "--accuracy", "0.01")
+    assert status == 1  # the block carries half of the shear
+    assert json.loads(out)["lower"] <= 0.5 * (1 + 1e-6) <= json.loads(out)["upper"] * (1 + 1e-6)
+    status, _, err = shell("safety", file, "--of", "nothing")
+    assert status == 2
+    assert "bottom" in err

@@ -48,7 +48,12 @@ def wedge(friction=0.3):
 def dry_stone_wall(friction):
     """Three courses of two blocks, 30 on the top, weight 24, the top course pushed from the left."""
     problem = example("dry_stone_wall").problem
-    mesh = problem.mesh.with_edges("pushed", lambda x, y: (x == 0.0) & (y > 2.0))
+    joints = {
+        "lower bed": ((0.0, 1.0), (3.0, 1.0)), "upper bed": ((0.0, 2.0), (3.0, 2.0)),
+        "head 1": ((1.5, 0.0), (1.5, 1.0)), "head 2": ((1.0, 1.0), (1.0, 2.0)), "head 3": ((1.5, 2.0), (1.5, 3.0)),
+    }  # fmt: skip
+    mesh = TriangleMesh.grid([0.0, 1.0, 1.5, 3.0], [0.0, 1.0, 2.0, 3.0], joints=joints)
+    mesh = mesh.with_edges("pushed", lambda x, y: (x == 0.0) & (y > 2.0))
     mesh = mesh.with_edges("below", lambda x, y: (x == 0.0) & (y < 2.0))
     others = [replace(each, friction=friction) if isinstance(each, Contact) else each for each in problem.conditions]
     loads = [Traction("pushed", 1.0, 0.0, name="push"), Traction("below", 0.0, 0.0)]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import skfem
 
-from qvi_contact import InputError
+from qvi_contact import ContactProblem, InputError, Material, Region, Traction
 from qvi_contact.basics import handlers_kept
-from qvi_contact.mesh import TriangleMesh, outward_normals
+from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 
@@ -457,3 +457,14 @@ class TestEdges:
 def turned(points, angle):
     c, s = np.cos(angle), np.sin(angle)
     return points @ np.array([[c, s], [-s, c]])
+
+
+def test_regions_and_segments_are_told_apart_in_the_smallest_triangles():
+    """Beside a border and a corner, however often their triangles are halved."""
+    mesh = TriangleMesh.rectangle((2, 2)).graded([(0.5, 0.5), (0.0, 0.0)], 30)
+    assert mesh.finest.min() < 1e-8
+    free = [Traction(side, x=0.0, y=0.0) for side in mesh.edge_names]
+    problem = ContactProblem(mesh, Material(1.0, 0.3), free, regions=[Region(Material(2.0, 0.3), y=(0.5, 1.0))])
+    assert (problem.cell_materials == (mesh.corners.mean(axis=1)[:, 1] > 0.5)).all()
+    base = mesh.with_edges("base", edges_on_segment(mesh.vertices, mesh.topology, (0.0, 0.0), (1.0, 0.0)))
+    assert (base.pairs("base") == mesh.pairs("bottom")).all()

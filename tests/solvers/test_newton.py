@@ -12,10 +12,10 @@ from solvers.condensed import (
     DenseSystem,
     InteriorPoint,
     Newton,
+    Point,
     Reduction,
     Residuals,
     Shares,
-    Step,
     Whole,
 )
 from tests.solvers.conftest import LAWS, chain, mixed_problem, random_problem, two_contacts
@@ -48,10 +48,9 @@ def posed(qvi):
     problem = Complementarity(qvi, reduction, reduction.base(np.zeros(qvi.n)), 1.0)
     method = InteriorPoint(problem, 0.7)
     random = np.random.default_rng(3)
-    method.point.y = 0.5 * random.normal(size=len(method.point.y))
-    method.point.s = random.uniform(0.1, 2.0, len(method.point.s))
-    method.point.lam = random.uniform(0.1, 2.0, len(method.point.lam))
-    method.point.pull, method.point.push = random.uniform(0.1, 2.0, (2, len(problem.split)))
+    y = 0.5 * random.normal(size=len(method.point.y))
+    s, lam = (random.uniform(0.1, 2.0, len(method.point.s)) for _ in range(2))
+    method.point = Point.of(y, s, lam, *random.uniform(0.1, 2.0, (2, len(problem.split))))
     return problem, method
 
 
@@ -228,7 +227,7 @@ def test_few_bounds_do_not_hold_up_the_others(share, length, kept):
     before = interior.point
     fall = before.s.copy()
     fall[0] *= 20.0
-    step = Step(np.ones_like(before.y), -fall, 0.0 * before.lam, 0.0 * before.pull, 0.0 * before.push)
+    step = Point.of(np.ones_like(before.y), -fall, 0.0 * before.lam, 0.0 * before.pull, 0.0 * before.push)
     found = interior.past_few(step, 0.0495)
     assert found == pytest.approx(length)
     assert interior.point.s[0] == pytest.approx(kept * before.s[0])
@@ -246,7 +245,7 @@ def test_passing_few_bounds_does_not_open_the_gap(growth, expected):
     s, lam = -point.s, 0.0 * point.lam
     s[0] *= 200.0
     lam[0] = growth * point.lam[0]
-    found = interior.past_few(Step(0.0 * point.y, s, lam, 0.0 * point.pull, 0.0 * point.push), 0.00495)
+    found = interior.past_few(Point.of(0.0 * point.y, s, lam, 0.0 * point.pull, 0.0 * point.push), 0.00495)
     assert found == pytest.approx(expected)
     assert interior.parameter() <= 2.0 * before
 

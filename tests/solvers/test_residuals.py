@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solvers import certify
-from solvers.certificate import MEASURES
-from solvers.inequality import law_residuals
+from solvers.certificate import MEASURES, law_residuals
 from tests.effort import examples
 from tests.solvers.conftest import one_contact, random_problem
 

@@ -11,7 +11,7 @@ from comparisons.convergence.solves import ending, timed
 from comparisons.lab.study import Study
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE
-from solvers.uniqueness import uniqueness_bound
+from solvers.certificate import uniqueness_bound
 
 INNER: Final = "direct:clarabel"
 """Inner solver of all loops."""
@@ -122,7 +122,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
         course, factor, low, high : see `rates.Rate`
         linearised : contraction by `linearised` at the solution of the condensed method; None without one
         exact : that known in closed form, None where none is
-        sharper, kappa : 1/γ and κ^(−1/2) of `solvers.uniqueness`, None where they were not computed
+        sharper, kappa : 1/γ and κ^(−1/2) of `solvers.certificate`, None where they were not computed
         normal, tangential : resultants of σ_N and σ_T, in the unit of the problem's data × length
         slipping, open, points : numbers of contact points, slipping and open ones of the reference
         certificate : see `plain_certificate`

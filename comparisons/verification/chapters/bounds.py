@@ -131,7 +131,7 @@ def _exact() -> Iterator[tuple[str, ContactProblem, int]]:
     yield "SSNV128 without friction", ssnv128((4, 3), friction=0.0), 2
 
 
-@PROBLEMS.on("bounds-exact", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("bounds-exact", TRIANGLES, QUINTIC)
 def exact_states_close_the_gap(element: Element, quick: bool) -> Iterator[Row]:  # noqa: ARG001  # all are coarse
     """States that both models hold exactly: stresses from a bicubic Φ, displacements of degree 2 or 3."""
     for name, problem, degree in _exact():

@@ -19,7 +19,7 @@ _ERROR: Final = {TRIANGLES: 2e-5, QUINTIC: 1e-5}
 """Cells a side and grading of the meshes, and the error that they leave."""
 
 
-@PROBLEMS.on("plate-graded", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("plate-graded", TRIANGLES, QUINTIC)
 def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on one graded mesh, cells shrinking towards the free corner."""
     cells, grading = _GRADED
@@ -63,7 +63,7 @@ def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
             yield at_most(quantity.format("largest"), max(ratios), 3.0, 0.0, source, proof, Kind.EXTERNAL)
 
 
-@PROBLEMS.on("plate-between", TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("plate-between", TRIANGLES, QUINTIC)
 def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
     """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
     cells, grading = _GRADED

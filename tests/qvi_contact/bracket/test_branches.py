@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from qvi_contact import InputError, load_result, other_solutions, save_problem, solve, solve_history
+from qvi_contact import InputError, TriangleMesh, load_result, other_solutions, save_problem, solve, solve_history
 from qvi_contact.bracket import CellFields, bulk
 from qvi_contact.cli import group
 from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
 from qvi_contact.units import Units
 from qvi_contact.verification import verify_file
 from solvers import Status
@@ -20,37 +21,40 @@ from solvers import Status
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
+def leaning():
+    """A single triangle that leans over its contact, pushed along by its other side, has two solutions for μ = 3."""
+    sides = {"base": [(0, 1)], "arm": [(1, 2)], "free": [(0, 2)]}
+    mesh = TriangleMesh([(0.0, 0.0), (1.0, 0.0), (-2.3, 2.0)], [(0, 1, 2)], sides)
+    conditions = [Contact("base", 3.0), Displacement("arm", x=2.0, y=0.6), Traction("free", 0.0, 0.0)]
+    return ContactProblem(mesh, Material(1.0, 0.3), conditions)
+
+
 @pytest.fixture(scope="module")
-def rectangles():
-    """On 8 × 8 rectangles SSNV128 has at least three solutions for μ = 5."""
-    return other_solutions(solve(ssnv128((8, 8), 5.0), element="bfs"))
+def several():
+    return other_solutions(solve(leaning(), degree=3))
 
 
 def force(result):
     return next(iter(result.contacts.values())).tangential_force
 
 
-def test_several_solutions_are_certified_and_differ(rectangles):
-    forces = [force(result) for result in rectangles.results]
+def test_several_solutions_are_certified_and_differ(several):
+    forces = [force(result) for result in several.results]
     assert len(forces) >= 2
-    assert all(result.status is Status.SOLVED and result.certificate.passed for result in rectangles.results)
+    assert all(result.status is Status.SOLVED and result.certificate.passed for result in several.results)
     assert max(forces) - min(forces) > 0.02 * abs(min(forces))
 
 
-def test_the_one_nearest_to_displacements_comes_first(rectangles):
-    """By the energy of the difference, and here by the force too."""
-    known = force(rectangles.companion)
-    assert all(one < other for one, other in pairwise(rectangles.distances))
-    assert 0.0 < rectangles.distances[0] < 0.5 * rectangles.distances[-1] < 0.1
-    errors = [abs(force(result) - known) for result in rectangles.results]
-    assert errors.index(min(errors)) == 0
-    assert errors[0] < 0.01 * abs(known)
+def test_the_one_nearest_to_displacements_comes_first(several):
+    """By the energy of the difference."""
+    assert several.distances[0] > 0.0
+    assert all(one < other for one, other in pairwise(several.distances))
 
 
-def test_distances_are_those_of_strains(rectangles):
+def test_distances_are_those_of_strains(several):
     """∫ (cσ − ε) : C : (cσ − ε) over ∫ ε : C : ε, by Gauss points of the stress in all cells."""
-    companion = rectangles.companion
-    for result, distance in zip(rectangles.results, rectangles.distances, strict=True):
+    companion = several.companion
+    for result, distance in zip(several.results, several.distances, strict=True):
         fields = CellFields.of(result.discretization, result.dofs, companion.degree + 2)
         strain = companion.cell_strain(*fields.t[:, -2:].T)
         compliances = result.problem.compliances
@@ -59,19 +63,19 @@ def test_distances_are_those_of_strains(rectangles):
         assert distance == pytest.approx(np.sqrt(apart / own), rel=1e-9)
 
 
-def test_the_confirmed_one_is_preferred_whichever_is_given(rectangles):
-    again = other_solutions(rectangles.results[-1])
-    assert force(again.preferred) == pytest.approx(force(rectangles.preferred), rel=1e-4)
+def test_the_confirmed_one_is_preferred_whichever_is_given(several):
+    again = other_solutions(several.results[-1])
+    assert force(again.preferred) == pytest.approx(force(several.preferred), rel=1e-4)
 
 
 def test_where_no_other_is_found_the_result_is_alone():
-    """On triangles, without time, without friction."""
+    """Large friction alone, no time, no friction."""
     for problem, limit in (
         (ssnv128((3, 3), 5.0), None),
         (compressed_plate(0.2, (2, 2)), 1e-9),
         (compressed_plate(0.0, (2, 2)), None),
     ):
-        result = solve(problem, element="hct")
+        result = solve(problem)
         found = other_solutions(result, time_limit=limit)
         assert found.results == (result,)
         assert found.companion is None
@@ -93,13 +97,14 @@ def run(*arguments):
 
 
 def test_the_command_writes_a_row_for_each_solution_and_the_nearest(tmp_path):
-    save_problem(tmp_path / "problem.toml", ssnv128((8, 8), 5.0), units=Units("m", "Pa"))
+    save_problem(tmp_path / "problem.toml", leaning(), units=Units("m", "Pa"))
     npz, written = tmp_path / "nearest.npz", tmp_path / "all.json"
-    answer = run(tmp_path / "problem.toml", "--element", "bfs", "--npz", npz, "--save-json", written)
+    answer = run(tmp_path / "problem.toml", "--degree", "3", "--npz", npz, "--save-json", written)
     assert answer.return_value == 0
     solutions = json.loads(written.read_text("utf-8"))["solutions"]
     rows = [line.split() for line in answer.output.splitlines() if line[:1].isdigit()]
-    assert [row[0] for row in rows] == ["1", "2", "3"]
+    assert len(rows) >= 2
+    assert [row[0] for row in rows] == [str(number) for number in range(1, len(solutions) + 1)]
     shears = [solution["contacts"]["base"]["tangential_force"]["value"] for solution in solutions]
     assert [float(row[4]) for row in rows] == pytest.approx(shears, rel=1e-5)
     distances = [solution["distance"] for solution in solutions]

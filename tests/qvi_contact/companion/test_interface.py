@@ -8,7 +8,7 @@ import pytest
 
 from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, Traction, TriangleMesh
 from qvi_contact.companion import solve_companion
-from qvi_contact.files import write_vtu
+from qvi_contact.files import write_companion_vtu
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.plots import deformed_figure, save_figure
 from qvi_contact.solution import von_mises
@@ -188,7 +188,7 @@ class TestOutput:
 
     def test_vtu(self, base, tmp_path):
         path = tmp_path / "a.vtu"
-        write_vtu(path, base, Units("m", "Pa"))
+        write_companion_vtu(path, base, Units("m", "Pa"))
         grid = meshio.read(path)
         x, y, _ = grid.points.T
         found = grid.point_data["displacement [m]"]
@@ -228,7 +228,7 @@ class TestOutput:
             lambda: lifted.cell_strain([0.5], [0.5]),
             lambda: lifted.nodal_displacements,
             lambda: deformed_figure(lifted),
-            lambda: write_vtu(tmp_path / "a.vtu", lifted),
+            lambda: write_companion_vtu(tmp_path / "a.vtu", lifted),
         ):
             with pytest.raises(InputError, match="infeasible"):
                 use()

@@ -22,6 +22,8 @@ a ray though there is a solution; then other directions d are tried.
 | the time is over                                    | time_limit                    |
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -31,15 +33,13 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from solvers.basics.checks import whole_number
+from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
-from solvers.basics.types import Matrix, Vector
-from solvers.basics.watch import Progress, expired, tell
+from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.certificate.certificate import certify
 from solvers.inequality.compliance import Compliance
 from solvers.inequality.problem import FrictionQVI
-from solvers.pivoting.lemke import Vertex, solve_lcp
-from solvers.solution.finish import Outcome, finish, no_outcome
-from solvers.solution.solution import Iteration, QVISolution
+from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution, finish, no_outcome
 
 LARGEST = 200
 """Contact points up to which it is worth trying: a table of 600 rows."""
@@ -78,12 +78,12 @@ class _Law(NamedTuple):
     cap: Vector
 
     @classmethod
-    def of(cls, qvi: FrictionQVI) -> "_Law":
+    def of(cls, qvi: FrictionQVI) -> _Law:
         """The problem's own."""
         return cls(qvi.mu, qvi.cohesion, qvi.cap)
 
     @classmethod
-    def given(cls, bound: Vector) -> "_Law":
+    def given(cls, bound: Vector) -> _Law:
         """|σ_T| ≤ bound whatever the pressure."""
         return cls(np.zeros(len(bound)), bound, np.full(len(bound), np.inf))
 
@@ -104,7 +104,7 @@ class _Rows:
     F: Matrix
 
     @classmethod
-    def of(cls, qvi: FrictionQVI, law: _Law, signs: Vector, unit: float) -> "_Rows":
+    def of(cls, qvi: FrictionQVI, law: _Law, signs: Vector, unit: float) -> _Rows:
         """The rows; `unit`: multiplier over weight of x = 1."""
         m, one = qvi.m, np.eye(qvi.m)
         normal, capped = np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
@@ -282,3 +282,130 @@ def _polished(run: _Run, rows: _Rows, M: Matrix, vertex: Vertex) -> bool:
         x[active] -= lstsq(M[np.ix_(active, active)], missed[active], cond=_RANK)[0]
         x = np.maximum(x, 0.0)
     return run.keep(rows.F @ x)
+
+
+# Linear complementarity by pivoting: x ≥ 0, w = q + M x ≥ 0, xᵀw = 0.
+#
+# Lemke's method (C. E. Lemke, Management Science 11, 1965; R. W. Cottle, J.-S. Pang, R. E. Stone, The Linear
+# Complementarity Problem, section 4.4) follows the solutions of w = q + d θ + M x, d > 0, from θ so large that x = 0
+# down to θ = 0. Each pivot goes along one edge of that path. It ends at a solution, or in a ray on which x grows
+# without end.
+
+
+_PIVOT = 1e-9  # share of its column's largest entry below which an entry is rounding
+_TIE = 1e-10  # relative difference of steps that count as equal
+_PIVOTS = 20  # pivots at most, times the number of unknowns
+
+
+@dataclass(frozen=True, eq=False)
+class Vertex:
+    """Where the path has ended.
+
+    Attributes
+    ----------
+    x : (n,) ≥ 0
+    basic : (n,) bool, where x may be positive, w zero
+    pivots : how many it took
+
+    """
+
+    x: Vector
+    basic: BoolVector
+    pivots: int
+
+
+def solve_lcp(M: Matrix, q: Vector, d: Vector) -> Vertex | None:
+    """A solution of the problem of this module, (n, n), (n,) and (n,) > 0; nothing if the path ends in a ray.
+
+    Nor is there one if the time is over before the path ends, see `watch`.
+    """
+    n = len(q)
+    if q.min(initial=0.0) >= 0.0:
+        return Vertex(np.zeros(n), np.zeros(n, dtype=bool), 0)
+    table = np.hstack([np.eye(n), -M, -d[:, None], q[:, None]])  # w − M x − d θ = q
+    basis = np.arange(n)
+    row, entering = int(np.argmin(q / d)), 2 * n
+    for pivots in range(1, _PIVOTS * n):
+        _pivot(table, row, entering)
+        leaving, basis[row] = int(basis[row]), entering
+        if leaving == 2 * n:
+            return _vertex(table, basis, pivots)
+        entering = leaving + n if leaving < n else leaving - n
+        found = _leaving_row(table, basis, entering)
+        if found is None or expired():
+            return None
+        row = found
+    return None
+
+
+def _pivot(table: Matrix, row: int, column: int) -> None:
+    """Solve the row for the column's variable and eliminate it from all others."""
+    table[row] /= table[row, column]
+    factors = table[:, column].copy()
+    factors[row] = 0.0
+    table -= factors[:, None] * table[row]
+    table[:, column] = 0.0
+    table[row, column] = 1.0
+
+
+def _leaving_row(table: Matrix, basis: IntVector, entering: int) -> int | None:
+    """The basic variable that reaches zero first, θ before others and large pivots before small; none: a ray."""
+    column = table[:, entering]
+    falls = column > _PIVOT * max(1.0, float(np.maximum.reduce(np.abs(column))))
+    steps = np.full(len(column), np.inf)
+    np.divide(np.maximum(table[:, -1], 0.0), column, out=steps, where=falls)
+    least = float(np.minimum.reduce(steps))
+    if least == np.inf:
+        return None
+    tied = (steps <= least + _TIE * max(least, 1e-4)).nonzero()[0]
+    if len(tied) == 1:
+        return int(tied[0])
+    last = tied[basis[tied] == 2 * len(basis)]
+    return int(last[0]) if len(last) else int(tied[np.argmax(column[tied])])
+
+
+def _vertex(table: Matrix, basis: IntVector, pivots: int) -> Vertex:
+    n = len(basis)
+    x, basic = np.zeros(n), np.zeros(n, dtype=bool)
+    rows = np.flatnonzero(basis >= n)
+    x[basis[rows] - n] = np.maximum(table[rows, -1], 0.0)
+    basic[basis[rows] - n] = True
+    return Vertex(x, basic, pivots)
+
+
+# A second opinion on a solution: whether there is another one.
+#
+# With friction the solution of (D2) need not be unique, and each method ends at the one its own way leads to. Pivoting
+# comes from elsewhere than an interior point method. Where it ends at other tractions, and the certificate passes there
+# too, there are at least two solutions: a fact. Where it ends at the same ones nothing follows.
+
+
+LARGEST_DOUBTED, LARGEST_PLAIN = 48, 16
+"""Contact points up to which a second opinion is asked for, where the way to a solution had to turn or the first method
+failed, and two ways are gone, and where nothing was the matter, and one way is: a few per cent of the solve."""
+
+_OTHER = 1e-4  # difference of tractions, over the largest one, that is not the certificates' error
+
+
+def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, *, doubted: bool = True) -> str:
+    """A sentence if there is a certified solution with other tractions at the end of another way, else nothing."""
+    largest = LARGEST_DOUBTED if doubted else LARGEST_PLAIN
+    moving = (qvi.mu > 0.0) & (qvi.cap > qvi.cohesion)
+    if not (moving.any() and qvi.m <= largest and affordable(qvi)):
+        return ""
+    size = solution.certificate.scales["stress"]
+    compliance = Compliance(qvi)
+    own = compliance.tractions(solution.z)
+    for m in other_ends(qvi, compliance, both=doubted):
+        difference = float(np.abs(compliance.bonded - compliance.relief(m) - own).max()) / size
+        if difference > _OTHER and _certified(qvi, compliance, m, tolerance):
+            return (
+                "The discrete problem has several solutions: there is another one, certified as well, whose contact "
+                f"tractions differ by up to {100.0 * difference:.2g} % of the largest. {WHAT_TO_DO}"
+            )
+    return ""
+
+
+def _certified(qvi: FrictionQVI, compliance: Compliance, m: Vector, tolerance: float) -> bool:
+    z, nu = compliance.unknowns(m)
+    return certify(qvi, z, m[: qvi.m], m[qvi.m :], nu, tolerance).passed

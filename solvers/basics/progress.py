@@ -1,28 +1,126 @@
-"""What a solve says while it runs: printed with ``verbose=True``, and logged under the name "qvi_contact".
+"""The watch over a solve: how long it may take, and who is told how far it is.
 
-    with narrated("solve", verbose) as story:
-        story.begin({"unknowns": 768, "method": "condensed"})
-        …                                          # a line for each iteration that methods `tell` of
-        story.end(status, message, {"solve": 0.1})
+    with watched(time_limit=60.0, report=print):
+        …                                         # retries, fall-backs, inner problems, feasibility: one clock for all
 
-A header, a line an iteration, a footer with status and times: this module is the only one that prints them. Inside
-another narration nothing is printed, since the outer one speaks for all.
-
-Levels of the log: INFO how the outermost call begins and ends, WARNING where it ends without a solution, DEBUG its
-iterations and the calls inside it.
+Methods ask `expired` once an iteration and back ends get the seconds `left`. What is not an iteration, such as a
+factorisation, is not interrupted. Inside another watch the earlier end counts, and both are told.
 """
 
 import logging
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from numbers import Real
 from string import ascii_letters
 from textwrap import wrap
 from time import perf_counter
-from typing import Final
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from solvers.basics.checks import true_or_false
-from solvers.basics.watch import Progress, watched
+from solvers.errors import InputError
+
+if TYPE_CHECKING:
+    from solvers.solution import Iteration
+
+
+_LEAST: Final = 1e-3  # seconds: some back ends take 0 for no limit
+
+
+class Progress(NamedTuple):
+    """Where a solve is.
+
+    Attributes
+    ----------
+    method : which method it is that begins or iterates
+    iteration : what it has done; None where it begins
+    remark : why it begins, where another one has failed before
+    stage : what is done that takes long and is no iteration, such as a large factorisation; `method` is what does it
+
+    """
+
+    method: str
+    iteration: "Iteration | None" = None
+    remark: str = ""
+    stage: str = ""
+
+
+Report: TypeAlias = Callable[[Progress], object]
+
+
+class _Watch(NamedTuple):
+    """The end, of `time.monotonic`, and everyone to tell."""
+
+    end: float = math.inf
+    reports: tuple[Report, ...] = ()
+
+
+_NOBODY: Final = _Watch()
+_watch: ContextVar[_Watch] = ContextVar("watch", default=_NOBODY)
+
+
+@contextmanager
+def watched(time_limit: float | None = None, report: Report | None = None) -> Iterator[None]:
+    """Everything inside ends within so many seconds, as far as it can be interrupted, and tells `report` how far it is.
+
+    Raises
+    ------
+    InputError
+        If `time_limit` is not a finite number above 0.
+
+    """
+    outer = _watch.get()
+    end = outer.end if time_limit is None else min(outer.end, time.monotonic() + _seconds(time_limit))
+    token = _watch.set(_Watch(end, outer.reports if report is None else (*outer.reports, report)))
+    try:
+        yield
+    finally:
+        _watch.reset(token)
+
+
+def left() -> float:
+    """Seconds left, infinity without a limit; never 0, which some back ends take for no limit."""
+    end = _watch.get().end
+    return max(end - time.monotonic(), _LEAST) if end < math.inf else math.inf
+
+
+def expired() -> bool:
+    """Whether the time is over."""
+    end = _watch.get().end
+    return end < math.inf and time.monotonic() >= end
+
+
+def tell(progress: Progress) -> None:
+    """Tell everyone who watches."""
+    for report in _watch.get().reports:
+        report(progress)
+
+
+def _seconds(value: object) -> float:
+    seconds = math.nan
+    if not isinstance(value, bool) and isinstance(value, Real):
+        with suppress(OverflowError):
+            seconds = float(value)
+    if not 0.0 < seconds < math.inf:
+        raise InputError("time_limit", value, "give a number of seconds above 0")
+    return seconds
+
+
+# What a solve says while it runs: printed with ``verbose=True``, and logged under the name "qvi_contact".
+#
+#     with narrated("solve", verbose) as story:
+#         story.begin({"unknowns": 768, "method": "condensed"})
+#         …                                          # a line for each iteration that methods `tell` of
+#         story.end(status, message, {"solve": 0.1})
+#
+# A header, a line an iteration, a footer with status and times: this module is the only one that prints them. Inside
+# another narration nothing is printed, since the outer one speaks for all.
+#
+# Levels of the log: INFO how the outermost call begins and ends, WARNING where it ends without a solution, DEBUG its
+# iterations and the calls inside it.
+
 
 LOGGER: Final = logging.getLogger("qvi_contact")
 """The logger of all packages of the project; silent unless the program that uses them gives it a handler."""

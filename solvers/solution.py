@@ -1,0 +1,330 @@
+"""What a solve returns."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from solvers.basics.frames import columns_of, frame
+from solvers.basics.progress import expired
+from solvers.basics.status import Status
+from solvers.basics.types import Vector
+from solvers.certificate.certificate import Certificate, certify
+from solvers.certificate.feasibility import Feasibility, check_feasibility
+from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
+from solvers.inequality.problem import FrictionQVI
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from solvers.inequality.problem import FrictionQVI
+
+
+class Iteration(NamedTuple):
+    """One outer iteration, or one of the interior point method, dimensionless.
+
+    Attributes
+    ----------
+    number : from 1
+    residual : fixed point: |s_new − s| / |s_new|, norm weighted by W; Uzawa: relative change of λ; condensed: the
+        largest of gap and residuals, see `condensed.interior_point.Measures`
+    energy : ½ zᵀKz − fᵀz
+    normal_resultant : Σ W (N z + n0), negative in compression
+    inner_status : how the inner problem ended; ``None`` where there is none
+    inner_iterations : iterations of the inner solver, 0 if unknown
+    seconds : wall time of the iteration
+
+    """
+
+    number: int
+    residual: float
+    energy: float
+    normal_resultant: float
+    inner_status: Status | None = None
+    inner_iterations: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class QVISolution:
+    """A point z with its multipliers, how it was found, and the proof of what it is worth.
+
+    Attributes
+    ----------
+    problem : the original data
+    status : `Status`; "solved" only if `certificate` passed
+    z : (n,) unknowns; NaN if there is no result
+    normal_multiplier, tangential_multiplier : (m,) row multipliers m = W λ, signs as in `FrictionQVI`
+    equality_multiplier : (p,)
+    threshold : (m,) bound of |σ_T| at z, NaN without a z
+    certificate : computed on `problem`
+    history : one `Iteration` each (thinned out for long Uzawa runs: the first thousand, then every tenth,
+        hundredth, … and the last)
+    iterations : number of outer iterations done
+    timings : seconds by name: "setup", "solve", "certificate"
+    method, inner : what was used; `inner` is the fixed point's, else empty
+    message : one readable sentence
+    versions : package → version of what was used
+    farkas : (rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`
+    form : unknowns of the inner problems, and of the condensed method's Newton matrices: "full" or "condensed"
+    factorisation : back end and version of the factorisation of K; empty if none was made
+    corrections : of the condensed method, sizes of the defect corrections in the energy norm, relative: what the
+        rounding inside K had spoilt; they end where the next one would be rounding
+    remarks : what to know about a solution, such as that there are several; one sentence each
+    near : of the condensed method, whether the state it was to begin from was near enough; None if there was none
+
+    """
+
+    problem: FrictionQVI
+    status: Status
+    z: Vector
+    normal_multiplier: Vector
+    tangential_multiplier: Vector
+    equality_multiplier: Vector
+    threshold: Vector
+    certificate: Certificate
+    history: tuple[Iteration, ...] = ()
+    iterations: int = 0
+    timings: Mapping[str, float] = field(default_factory=dict)
+    method: str = ""
+    inner: str = ""
+    message: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    farkas: tuple[Vector, Vector] | None = None
+    form: str = "full"
+    factorisation: str = ""
+    corrections: tuple[float, ...] = ()
+    remarks: tuple[str, ...] = ()
+    near: bool | None = None
+
+    def to_frame(self) -> DataFrame:
+        """One row for each `Iteration` as a pandas table, with its fields as columns; needs the extra ``frame``.
+
+        Raises
+        ------
+        InputError
+            If pandas is missing.
+
+        """
+        rows = [entry._asdict() for entry in self.history]
+        return frame(columns_of(rows))
+
+    @property
+    def solved(self) -> bool:
+        """Whether `status` is solved, that is, whether the certificate passed."""
+        return self.status is Status.SOLVED
+
+    @property
+    def normal_displacement(self) -> Vector:
+        """u_N − g = −λ_N at the contact points (m,), ≤ 0; one of many if rows of N are dependent."""
+        return np.asarray(-self.normal_multiplier / self.problem.W)
+
+    @property
+    def tangential_displacement(self) -> Vector:
+        """u_T − w = −λ_T at the contact points (m,); one of many if rows of T are dependent."""
+        return np.asarray(-self.tangential_multiplier / self.problem.W)
+
+    @property
+    def contraction(self) -> float | None:
+        """Observed contraction of the fixed point, see `contraction`; None for methods without an outer loop."""
+        return observed_contraction(self.history) if self.method == "fixed-point" else None
+
+    @cached_property
+    def uniqueness(self) -> UniquenessBound:
+        """The sufficient bound of friction for uniqueness, computed when it is asked for; see `uniqueness`."""
+        return uniqueness_bound(self.problem)
+
+
+# How fast an outer loop was seen to converge.
+
+
+_LAST: Final = 10  # residuals that count, from the end
+_LEAST: Final = 4  # of them, or there is no estimate
+_FLOOR: Final = 1e-13  # residuals below this are rounding
+
+
+def observed_contraction(history: Sequence[Iteration]) -> float | None:
+    """Factor by which the residual shrank in each of the last iterations.
+
+    Of the last ten residuals r_k above 1e-13 the median of log(r_j / r_i) / (j − i) over all pairs i < j (the slope of
+    Theil and Sen), as a factor: a single lucky or spoilt iteration does not count. Above 1 the loop diverges. With
+    Anderson's acceleration it is the factor of the accelerated loop, usually smaller than the Lipschitz constant of the
+    map that `uniqueness` bounds. Where inner problems were solved, entries without one, such as Newton's method after
+    the loop, are no steps of it and do not count.
+
+    Returns
+    -------
+    float, or None if there are fewer than four such residuals.
+
+    """
+    nested = any(entry.inner_status is not None for entry in history)
+    steps = [entry for entry in history if entry.inner_status is not None or not nested]
+    found = [(entry.number, entry.residual) for entry in steps if np.isfinite(entry.residual)]
+    chosen = [(number, residual) for number, residual in found if residual > _FLOOR][-_LAST:]
+    if len(chosen) < _LEAST:
+        return None
+    number, residual = np.array(chosen).T
+    first, second = np.triu_indices(len(number), 1)
+    slopes = np.log(residual[second] / residual[first]) / (number[second] - number[first])
+    return float(np.exp(np.median(slopes)))
+
+
+# Where an iteration starts: the answer to a problem before.
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A state of a problem with the same rows, in the units of the one to be solved.
+
+    Attributes
+    ----------
+    pressure : s (m,) ≥ 0
+    z : (n,) unknowns
+    normal_multiplier, tangential_multiplier : (m,) row multipliers, signs as in `FrictionQVI`
+
+    """
+
+    pressure: Vector
+    z: Vector
+    normal_multiplier: Vector
+    tangential_multiplier: Vector
+
+    @classmethod
+    def of(cls, solution: QVISolution, stress: float = 1.0, displacement: float = 1.0) -> Start:
+        """The answer to a problem before, its units given in those of the problem to be solved."""
+        return cls(
+            stress * solution.problem.pressure(solution.z),
+            stress * solution.z,
+            displacement * solution.normal_multiplier,
+            displacement * solution.tangential_multiplier,
+        )
+
+    def fits(self, qvi: FrictionQVI) -> bool:
+        """Whether it may be a state of that problem."""
+        return self.z.shape == (qvi.n,) and self.normal_multiplier.shape == (qvi.m,)
+
+
+# The last step of every method: certificate, status, one readable sentence.
+
+
+WHAT_TO_DO = (
+    "Which one a body takes depends on how it was loaded: follow the load in steps (solve_history, or initial=… from "
+    "the result of a smaller load)."
+)
+"""What a user can do where there are several solutions."""
+
+LOOSEST = 1e-4
+"""A result whose accuracy is worse is not called inaccurate but by the reason why the iteration ended."""
+
+
+@dataclass(eq=False)
+class Outcome:
+    """What an iteration leaves behind; `reason` is its own view, before any certificate.
+
+    `turned` says how the way to it had to turn, which happens where there are several solutions. `near` is that of
+    `QVISolution`. `advice` says what to do where that is not what the reason says.
+    """
+
+    reason: Status
+    z: Vector
+    m_N: Vector  # noqa: N815  # letters of (D2)
+    m_T: Vector  # noqa: N815
+    nu: Vector
+    threshold: Vector
+    history: list[Iteration]
+    iterations: int
+    message: str = ""
+    timings: dict[str, float] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    feasibility: Feasibility | None = None
+    form: str = "full"
+    check_feasible: bool = True
+    corrections: tuple[float, ...] = ()
+    turned: str = ""
+    near: bool | None = None
+    advice: str = ""
+
+    def discard(self, qvi: FrictionQVI) -> None:
+        """Forget the point."""
+        self.z, self.m_N, self.nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
+        self.m_T = self.threshold = self.m_N
+
+
+def no_outcome(qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
+    """Nothing but the reason why there is no result."""
+    z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
+    return Outcome(reason, z, rows, rows, nu, rows, [], 0, message)
+
+
+def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, tolerance: float) -> QVISolution:
+    """Certify on the original data and decide the status; without a result, ask whether there can be one."""
+    began = time.perf_counter()
+    certificate = certify(qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, tolerance)
+    status = _status(outcome.reason, certificate)
+    feasibility = outcome.feasibility
+    undecided = status not in (Status.SOLVED, Status.INACCURATE) and outcome.check_feasible and not expired()
+    if undecided and feasibility is None:
+        feasibility = check_feasibility(qvi)
+    if undecided and feasibility is not None and feasibility.feasible is False:
+        status = Status.INFEASIBLE
+    elif status is Status.INFEASIBLE:
+        status = Status.INNER_INFEASIBLE
+    farkas = feasibility.farkas if feasibility is not None and status is Status.INFEASIBLE else None
+    if status is Status.INFEASIBLE:  # where an iteration stopped means nothing then
+        outcome.discard(qvi)
+        certificate = certify(qvi, outcome.z, None, None, None, tolerance)
+    outcome.timings["certificate"] = time.perf_counter() - began
+    advice = outcome.advice if status is outcome.reason else ""
+    return QVISolution(
+        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, outcome.threshold, certificate,
+        tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
+        _sentence(status, outcome.iterations, outcome.message, certificate, feasibility, advice),
+        dict(outcome.versions), farkas, outcome.form,
+        qvi.factorisation, outcome.corrections, _remarks(status, outcome.turned), outcome.near,
+    )  # fmt: skip
+
+
+def _status(reason: Status, certificate: Certificate) -> Status:
+    """Solved only by certificate; a stop short of it is inaccurate if the result can be used."""
+    if certificate.passed:
+        return Status.SOLVED
+    if reason in (Status.SOLVED, Status.STALLED) and certificate.accuracy <= LOOSEST:
+        return Status.INACCURATE
+    return Status.STALLED if reason is Status.SOLVED else reason
+
+
+def _remarks(status: Status, turned: str) -> tuple[str, ...]:
+    """That there may be several solutions, where the way to this one suggests it."""
+    if status is not Status.SOLVED or not turned:
+        return ()
+    return (f"{turned}: the discrete problem may have several solutions, of which this is one. {WHAT_TO_DO}",)
+
+
+def _sentence(
+    status: Status,
+    count: int,
+    said: str,
+    certificate: Certificate,
+    feasibility: Feasibility | None = None,
+    advice: str = "",
+) -> str:
+    parts = [f"{status.words} after {count} iteration{'s' if count != 1 else ''}"]
+    if status is Status.INFEASIBLE and feasibility is not None:
+        parts.append(feasibility.message)
+    elif np.isfinite(certificate.accuracy):
+        parts.append(certificate.summary())
+    if said and status not in (Status.SOLVED, Status.INFEASIBLE):
+        parts.append(said)
+    text = "; ".join(parts) + "."
+    return text if status is Status.SOLVED else f"{text} {advice or status.advice}"
+
+
+def out_of_time(solution: QVISolution) -> QVISolution:
+    """The same state with the status "time_limit": something was still being tried."""
+    status = Status.TIME_LIMIT
+    return replace(solution, status=status, message=_sentence(status, solution.iterations, "", solution.certificate))

@@ -1,0 +1,142 @@
+"""Limit loads that are known, reached from both sides by refinement of coarse meshes.
+
+The suite refines a little; with ``QVI_CONTACT_EFFORT=10`` as far as the accuracy that the comments name.
+"""
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Expression,
+    LimitFactor,
+    Material,
+    MohrCoulomb,
+    Symmetry,
+    Traction,
+    Tresca,
+    TriangleMesh,
+    limit_load_factor,
+    refine,
+)
+from qvi_contact.mechanism import find_mechanism
+from tests.effort import EFFORT
+
+FULL = EFFORT >= 10.0
+NEAR = 1e-9
+
+
+def ground(strength):
+    """Half of a strip of pressure 1 wide on a layer 2 deep."""
+    mesh = TriangleMesh.grid([0, 0.5, 1, 2, 3, 4], [-2, -1, 0])
+    mesh = TriangleMesh(mesh.vertices, mesh.cells)
+    mesh = mesh.with_edges("foot", lambda x, y: (y > -NEAR) & (x < 1)).with_edges("left", lambda x, _: x < NEAR)
+    mesh = mesh.with_edges("free", lambda x, y: (y > -NEAR) & (x > 1))
+    mesh = mesh.with_edges("far", lambda x, y: (x > 4 - NEAR) | (y < -2 + NEAR))
+    held = [Symmetry("left"), Displacement("far", x=0, y=0)]
+    loads = [Traction("foot", x=0, y=-1.0), Traction("free", x=0, y=0)]
+    return ContactProblem(mesh, Material(10.0, 0.3, "strain", strength), [*held, *loads])
+
+
+def notched():
+    """A quarter of a block with cuts from both sides to half of its width, pulled."""
+    mesh = TriangleMesh.rectangle((4, 4))
+    mesh = TriangleMesh(mesh.vertices, mesh.cells)
+    sides = {
+        "top": lambda _, y: y > 1 - NEAR, "right": lambda x, _: x > 1 - NEAR, "left": lambda x, _: x < NEAR,
+        "cut": lambda x, y: (y < NEAR) & (x > 0.5), "ligament": lambda x, y: (y < NEAR) & (x < 0.5),
+    }  # fmt: skip
+    for name, where in sides.items():
+        mesh = mesh.with_edges(name, where)
+    free = [Traction(name, x=0, y=0) for name in ("right", "cut")]
+    conditions = [Traction("top", x=0, y=1.0), *free, Symmetry("left"), Symmetry("ligament")]
+    return ContactProblem(mesh, Material(10.0, 0.3, "strain", Tresca(1.0)), conditions)
+
+
+def cut():
+    """A vertical cut 1 high under its own weight."""
+    x, y = np.linspace(-2, 1, 7), np.linspace(-1, 1, 5)
+    mesh = TriangleMesh.grid(x, y, (y[:-1, None] < -NEAR) | (x[:-1] < -NEAR))
+    mesh = TriangleMesh(mesh.vertices, mesh.cells)
+    mesh = mesh.with_edges("far", lambda x, y: (x < -2 + NEAR) | (x > 1 - NEAR) | (y < -1 + NEAR))
+    mesh = mesh.with_edges("free", lambda x, y: (y > 1 - NEAR) | ((y > -NEAR) & (x > -NEAR) & (x < 1 - NEAR)))
+    conditions = [Traction("free", x=0, y=0), Displacement("far", x=0, y=0)]
+    return ContactProblem(mesh, Material(10.0, 0.3, "strain", Tresca(1.0)), conditions, Expression("y"))
+
+
+CASES = {
+    # problem, load, exact value from … to, accuracy of both sides in the suite and in full, rounds, degree
+    "Prandtl": (ground(Tresca(1.0)), "foot", 2 + np.pi, 2 + np.pi, 0.06, 0.0052, 3, 6),
+    "notched block": (notched(), "top", 1.1315, 1.1316, 0.03, 0.003, 3, 9),
+    "vertical cut": (cut(), "body", 3.7752, 3.7776, 0.09, 0.007, 3, 9),
+    "Nc, 10°": (ground(MohrCoulomb(1.0, np.pi / 18)), "foot", 8.34492, 8.34492, 0.08, 0.01, 3, 6),
+    "Nc, 20°": (ground(MohrCoulomb(1.0, np.pi / 9)), "foot", 14.83470, 14.83470, 0.12, 0.015, 3, 7),
+    "Nc, 30°": (ground(MohrCoulomb(1.0, np.pi / 6)), "foot", 30.13963, 30.13963, 0.2, 0.03, 3, 7),
+}
+
+
+@pytest.mark.parametrize("name", CASES if FULL else ["Prandtl", "vertical cut"])
+def test_known_limit_loads(name):
+    problem, load, low, high, rough, fine, few, many = CASES[name]
+    found = refine(problem, target=fine, quantity=LimitFactor([load]), max_rounds=many if FULL else few, degree=4).limit
+    accuracy = fine if FULL else rough
+    assert low * (1 - accuracy) <= found.lower <= high
+    assert low <= found.upper <= high * (1 + accuracy)
+
+
+def test_thick_cylinder():
+    """Pressure 2c ln(b/a) inside a quarter ring with true arcs: estimates within 0.2 %."""
+    n = 16
+    theta, r = np.meshgrid(np.linspace(0, np.pi / 2, n + 1), np.geomspace(1.0, 2.0, 5))
+    flat = TriangleMesh.grid(np.arange(n + 1.0), np.arange(5.0))
+    place = {(float(x), float(y)): i for i, (x, y) in enumerate(flat.vertices.tolist())}
+    vertices = np.empty_like(flat.vertices)
+    for j in range(5):
+        for i in range(n + 1):
+            vertices[place[float(i), float(j)]] = r[j, i] * np.array([np.cos(theta[j, i]), np.sin(theta[j, i])])
+    mesh = TriangleMesh(vertices, flat.cells, {name: flat.edge_sets[name] for name in flat.edge_names})
+    mesh = mesh.with_arc("bottom", (0.0, 0.0), 1.0).with_arc("top", (0.0, 0.0), 2.0)
+    loads = [Traction("bottom", normal=-1.0, tangential=0.0, name="pressure"), Traction("top", normal=0, tangential=0)]
+    problem = ContactProblem(
+        mesh, Material(10.0, 0.3, "strain", Tresca(1.0)), [*loads, Symmetry("left"), Symmetry("right")]
+    )
+    limit = limit_load_factor(problem, ["pressure"], degree=5)
+    assert not limit.collapse.guaranteed
+    assert limit.lower == pytest.approx(2 * np.log(2), rel=2e-3)
+    assert limit.upper == pytest.approx(2 * np.log(2), rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("mu", "thickness", "joints"), [(0.5, 0.107426, [54.4963]), (0.31, 0.1976, [28.6362, 60.5134])]
+)
+def test_semicircular_arch_of_voussoirs(mu, thickness, joints):
+    """Under its own weight it stands if it is as thick as η = t/R, and falls if thinner.
+
+    Cocchetti and Rizzi (2020) give 0.107426 above μ = 0.395832, and 0.200637 at μ = 0.309215, below which none stands.
+    """
+    for share in (1.01, 0.99):
+        problem = arch(mu, share * thickness, joints)
+        assert (find_mechanism(problem) is None) == (share > 1)
+
+
+def arch(mu, eta, joints):
+    """A half ring of centreline radius 1 and thickness η with radial joints, angles from the crown in degrees."""
+    marks = np.unique(np.concatenate([np.linspace(0, 90, 19), joints, -np.array(joints), -np.linspace(0, 90, 19)]))
+    flat = TriangleMesh.grid(marks, [0.0, 0.5, 1.0])
+    angle, radius = np.radians(flat.vertices[:, 0]), 1.0 + eta * (flat.vertices[:, 1] - 0.5)
+    vertices = radius[:, None] * np.column_stack([np.sin(angle), np.cos(angle)])
+    mesh = TriangleMesh(vertices, flat.cells, {name: flat.edge_sets[name] for name in flat.edge_names})
+    mesh = mesh.with_arc("bottom", (0.0, 0.0), 1.0 - eta / 2).with_arc("top", (0.0, 0.0), 1.0 + eta / 2)
+    contacts = [Contact("left", mu), Contact("right", mu)]
+    for at in [0.0, *joints, *(-angle for angle in joints)]:
+        direction = np.array([np.cos(np.radians(at)), -np.sin(np.radians(at))])
+
+        def where(x, y, direction=direction):
+            return (np.abs(x * direction[0] + y * direction[1]) < NEAR) & (y > 0)
+
+        mesh = mesh.with_joint(f"joint {at}", where)
+        contacts.append(Contact(f"joint {at}", mu))
+    loads = [Traction(name, normal=0, tangential=0) for name in ("bottom", "top")]
+    return ContactProblem(mesh, Material(10.0, 0.2), [*contacts, *loads], Expression("y"))
