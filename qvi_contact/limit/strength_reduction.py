@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from solvers.basics.watch import watched
-
 from qvi_contact.basics.checks import Field, positive_number
 from qvi_contact.discretization.space import RowKind
 from qvi_contact.errors import InputError
@@ -22,6 +20,7 @@ from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Strength, Tresca
 from solvers.basics.names import known_name
+from solvers.basics.progress import watched
 
 _FARTHEST: Final = 1e4  # factors beyond count as infinite, and below the inverse as zero
 _STEP: Final = 2.0  # between the first trials
