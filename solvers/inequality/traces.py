@@ -23,6 +23,7 @@ from solvers.inequality.rows import (
     are_few,
     basis_rows,
     by_columns,
+    dense,
     echelon,
     magnitudes,
     spanning_rows,
@@ -124,8 +125,9 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
         spanned, chosen = spanning_rows(contact_rows)
         traces = Traces(contact_rows[chosen], csc_array(spanned))
     k = len(interface)
-    if are_few(*traces.rows.shape) and are_few(traces.interpolation.shape[0], k):
-        return _few_coordinates(traces.rows.toarray()[:, interface], traces.interpolation.toarray())
+    if are_few(traces.rows.shape[0], k) and are_few(traces.interpolation.shape[0], k):
+        rows = traces.rows.toarray() if are_few(*traces.rows.shape) else traces.rows
+        return _few_coordinates(dense(rows[:, interface]), traces.interpolation.toarray())
     Y = csr_array(traces.rows[:, interface])
     found = echelon(Y)
     P = stored(_completed(Y[found.rows], found.free))
