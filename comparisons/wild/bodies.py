@@ -216,7 +216,7 @@ def _through_a_file(mesh: TriangleMesh, ending: str) -> TriangleMesh:
         more["field_data"] = {name: np.array([n, 2 if n == 1 else 1]) for n, name in enumerate(names, start=1)}
     elif ending == "med":
         more["cell_data"] = {"cell_tags": [-tag for tag in tags]}
-    found: Any = meshio.Mesh(points, list[tuple[str, Any]](blocks), **more)
+    found: Any = meshio.Mesh(points, list[Any](blocks), **more)
     if ending == "med":
         found.cell_tags = {-n: [name] for n, name in enumerate(names, start=1)}
     elif ending == "inp":

@@ -206,11 +206,12 @@ class _Exact:
                 across = [e[0] * u + e[1] * v for u, v in zip(x, y, strict=True)]
                 found[i, j] = [along, across]
                 continue
-            d, n_part = loads[0].direction, _dot(loads[0].direction, normal)
+            only = loads[0].direction
+            n_part = _dot(only, normal)
             if n_part == 0:
-                scale = _dot(e, e) / _dot(d, e)
+                scale = _dot(e, e) / _dot(only, e)
                 found[i, j] = [None, [scale * value for value in right[0]]]
-            elif _dot(d, e) == 0:
+            elif _dot(only, e) == 0:
                 scale = _dot(normal, normal) / n_part
                 found[i, j] = [[scale * value for value in right[0]], None]
             else:

@@ -163,7 +163,7 @@ def edges_on_segment(
             x, y = vertices[np.unique(pairs)[np.argmin(gaps)]]
             remedy = f"must be a vertex where edges on this line end; the nearest one is ({x:.9g}, {y:.9g})"
             raise InputError("segment", end.tolist(), remedy)
-    return pairs
+    return np.asarray(pairs)
 
 
 def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:

@@ -186,7 +186,7 @@ def _angles(mesh: TriangleMesh) -> FloatArray:
     arms = np.stack([np.roll(mesh.corners, -shift, axis=1) - mesh.corners for shift in (1, 2)])
     one, other = arms
     turn = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    return np.abs(np.arctan2(turn, (one * other).sum(axis=-1)))
+    return np.asarray(np.abs(np.arctan2(turn, (one * other).sum(axis=-1))))
 
 
 def _widest(mesh: TriangleMesh, vertex: int) -> float:

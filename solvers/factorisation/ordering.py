@@ -32,7 +32,7 @@ def interface_last(
     else:
         of_groups = np.empty((graph.shape[0], 2))
         of_groups[group] = places[interior]  # of one of its unknowns, which are at one vertex or edge
-        order = nested_dissection(of_groups, graph.indptr, graph.indices)
+        order = nested_dissection(of_groups, graph.indptr.astype(np.int64), graph.indices.astype(np.int64))
     position[order] = np.arange(graph.shape[0])
     return np.concatenate([interior[np.argsort(position[group], kind="stable")], interface])
 

@@ -23,7 +23,6 @@ from solvers.inequality.rows import (
     are_few,
     basis_rows,
     by_columns,
-    dense,
     echelon,
     magnitudes,
     spanning_rows,
@@ -126,8 +125,9 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
         traces = Traces(contact_rows[chosen], csc_array(spanned))
     k = len(interface)
     if are_few(traces.rows.shape[0], k) and are_few(traces.interpolation.shape[0], k):
-        rows = traces.rows.toarray() if are_few(*traces.rows.shape) else traces.rows
-        return _few_coordinates(dense(rows[:, interface]), traces.interpolation.toarray())
+        few = are_few(*traces.rows.shape)  # picking columns of a dense matrix is quicker
+        columns = traces.rows.toarray()[:, interface] if few else traces.rows[:, interface].toarray()
+        return _few_coordinates(columns, traces.interpolation.toarray())
     Y = csr_array(traces.rows[:, interface])
     found = echelon(Y)
     P = stored(_completed(Y[found.rows], found.free))
