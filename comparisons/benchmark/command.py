@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from comparisons.lab.options import COUNT, FiniteRange, ListCommand, json_option, out_option
-from comparisons.lab.study.options import RunOptions, study_options
+from comparisons.lab.run_options import RunOptions, study_options
 
 FOLDER = "results/benchmark"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from comparisons.lab.options import json_option, out_option
-from comparisons.lab.study.options import RunOptions, study_options
+from comparisons.lab.run_options import RunOptions, study_options
 from qvi_contact.basics.terminal import Command
 
 if TYPE_CHECKING:

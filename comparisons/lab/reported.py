@@ -9,7 +9,8 @@ from typing import Any
 import click
 
 from comparisons.lab.report import Document, findings_of, show, write_report
-from comparisons.lab.study import RunOptions, StoredStudy, Study, read_study, write_csv
+from comparisons.lab.run_options import RunOptions
+from comparisons.lab.study import StoredStudy, Study, read_study, write_csv
 from comparisons.lab.study.rows import finite_json
 from qvi_contact.basics.writing import writable_folder
 

@@ -8,7 +8,7 @@ from typing import Final
 import click
 
 from comparisons.lab.options import COUNT, FiniteRange, ListCommand, json_option, out_option
-from comparisons.lab.study.options import RunOptions, study_options
+from comparisons.lab.run_options import RunOptions, study_options
 from comparisons.peers import LEVELS
 
 _FOLDER = "results/peers"

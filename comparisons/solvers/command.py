@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from comparisons.lab.options import ListCommand, json_option, out_option
-from comparisons.lab.study.options import RunOptions, study_options
+from comparisons.lab.run_options import RunOptions, study_options
 
 if TYPE_CHECKING:
     from comparisons.lab.reported import Reported

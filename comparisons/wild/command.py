@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from comparisons.lab.options import COUNT, ListCommand, json_option, out_option
-from comparisons.lab.study.options import RunOptions, study_options
+from comparisons.lab.run_options import RunOptions, study_options
 
 STORE = "results/wild/wild.sqlite"
 QUICK_STORE = "results/wild/wild-quick.sqlite"

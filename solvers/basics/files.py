@@ -4,6 +4,8 @@ Only regular files are replaced, by renaming. Links are followed; a file with se
 and gets new contents, as do devices and pipes.
 """
 
+from __future__ import annotations
+
 import errno
 import os
 import shutil
@@ -14,12 +16,12 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO, Final
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from solvers.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 def given_path(field: str, value: object) -> Path:
@@ -187,6 +189,8 @@ def read_arrays(field: str, path: str, stream: BinaryIO) -> dict[str, NDArray[An
         pickles.
 
     """
+    import numpy as np  # commands that only write files, or show their help, need none
+
     with zipfile.ZipFile(stream) as archive:
         entries = archive.infolist()
     sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in entries}
@@ -198,12 +202,7 @@ def read_arrays(field: str, path: str, stream: BinaryIO) -> dict[str, NDArray[An
         raise InputError(field, path, remedy)
     stream.seek(0)
     with np.load(stream, allow_pickle=False) as found:
-        return {name: _entry(found[name], sizes[name]) for name in found.files}
-
-
-def _entry(entry: NDArray[Any] | bytes, size: int) -> NDArray[Any]:
-    """The array, if it is no longer than its bytes: items without a size cost nothing until somebody lists them."""
-    array = np.asarray(entry)  # what is no array in the file comes as bytes
-    if array.size > size:
+        arrays = {name: np.asarray(found[name]) for name in found.files}  # what is no array in the file comes as bytes
+    if any(array.size > sizes[name] for name, array in arrays.items()):  # items without a size cost nothing at first
         raise ValueError("an entry has more items than bytes")
-    return array
+    return arrays

@@ -8,7 +8,7 @@ About a point z with the gradient γ of the energy there, eliminating the interi
 γ is computed without the rounding inside K where the problem has an `EnergyRoot`, so that moving z repairs what S
 lacks.
 
-In `docs/theory.md`: (D4).
+In `docs/theory.md`: (D4), (D33).
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -138,7 +138,6 @@ class Reduction(Space):
 # is analysed once, and filled by one sparse matrix G, which adds G (M_NN, M_TN, M_TT) to those of K's entries that
 # contact points touch.
 #
-# In `docs/theory.md`: (D33).
 
 
 _NEAR_FROM = 12_000  # contact points, above which a start near the bonded solution is the first, else the last

@@ -8,7 +8,7 @@ import pytest
 
 from comparisons import solvers as room
 from comparisons.lab.study import Row
-from qvi_contact import InputError, discretize, load_problem
+from qvi_contact import InputError
 from solvers import Status, available, solve_qvi
 from solvers.inner import BackendFailure, attempt, make_inner
 
@@ -135,24 +135,16 @@ class TestAccuracies:
 class TestProblems:
     """What they are given."""
 
-    def test_doubled_points_and_equations_leave_the_solution_as_it_was(self):
-        for doubled, single in (("doubled_rows", "plate_8"), ("doubled_equation", "punch")):
-            one, two = room.instance(single), room.instance(doubled)
-            assert two.reference.solved
-            assert np.allclose(one.reference.z, two.reference.z, atol=1e-8 * np.abs(one.reference.z).max())
-        assert room.instance("doubled_rows").qvi.W.sum() == pytest.approx(room.instance("plate_8").qvi.W.sum())
-        assert room.instance("doubled_rows").qvi.m == 2 * room.instance("plate_8").qvi.m
-        assert room.instance("doubled_equation").qvi.p == 2 * room.instance("punch").qvi.p > 0
+    def test_doubled_points_leave_the_solution_as_it_was(self):
+        one, two = room.instance("plate_8"), room.instance("doubled_rows")
+        assert two.reference.solved
+        assert np.allclose(one.reference.z, two.reference.z, atol=1e-8 * np.abs(one.reference.z).max())
+        assert two.qvi.W.sum() == pytest.approx(one.qvi.W.sum())
+        assert two.qvi.m == 2 * one.qvi.m
 
-    def test_problems_without_a_solution_are_proved_to_have_none(self, pytestconfig):
+    def test_problems_without_a_solution_are_proved_to_have_none(self):
         for name in (name for name, each in room.PROBLEMS.items() if not each.feasible):
             assert room.instance(name).reference.status is Status.INFEASIBLE
-        path = pytestconfig.rootpath / "examples" / "dragged_block_slides.toml"
-        example = discretize(load_problem(path).problem, element="bfs").fitted().qvi
-        ours = room.instance("dragged_block").qvi
-        assert abs(example.K - ours.K).max() < 1e-8
-        assert np.allclose(example.t0, ours.t0)
-        assert np.allclose(example.mu, ours.mu)
 
     def test_bounds_of_a_sequence_approach_that_of_the_solution(self):
         problem = room.instance("plate_8")
@@ -168,7 +160,7 @@ class TestProblems:
         assert full.n0 == pytest.approx(centre.n0, abs=1e-6 * np.abs(centre.n0).max())
 
     def test_what_is_open_sticks_and_slips_is_the_whole_contact(self):
-        facts = room.instance("ssnv128_8").facts
+        facts = room.instance("ssnv128_4").facts
         assert facts["open"] + facts["stick"] + facts["slip"] == pytest.approx(1.0)
         assert min(facts["open"], facts["stick"], facts["slip"]) > 0.0
         assert room.instance("stick_8").facts["slip"] == 0.0

@@ -120,8 +120,8 @@ class TestComparisons:
     """One thing against another."""
 
     def test_doubled_rows_are_compared_with_the_same_rows_given_once(self):
-        runs = [run(solver, problem=name) for solver in "ab" for name in ("plate_8", "punch", "doubled_rows")]
-        runs += [run("a", problem="doubled_equation", **LOST), run("b", problem="doubled_equation")]
+        runs = [run(solver, problem=name) for solver in "ab" for name in ("plate_8", "graded_8")]
+        runs += [run("a", problem="doubled_rows", **LOST), run("b", problem="doubled_rows")]
         assert [line[-4:] for line in lines("twins", runs)] == [
             ("0 % of 1", "1", "100 % of 1", "0"), ("100 % of 1", "0", "100 % of 1", "0"),
         ]  # fmt: skip

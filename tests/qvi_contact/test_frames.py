@@ -249,13 +249,6 @@ def test_other_rows_are_other_unknowns(entries, tmp_path):
         assert isinstance(fails(forged(tmp_path / "a.npz", entries | {"degree": wrong})), str)
 
 
-def test_results_without_these_entries_are_those_of_rectangles(tmp_path):
-    """As version 0.1 wrote them."""
-    write_npz(tmp_path / "a.npz", solve(compressed_plate(0.2, (2, 2))))
-    old = {k: v for k, v in Archive(tmp_path / "a.npz").arrays.items() if k not in ("degree", "contact_rows")}
-    assert "rectangles" in fails(forged(tmp_path / "b.npz", old))
-
-
 def test_a_mesh_file_is_never_asked_for_by_a_result(entries, tmp_path):
     """A result is checked from itself alone, whatever it names."""
     lines = str(entries["problem"]).splitlines()

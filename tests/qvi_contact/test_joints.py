@@ -176,7 +176,7 @@ class TestRefused:
     @pytest.mark.parametrize(
         ("arguments", "word"),
         [
-            (("new", "horizontal"), "array"),
+            (("new", "horizontal"), "function"),
             (("new", lambda _, y: y == 0.41), "no interior edge"),
             (("new", lambda _, y: y == 0.0), "no interior edge"),
             (("joint", lambda x, _: x == 0.8), "exists already"),

@@ -303,9 +303,9 @@ def test_several_named_loads_of_a_column_against_its_resultants(seed):
     """Loads of different sizes, some of which cancel in part: what blocks of a column carry by statics alone."""
     rng = np.random.default_rng(seed)
     heights, friction = [0.0, 1.0], float(rng.uniform(0.1, 0.8))
-    mesh = TriangleMesh.grid([0.0, 1.0], [0.0, 1.0, 2.0])
-    for side, level in product(("left", "right"), (0, 1)):
-        mesh = mesh.with_edges(f"{side} {level}", side, level, level + 1.0)
+    parts = product((("left", 0.0), ("right", 1.0)), (0, 1))
+    edges = {f"{side} {level}": ((at, level), (at, level + 1.0)) for (side, at), level in parts}
+    mesh = TriangleMesh.grid([0.0, 1.0], [0.0, 1.0, 2.0], edges=edges)
     mesh = mesh.with_joint("joint", lambda _, y: np.isclose(y, 1.0))
     forces = {"top": (rng.uniform(-3.0, 3.0), -10.0, 0.5, 2.0)}
     for level in (0, 1):

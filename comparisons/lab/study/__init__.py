@@ -10,7 +10,6 @@ An interrupted study goes on where it stopped. Whatever happens to a case is a r
 """
 
 from comparisons.lab.study.declaration import Case, Study
-from comparisons.lab.study.options import RunOptions, study_options
 from comparisons.lab.study.rows import DONE, Row, StoredStudy, frame_of, largest_of, read_csv, read_study, write_csv
 from comparisons.lab.study.runner import StudyRun, run_study
 from qvi_contact.runs.processes import FAILURES, Outcome
@@ -22,7 +21,6 @@ __all__ = [
     "Case",
     "Outcome",
     "Row",
-    "RunOptions",
     "StoredStudy",
     "Study",
     "StudyRun",
@@ -31,7 +29,6 @@ __all__ = [
     "read_csv",
     "read_study",
     "run_study",
-    "study_options",
     "write_csv",
 ]
 

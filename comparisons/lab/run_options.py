@@ -1,20 +1,22 @@
 """The options of every command that runs a study, and how such a command ends."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 from click.core import ParameterSource
 
 from comparisons.lab.options import COUNT, FiniteRange
-from comparisons.lab.study.declaration import Study
-from comparisons.lab.study.rows import finished_keys
-from comparisons.lab.study.runner import StudyRun, run_study
 from qvi_contact.basics.writing import writable_folder
 from qvi_contact.errors import InputError
+
+if TYPE_CHECKING:  # help comes at once: what runs studies is loaded by those who do
+    from comparisons.lab.study import Study, StudyRun
 
 _MOST_MEMORY: Final = 2**40  # MiB, whose bytes the system can still count
 
@@ -30,11 +32,11 @@ class RunOptions:
     memory: int | None
     threads: int
 
-    def inside(self, name: str) -> "RunOptions":
+    def inside(self, name: str) -> RunOptions:
         """The same with the file of this name in the store's folder."""
         return replace(self, store=self.store / name)
 
-    def apart(self, quick_store: str | None, remedy: str) -> "RunOptions":
+    def apart(self, quick_store: str | None, remedy: str) -> RunOptions:
         """The same with the store of a quick study, if this is one, unless the user has named a store.
 
         A part of a study needs a store that the user names: give the `remedy` that says so, else an empty one.
@@ -47,11 +49,15 @@ class RunOptions:
 
     def check(self, study: Study) -> None:
         """Find a store of another study, a damaged one, or one that cannot be written, before anything is run."""
+        from comparisons.lab.study.rows import finished_keys
+
         if len(finished_keys(self.store, study)) < len(study.cases):
             writable_folder(self.store.parent, "store")
 
     def run(self, study: Study) -> StudyRun:
         """Run the study; after an interrupt the command ends with status 130 and a line that tells how to go on."""
+        from comparisons.lab.study import run_study
+
         run = run_study(study, self.store, self.workers, self.dask, self.timeout, self.memory, threads=self.threads)
         if run.interrupted:
             rows = f"{run.finished} of {len(study.cases)} rows are in {run.store}"
