@@ -140,6 +140,7 @@ class Process:
         self._lifeline: int | None = None
         self._about: Any = None
         self._loaded = self._proven = False  # this process, and any before: the job can be loaded
+        self._killed = False  # one was killed while it loaded the job, which need not be the job's fault
         self._began = self._used = 0.0
 
     def give(self, order: object) -> None:
@@ -187,7 +188,8 @@ class Process:
         if answer[0] in ("refused", "ended", "timeout"):
             code = self.end()
             status, reason = answer if len(answer) == 2 else self._last_words(code)
-            if not self._proven:
+            killed_first, self._killed = code < 0 and answer[0] == "ended" and not self._killed, True
+            if not self._proven and not killed_first:
                 raise NotLoadedError(reason, self._limits.memory is not None and self._loads_with_more())
             return Outcome("crashed" if status == "refused" else status, None, reason, seconds, about=self._about)
         self._used = time.monotonic()
