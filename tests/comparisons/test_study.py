@@ -26,6 +26,7 @@ from hypothesis import strategies as st
 from pandas import DataFrame
 
 from comparisons.lab.progress import progress
+from comparisons.lab.run_options import study_options
 from comparisons.lab.study import (
     DONE,
     FAILURES,
@@ -41,7 +42,6 @@ from comparisons.lab.study import (
     read_csv,
     read_study,
     run_study,
-    study_options,
     write_csv,
     writing,
 )
