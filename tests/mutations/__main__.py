@@ -25,16 +25,10 @@ COUNT: Final = 320
 SECONDS: Final = 30.0  # of tests that are run for a mutation
 NUMERICAL: Final = (
     "qvi_contact/bracket", "qvi_contact/companion", "qvi_contact/discretization", "qvi_contact/element",
-    "qvi_contact/mechanism", "qvi_contact/mesh", "qvi_contact/problem", "qvi_contact/refinement",
+    "qvi_contact/limit", "qvi_contact/mechanism", "qvi_contact/mesh", "qvi_contact/problem", "qvi_contact/refinement",
     "qvi_contact/solution", "solvers",
 )  # fmt: skip
 """Rooms whose mutations are drawn three times as often."""
-RETIRING: Final = (
-    "bogner_fox_schmit", "exchange", "levels", "dissection", "rectangle", "rectilinear", "hermite.py",
-    "grids.py", "lines.py", "comparisons/lab",
-    "comparisons/scaling", "sequences", "benchmark/systems", "inequality/edges", "threshold",
-)  # fmt: skip
-"""Files of subjects that go, of which nothing is drawn."""
 OPERATORS: Final = (
     "ReplaceBinaryOperator_Add_Sub", "ReplaceBinaryOperator_Sub_Add", "ReplaceBinaryOperator_Mul_Div",
     "ReplaceBinaryOperator_Div_Mul", "ReplaceBinaryOperator_Pow_Mul", "ReplaceBinaryOperator_FloorDiv_Mul",
@@ -70,8 +64,7 @@ def main(words: list[str]) -> int:
 def sample() -> list[Mutation]:
     """Mutations by chance, those of numerical rooms weighted."""
     paths = (path.relative_to(ROOT).as_posix() for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py")))
-    files = [file for file in paths if not any(word in file for word in RETIRING)]
-    everything = [mutation for file in files for mutation, _, _ in places(file)]
+    everything = [mutation for file in paths for mutation, _, _ in places(file)]
     chance = random.Random(SEED)
     keys = [chance.random() ** (1.0 / (3 if each["file"].startswith(NUMERICAL) else 1)) for each in everything]
     drawn = [everything[index] for index in sorted(range(len(keys)), key=keys.__getitem__, reverse=True)[:COUNT]]
