@@ -61,5 +61,5 @@ nitpick_ignore_regex = [
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
     (r"py:class", r"qvi_contact\.companion\.((elasticity|space)\.\w+|result\.CompanionState)"),
     (r"py:class", r"qvi_contact\.(bracket\.bodies\.Body|mesh\.(edges|topology)\.\w+|plots\.figures\.LoadHistory)"),
-    (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.(energy|interface|linear|operator|problem))\.\w+"),
+    (r"py:class", r"solvers\.inequality\.(energy|linear|problem|stiffness)\.\w+"),
 ]
