@@ -6,7 +6,7 @@ from functools import wraps
 from typing import Any, Final
 
 from comparisons.verification.row import Problem, Row
-from qvi_contact import ContactProblem, ContactResult, Discretization, History, discretize, solve, solve_history
+from qvi_contact import ContactProblem, ContactResult, History, solve, solve_history
 from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.limit.load_factor import LimitLoad, limit_load
 
@@ -26,10 +26,6 @@ class Element:
 
     name: str
     degree: int
-
-    def discretized(self, problem: ContactProblem, **options: Any) -> Discretization:
-        """As `discretize` does it."""
-        return discretize(problem, degree=self.degree, **options)
 
     def solve(self, problem: ContactProblem, **options: Any) -> ContactResult:
         """As `solve` does it."""

@@ -222,20 +222,6 @@ class ContactProblem(Stated):
         """`owners`, and the frame in which each boundary edge is ruled (edges,)."""
         return _ruled(self)
 
-    def refuse_supported_holes(self, remedy: str) -> None:
-        """`InputError` with this remedy if an edge of a hole has another condition than a traction.
-
-        Such holes may carry forces, around which the Airy function has several values.
-        """
-        owners, frame = self._rules
-        loads = np.array([isinstance(condition, Traction) for condition in self.conditions])
-        held = self.mesh.hole_edges & ~loads[owners]
-        if held.any():
-            component, edge = (int(number) for number in np.argwhere(held)[0])
-            remedy = f"bounds a hole and is not a Traction: {remedy}"
-            name = _sets_of(self.mesh, edge)[-1]
-            _raise_on_edge(self.mesh, name, component, edge, remedy, frame[edge] == _LOCAL_FRAME)
-
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
         """Prescribed data of one kind, symmetry lines included."""
         return self._prescribed[kind]

@@ -124,30 +124,3 @@ def _is_empty(rows: Sparse) -> NDArray[np.bool_]:
     empty = np.ones(rows.shape[0], dtype=np.bool_)
     empty[rows.indices[rows.data != 0.0]] = False
     return empty
-
-
-def inner_residual(qvi: FrictionQVI, threshold: Vector, solution: InnerSolution) -> float:
-    """Largest relative violation of an inner result's optimality conditions; inf if undefined.
-
-    Used to choose between two results of one back end, never to call anything solved.
-    """
-    if not solution.finite:
-        return np.inf
-    z, m_N, m_T = solution.z, solution.m_N, solution.m_T
-    sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
-    forces = [qvi.gradient(z), qvi.N.T @ m_N, qvi.T.T @ m_T, qvi.A.T @ solution.nu]
-    stress = max(_largest(sigma_N), _largest(sigma_T), _largest(threshold), 1e-300)
-    energy = max(abs(float(z @ (qvi.K @ z))), abs(float(qvi.f @ z)), 1e-300)
-    violation = [np.maximum(sigma_N, 0), np.maximum(np.abs(sigma_T) - threshold, 0)]
-    products = np.abs(m_N * sigma_N).sum() + np.abs(np.abs(m_T) * threshold - m_T * sigma_T).sum()
-    return max(
-        max(map(_largest, violation)) / stress,
-        _largest(qvi.A @ z - qvi.b) / max(_largest(qvi.b), 1.0),
-        _largest(np.sum(forces, axis=0)) / max(max(map(_largest, forces)), 1e-300),
-        float(products) / energy,
-        _largest(np.minimum(m_N, 0)) / max(_largest(m_N), _largest(m_T), 1e-300),
-    )
-
-
-def _largest(vector: Vector) -> float:
-    return float(np.abs(vector).max(initial=0.0))
