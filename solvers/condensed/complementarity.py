@@ -32,7 +32,7 @@ from solvers.certificate import body_scales
 from solvers.condensed.equations import Equations, Frictionless
 from solvers.condensed.systems import FRICTION_SHARES, Base, NewtonSystem, Shares, Space
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import Rows, add_product, dense, magnitudes, mapped, scaled, stacked
+from solvers.inequality.rows import Rows, dense, magnitudes, mapped, scaled
 
 SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
 """Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
@@ -48,15 +48,17 @@ class Complementarity:
     Attributes
     ----------
     S : (k, k); c : (k,)
-    B : (q, k) rows
-    weights : (q,) W of each bound
+    T : (t, k) rows of the tractions that are bounded, σ_N first; forces : (k, t) Tᵀ, forces on them as such on y
+    N : (t, k) rows of σ_N at the points of bounded σ_T, zero beside σ_N itself
+    weights : (q,) W of each bound; W : (t,) of each traction
     early_shares, shares : (q,) what s λ is on the central path, relative, until slacks fit their tractions and after
     start : the least multiplier at the start, of the scale of displacement
     friction : (q,) mu where a bound depends on the pressure, else 0
     pressed : (q,) the normal bound of the pressure on which a bound depends, −1 without one
     coulomb : the bounds that depend on the pressure of a normal bound
-    traction : (q,) the traction on which λ works; B has the rows of tractions first
+    traction : (q,) the traction on which λ works; signs : (q,) the sign of its force
     bounds : (tractions, 4) the bounds of each traction by their place among `SLOTS`, −1 where it has no such bound
+    count : number of normal bounds, and of normal tractions
     split : (b,) bilateral points whose bound depends on |σ_N|
     sizes : (q,) what s may be relative to the tractions: 1 + mu for friction, else 1
     stress : scale of the tractions
@@ -98,12 +100,18 @@ class Complementarity:
         self.pressed: IntVector = np.where(rubs, places[0, self._points], -1)
         self.coulomb: IntVector = np.flatnonzero(self.pressed >= 0)
         self.friction: Vector = np.where(rubs, mu, 0.0)
+        self._friction = self.friction[self.coulomb]
+        self.signs: Vector = np.where(self._sign == 0.0, 1.0, self._sign)
+        self._weighted = self.signs * self.friction
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
         pressed = self.pressed[self._above]  # the normal bound, if any, on which each upper one depends, and μ of it
         self._pressed_above = (pressed, np.where(pressed >= 0, self.friction[self._above], 0.0))
-        self._count = len(normal)
+        self.count = len(normal)
         self.weights: Vector = qvi.W[self._points]
+        self.W: Vector = self.weights[: len(self.bounds)]
+        self.total_weight = float(self.weights.sum())
+        self.slots: IntVector = self.bounds if len(capped) else self.bounds[:, :2]
         self.sizes: Vector = np.where(is_cap | (self._sign == 0.0), 1.0, 1.0 + mu)
         early, late = self._shares.early, self._shares.late
         self.early_shares, self.shares = (np.where(self._sign == 0.0, 1.0, share) for share in (early, late))
@@ -111,20 +119,19 @@ class Complementarity:
         self.split_weights: Vector = qvi.W[self.split]
         self._rubs: IntVector = np.flatnonzero(rubs & qvi.bilateral[self._points])  # bounds of points in `split`
         self._splits: IntVector = np.searchsorted(self.split, self._points[self._rubs])  # which of them
+        self._shears: IntVector = places[1, self.split]  # their tangential tractions
 
     def _lay_out_rows(self) -> None:
         """Rows of tractions and bounds in the coordinates that are free."""
-        E, m, count = self._space.E, self._qvi.m, int((self._sign == 0.0).sum())
+        E, m, count = self._space.E, self._qvi.m, self.count
         whole = len(self._equations.free) == self._space.size
         self._all: Rows = E if whole else mapped(E, self._equations.map)
         self._all_sizes: Rows = magnitudes(self._all)
-        tangential = scaled(self._sign[count:], self._all[m + self._points[count:]])
-        self.B: Rows = stacked([self._all[self._points[:count]], tangential])
-        self._forces: Rows = self._space.forces(self.B)
+        normal, shears = self._points[:count], self._points[count : len(self.bounds)]
+        self.T: Rows = self._all[np.concatenate([normal, m + shears])]
+        self.N: Rows = scaled(np.repeat([0.0, 1.0], [count, len(shears)]), self._all[np.concatenate([normal, shears])])
+        self.forces: Rows = self._space.forces(self.T)
         self._split_rows: Rows = self._all[self.split]
-        self._constant: Rows | None = None  # C where it is the same everywhere
-        if not len(self.split):
-            self._constant = self.slack_rows(np.zeros(0))
 
     def rebase(self, base: Base) -> None:
         """Pose the problem about another point; u = 0 there, up to what equations had missed."""
@@ -167,7 +174,7 @@ class Complementarity:
 
     def slack(self, y: Vector, size: Vector) -> Vector:
         """Slacks s (q,) for coordinates y and |σ_N| (b,) at the points `split`."""
-        points, count = self._points, self._count
+        points, count = self._points, self.count
         normal, tangential = self.tractions(y)
         pressure = -normal
         pressure[self.split] = size
@@ -184,7 +191,7 @@ class Complementarity:
         """
         normal, tangential = self.tractions(y)
         normal_rounding, tangential_rounding = self._rounding(y)
-        count, points, pairs = self._count, self._points[: self._count], self._points[self._above]
+        count, points, pairs = self.count, self._points[: self.count], self._points[self._above]
         residual = np.zeros(len(self._points))
         residual[:count] = _beyond(s[:count] + normal[points], normal_rounding[points])
         above, below = s[self._above], s[self._below]
@@ -229,13 +236,12 @@ class Complementarity:
         values[self._rubs] = self.friction[self._rubs] * size[self._splits]
         return values
 
-    def slack_rows(self, slope: Vector) -> Rows:
-        """C = −ds/dy (q, k), where the slope d|σ_N|/dσ_N (b,) is given at the points `split`."""
-        if self._constant is not None:
-            return self._constant
-        change = np.full(self._qvi.m, -1.0)  # of the pressure
-        change[self.split] = slope
-        return scaled(-self.friction * change[self._points], self._all[self._points]) + self.B
+    def change(self, y: Vector, slope: Vector) -> Vector:
+        """C y = −ds (q,) for a change of y, with the slope d|σ_N|/dσ_N (b,) at the points `split`."""
+        tractions = self.T @ y
+        change = self.signs * tractions[self.traction]
+        change[self.coulomb] += self._friction * tractions[self.pressed[self.coulomb]]
+        return change - self.friction_of(slope * self.split_change(y)) if len(self.split) else change
 
     def energy(self, y: Vector) -> float:
         """Of (D2), with what the base lacks in accuracy."""
@@ -250,34 +256,37 @@ class Complementarity:
         return float((self.weights / np.bincount(contact, self.weights)[contact]).min())
 
     @cached_property
-    def traction_rows(self) -> Matrix:
-        """The rows of B of the tractions themselves, dense."""
-        return dense(self.B[: len(self.bounds)])
+    def dense_rows(self) -> tuple[Matrix, Matrix, Vector]:
+        """T and N as dense arrays, and W |T|² (t,)."""
+        T = dense(self.T)
+        return T, dense(self.N), np.asarray(self.W * (T * T).sum(axis=1))
 
-    @cached_property
-    def traction_sizes(self) -> Vector:
-        """W |T|² of the rows T of the tractions."""
-        rows = self.traction_rows
-        return np.asarray(self.weights[: len(rows)] * (rows * rows).sum(axis=1))
+    def summed(self, values: Vector) -> Vector:
+        """Σ ± values (t,) over the bounds (q,) of each traction, with the sign of their forces."""
+        return np.asarray(np.bincount(self.traction, self.signs * values, len(self.W)), dtype=np.float64)
 
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,)."""
-        return np.asarray(self._forces @ (self.weights * multipliers))
+        return np.asarray(self.forces @ (self.W * self.summed(multipliers)))
 
-    def add_stiffness(self, target: Matrix, factors: Vector, slack_rows: Rows) -> None:
-        """Add BᵀW diag(factors) C to target (k, k)."""
-        add_product(target, self._forces, scaled(self.weights * factors, slack_rows))
+    def blocks(self, ratio: Vector, slope: Vector) -> tuple[Vector, Vector]:
+        """(D, e) (t,) with BᵀW diag(ratio) C = Tᵀ W (D T + e N), with the slope d|σ_N|/dσ_N (b,) at `split`."""
+        t = len(self.W)
+        D, e = (np.bincount(self.traction, factors, t) for factors in (ratio, self._weighted * ratio))
+        e[self._shears] *= -slope
+        return D, e
 
-    def blocks(self, ratio: Vector, slope: Vector) -> Vector:
-        """Blocks (M_NN, M_TN, M_TT) (3m,) of [N; T]ᵀM[N; T] = BᵀW diag(ratio) C, C as in `slack_rows` for the slope."""
-        m, factors = self._qvi.m, self.weights * ratio
-        normal = self._sign == 0.0
-        points, shear = self._points[~normal], factors[~normal]
-        change = np.full(m, -1.0)
-        change[self.split] = slope
-        mixed = -(self._sign * self.friction * factors)[~normal] * change[points]
-        parts = ((self._points[normal], factors[normal]), (points, mixed), (points, shear))
-        return np.concatenate([np.zeros(m) + np.bincount(place, values, m) for place, values in parts])
+    def stiffness(self, D: Vector, e: Vector) -> Matrix:
+        """Tᵀ W (D T + e N) (k, k), see `blocks`."""
+        return dense(self.forces @ (scaled(self.W * D, self.T) + scaled(self.W * e, self.N)))
+
+    def spread(self, D: Vector, e: Vector) -> Vector:
+        """The blocks by contact point (3m,): M_NN, M_TN, M_TT of [N; T]ᵀM[N; T] = BᵀW diag(ratio) C."""
+        parts, count = np.zeros((3, self._qvi.m)), self.count
+        shears = self._points[count : len(D)]
+        parts[0, self._points[:count]] = (self.W * D)[:count]
+        parts[1, shears], parts[2, shears] = (self.W * e)[count:], (self.W * D)[count:]
+        return parts.ravel()
 
     def bound_multipliers(self, m_N: Vector, m_T: Vector, slack: Vector) -> Vector:  # letters of (D2)
         """λ (q,) of row multipliers (m,) each; of friction bound and cap that with the smaller slack (q,) has it."""

@@ -257,7 +257,7 @@ class SparseSystem:
 
     def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
         """See `NewtonSystem`; scaled to a diagonal of 1. Only the last one can be solved with."""
-        blocks = problem.blocks(ratio, slope)
+        blocks = problem.spread(*problem.blocks(ratio, slope))
         if not np.isfinite(blocks).all():
             raise LinAlgError("it is not finite")
         values, scale = self._filled(blocks)

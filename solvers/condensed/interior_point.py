@@ -24,7 +24,6 @@ from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.saddle import Saddle
 from solvers.condensed.systems import Solve
-from solvers.inequality.rows import Rows
 from solvers.solution import Start
 
 _STEP = 0.99  # of the way to the nearest bound, at least
@@ -178,7 +177,7 @@ class InteriorPoint:
         """At the current point."""
         problem = self.problem
         stress = problem.stress_at(self.point.y)
-        unit = stress * (stress / problem.stress * self.displacement) * float(problem.weights.sum())
+        unit = stress * (stress / problem.stress * self.displacement) * problem.total_weight
         gap = float(problem.weights @ (self.point.s * self.point.lam)) / max(unit, _LEAST)
         slack = max(_largest(residuals.slack / problem.sizes), _largest(residuals.split)) / stress
         kink = 2.0 * _largest(np.minimum(self.point.pull, self.point.push)) / stress
@@ -278,7 +277,7 @@ class Newton:
     point: Point
     problem: Complementarity
     residuals: Residuals
-    rows: Rows
+    slope: Vector
     solve: Solve | None
     saddle: Saddle | None = None
 
@@ -286,10 +285,9 @@ class Newton:
     def at(cls, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> "Newton":
         """Assemble and factorise; `accurate`: as in `saddle`."""
         slope = (point.pull - point.push) / (point.pull + point.push)
-        rows = problem.slack_rows(slope)
         if accurate:
-            return cls(point, problem, residuals, rows, None, Saddle.at(problem, point.s, point.lam, rows))
-        return cls(point, problem, residuals, rows, problem.system.factorised(problem, point.lam / point.s, slope))
+            return cls(point, problem, residuals, slope, None, Saddle.at(problem, point.s, point.lam, slope))
+        return cls(point, problem, residuals, slope, problem.system.factorised(problem, point.lam / point.s, slope))
 
     def step(self, comp: Vector, *, only: bool = False) -> Point:
         """The change that makes the products grow by comp (q + b,); `only`: without reducing the residuals."""
@@ -316,7 +314,7 @@ class Newton:
         problem = self.problem
         lam = (comp + self.point.lam * slack) / self.point.s
         y = self.solve(-force - problem.force(lam))
-        s = -slack - self.rows @ y
+        s = -slack - problem.change(y, self.slope)
         lam = (comp - self.point.lam * s) / self.point.s
         for enough in _ENOUGH:  # the elimination of s and λ loses digits where s is small
             terms = (problem.S @ y, problem.force(lam))
@@ -324,8 +322,8 @@ class Newton:
             if _largest(left) <= enough * max(_largest(term) for term in terms):
                 break
             more = self.solve(left)
-            moved = self.rows @ more
-            # Added up, not computed from y: λ/s times the rounding of rows y would put forces out of balance again.
+            moved = problem.change(more, self.slope)
+            # Added up, not computed from y: λ/s times the rounding of C y would put forces out of balance again.
             y, s, lam = y + more, s - moved, lam + self.point.lam / self.point.s * moved
         return y, s, lam
 
@@ -382,7 +380,7 @@ def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
     """Exchange the iterate of a method, already started, for one near a state with free trace coordinates y (k,)."""
     problem, split = interior.problem, len(interior.point.pull)
     interior.settle()
-    unit = problem.stress * interior.displacement * float(problem.weights.sum())
+    unit = problem.stress * interior.displacement * problem.total_weight
     products = GAP * unit / float(problem.weights @ problem.shares) * interior.shares
     kink = products[len(products) - split :]
     normal = problem.split_normal(y)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgeqp3
-from scipy.sparse import csc_array, csr_array, diags_array, issparse, vstack
+from scipy.sparse import csc_array, csr_array, diags_array, issparse
 
 from solvers.basics.checks import real_array
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
@@ -216,12 +216,6 @@ def magnitudes(rows: Rows) -> Rows:
     return np.abs(rows) if isinstance(rows, np.ndarray) else csr_array(abs(rows))
 
 
-def stacked(parts: list[Rows]) -> Rows:
-    """Rows on top of each other, all dense or all sparse."""
-    sparse = [part for part in parts if not isinstance(part, np.ndarray)]
-    return csr_array(vstack(sparse)) if sparse else np.vstack([dense(part) for part in parts])
-
-
 def mapped(rows: Rows, matrix: Rows) -> Rows:
     """Rows times a matrix (k, u)."""
     return np.asarray(rows @ matrix) if isinstance(rows, np.ndarray) else csr_array(rows @ matrix)
@@ -237,15 +231,6 @@ def absolute_product(matrix: Sparse, vector: Vector) -> Vector:
     columns = np.repeat(np.abs(vector), np.diff(matrix.indptr))
     sums = np.bincount(matrix.indices, np.abs(matrix.data) * columns, matrix.shape[0])
     return np.asarray(sums, dtype=np.float64)
-
-
-def add_product(target: Matrix, left: Rows, right: Rows) -> None:
-    """Add left right to target (k, k)."""
-    if isinstance(left, np.ndarray):
-        target += left @ right
-        return
-    product = csr_array(left @ right).tocoo()
-    target[product.row, product.col] += product.data
 
 
 # Checks of what is given.
