@@ -26,13 +26,14 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate import body_scales
 from solvers.condensed.equations import Equations, Frictionless
 from solvers.condensed.systems import FRICTION_SHARES, Base, NewtonSystem, Shares, Space
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import Rows, dense, magnitudes, mapped, scaled
+from solvers.inequality.rows import Rows, are_few, dense, largest, magnitudes, mapped, scaled
 
 SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
 """Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
@@ -102,9 +103,12 @@ class Complementarity:
         self.friction: Vector = np.where(rubs, mu, 0.0)
         self._friction = self.friction[self.coulomb]
         self.signs: Vector = np.where(self._sign == 0.0, 1.0, self._sign)
-        self._weighted = self.signs * self.friction
+        # Matrices (t, q) that sum values of the bounds of each traction: with signs, without, and times ± mu.
+        entries = (self.signs, np.ones(len(self.signs)), self.signs * self.friction)
+        self._signed, self._summed, self._rubbing = (self._summing(each) for each in entries)
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
+        self._sheared: IntVector = qvi.m + self._points[self._above]
         pressed = self.pressed[self._above]  # the normal bound, if any, on which each upper one depends, and μ of it
         self._pressed_above = (pressed, np.where(pressed >= 0, self.friction[self._above], 0.0))
         self.count = len(normal)
@@ -120,6 +124,15 @@ class Complementarity:
         self._rubs: IntVector = np.flatnonzero(rubs & qvi.bilateral[self._points])  # bounds of points in `split`
         self._splits: IntVector = np.searchsorted(self.split, self._points[self._rubs])  # which of them
         self._shears: IntVector = places[1, self.split]  # their tangential tractions
+
+    def _summing(self, entries: Vector) -> Rows:
+        """The matrix (t, q) with an entry for each bound in the row of its traction."""
+        shape, columns = (len(self.bounds), len(entries)), np.arange(len(entries))
+        if not are_few(*shape):
+            return csr_array((entries, (self.traction, columns)), shape)
+        matrix = np.zeros(shape)
+        matrix[self.traction, columns] = entries
+        return matrix
 
     def _lay_out_rows(self) -> None:
         """Rows of tractions and bounds in the coordinates that are free."""
@@ -144,7 +157,9 @@ class Complementarity:
         self._energy = base.energy + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + space.stiffness @ self._offset)
         self._normal, self._tangential = space.tractions(base, self._offset)
-        self._last: tuple[Vector | None, tuple[Vector, Vector]] = (None, (self._normal, self._tangential))
+        self._at_zero = np.concatenate([self._normal, self._tangential])
+        self._base_sizes = np.abs(self._at_zero)
+        self._last: tuple[Vector | None, Vector] = (None, self._at_zero)
 
     def full(self, u: Vector) -> Vector:
         """All trace coordinates y."""
@@ -155,10 +170,14 @@ class Complementarity:
         return y[self._equations.free]
 
     def tractions(self, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each, kept for the last y: an iteration asks for them several times."""
+        """(σ_N, σ_T) (m,) each."""
+        found, m = self._tractions(y), len(self._normal)
+        return found[:m], found[m:]
+
+    def _tractions(self, y: Vector) -> Vector:
+        """Both (2m,), kept for the last y: an iteration asks for them several times."""
         if self._last[0] is not y:
-            change, m = self._all @ y, len(self._normal)
-            self._last = (y, (self._normal + change[:m], self._tangential + change[m:]))
+            self._last = (y, self._at_zero + self._all @ y)
         return self._last[1]
 
     def contradiction(self) -> float:
@@ -167,10 +186,10 @@ class Complementarity:
 
     def stress_at(self, y: Vector) -> float:
         """Max |σ_N|, |σ_T|; where the contact carries nothing that of the body, as `certificate` does."""
-        largest = max(float(np.abs(part).max(initial=0.0)) for part in self.tractions(y))
+        found = largest(self._tractions(y))
         if not self._moved:  # nothing is known of the body yet
-            return max(largest, _FIRST * self.stress)
-        return largest if largest > self._nothing else self._in_body
+            return max(found, _FIRST * self.stress)
+        return found if found > self._nothing else self._in_body
 
     def slack(self, y: Vector, size: Vector) -> Vector:
         """Slacks s (q,) for coordinates y and |σ_N| (b,) at the points `split`."""
@@ -189,11 +208,10 @@ class Complementarity:
         Two bounds on either side of a traction have a sum in which the tractions cancel. It is taken from the slacks
         themselves, so that it keeps its digits where a point opens and all its slacks are tiny.
         """
-        normal, tangential = self.tractions(y)
-        normal_rounding, tangential_rounding = self._rounding(y)
-        count, points, pairs = self.count, self._points[: self.count], self._points[self._above]
-        residual = np.zeros(len(self._points))
-        residual[:count] = _beyond(s[:count] + normal[points], normal_rounding[points])
+        tractions, rounding = self._tractions(y), self._rounding(y)
+        count, points, pairs = self.count, self._points[: self.count], self._sheared
+        residual = np.zeros_like(s)
+        residual[:count] = _beyond(s[:count] + tractions[points], rounding[points])
         above, below = s[self._above], s[self._below]
         pressed, friction = self._pressed_above
         bound = self._fixed[self._above] + friction * s[pressed]
@@ -202,7 +220,7 @@ class Complementarity:
         sum_ = above + below
         both = 4.0 * _EPSILON * (sum_ + 2.0 * bound)
         total = _beyond(sum_ - 2.0 * bound, both)
-        half = _beyond(0.5 * (above - below) + tangential[pairs], both + tangential_rounding[pairs])
+        half = _beyond(0.5 * (above - below) + tractions[pairs], both + rounding[pairs])
         missed = friction * residual[pressed]
         residual[self._above] = 0.5 * total + half + missed
         residual[self._below] = 0.5 * total - half + missed
@@ -212,15 +230,11 @@ class Complementarity:
         """σ_N (b,) at the points `split` less the difference of pull and push, with zeros where it is rounding."""
         if not len(self.split):
             return np.zeros(0)
-        return _beyond(self.split_normal(y) - difference, self._rounding(y)[0][self.split])
+        return _beyond(self.split_normal(y) - difference, self._rounding(y)[self.split])
 
-    def _rounding(self, y: Vector) -> tuple[Vector, Vector]:
-        """What the rounding of y and of sums may change of σ_N and σ_T (m,) each."""
-        sums, m = self._all_sizes @ np.abs(y), len(self._normal)
-        return (
-            _TERMS * _EPSILON * (np.abs(self._normal) + sums[:m]),
-            _TERMS * _EPSILON * (np.abs(self._tangential) + sums[m:]),
-        )
+    def _rounding(self, y: Vector) -> Vector:
+        """What the rounding of y and of sums may change of (σ_N, σ_T) (2m,)."""
+        return _TERMS * _EPSILON * (self._base_sizes + self._all_sizes @ np.abs(y))
 
     def split_normal(self, y: Vector) -> Vector:
         """σ_N (b,) at the points `split`."""
@@ -263,17 +277,17 @@ class Complementarity:
 
     def summed(self, values: Vector) -> Vector:
         """Σ ± values (t,) over the bounds (q,) of each traction, with the sign of their forces."""
-        return np.asarray(np.bincount(self.traction, self.signs * values, len(self.W)), dtype=np.float64)
+        return np.asarray(self._signed @ values)
 
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,)."""
-        return np.asarray(self.forces @ (self.W * self.summed(multipliers)))
+        return np.asarray(self.forces @ (self.W * (self._signed @ multipliers)))
 
     def blocks(self, ratio: Vector, slope: Vector) -> tuple[Vector, Vector]:
         """(D, e) (t,) with BᵀW diag(ratio) C = Tᵀ W (D T + e N), with the slope d|σ_N|/dσ_N (b,) at `split`."""
-        t = len(self.W)
-        D, e = (np.bincount(self.traction, factors, t) for factors in (ratio, self._weighted * ratio))
-        e[self._shears] *= -slope
+        D, e = self._summed @ ratio, self._rubbing @ ratio
+        if len(slope):
+            e[self._shears] *= -slope
         return D, e
 
     def stiffness(self, D: Vector, e: Vector) -> Matrix:

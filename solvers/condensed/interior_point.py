@@ -24,6 +24,7 @@ from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.saddle import Saddle
 from solvers.condensed.systems import Solve
+from solvers.inequality.rows import largest
 from solvers.solution import Start
 
 _STEP = 0.99  # of the way to the nearest bound, at least
@@ -57,11 +58,11 @@ class Point:
 
     """
 
-    __slots__ = ("lam", "pull", "push", "s", "values", "y")
+    __slots__ = ("count", "half", "lam", "pull", "push", "s", "values", "y")
 
     def __init__(self, y: Vector, values: Vector, count: int) -> None:
-        half = len(values) // 2
-        self.y, self.values = y, values
+        half = self.half = len(values) // 2
+        self.y, self.values, self.count = y, values, count
         self.s, self.pull = values[:count], values[count:half]
         self.lam, self.push = values[half : half + count], values[half + count :]
 
@@ -73,12 +74,11 @@ class Point:
     @property
     def products(self) -> Vector:
         """All s λ and pull push (q + b,); of a change those of second order."""
-        half = len(self.values) // 2
-        return self.values[:half] * self.values[half:]
+        return self.values[: self.half] * self.values[self.half :]
 
     def moved(self, step: "Point", length: float) -> "Point":
         """The point a step further."""
-        return Point(self.y + length * step.y, self.values + length * step.values, len(self.s))
+        return Point(self.y + length * step.y, self.values + length * step.values, self.count)
 
 
 class Residuals(NamedTuple):
@@ -158,7 +158,7 @@ class InteriorPoint:
         terms = (problem.S @ point.y, problem.c, problem.force(point.lam))
         slack = problem.slack_residual(point.y, point.s, point.pull + point.push)
         split = problem.split_residual(point.y, point.pull - point.push)
-        return Residuals(terms[0] + terms[1] + terms[2], slack, split, max(_largest(term) for term in terms))
+        return Residuals(terms[0] + terms[1] + terms[2], slack, split, largest(np.concatenate(terms)))
 
     def settle(self) -> None:
         """From here on friction has its own share, and few bounds may be passed. Targets of pull push stay."""
@@ -179,11 +179,13 @@ class InteriorPoint:
         stress = problem.stress_at(self.point.y)
         unit = stress * (stress / problem.stress * self.displacement) * problem.total_weight
         gap = float(problem.weights @ (self.point.s * self.point.lam)) / max(unit, _LEAST)
-        slack = max(_largest(residuals.slack / problem.sizes), _largest(residuals.split)) / stress
-        kink = 2.0 * _largest(np.minimum(self.point.pull, self.point.push)) / stress
+        slack, kink = largest(residuals.slack / problem.sizes) / stress, 0.0
+        if len(residuals.split):
+            slack = max(slack, largest(residuals.split) / stress)
+            kink = 2.0 * largest(np.minimum(self.point.pull, self.point.push)) / stress
         size = max(self._force_scale, residuals.largest, _LEAST)
         self.least = self.finest * unit / max(self._total_share, _LEAST)
-        return Measures(gap, slack, kink, _largest(residuals.force) / size)
+        return Measures(gap, slack, kink, largest(residuals.force) / size)
 
     def iterate(self, residuals: Residuals) -> float:
         """One iteration; returns the length of its step."""
@@ -296,7 +298,7 @@ class Newton:
             force, slack, split = 0.0 * force, 0.0 * slack, 0.0 * split
         if not len(split):
             y, s, lam = self._bounds(force, slack, comp)
-            return Point(y, np.concatenate([s, lam]), len(s))
+            return Point(y, np.concatenate([s, lam]), point.count)
         work, kink = comp[: len(point.s)], comp[len(point.s) :]
         # |σ_N| changes by this much, and by its slope times the change of σ_N.
         size = (2.0 * kink + (point.pull - point.push) * split) / (point.pull + point.push)
@@ -319,7 +321,7 @@ class Newton:
         for enough in _ENOUGH:  # the elimination of s and λ loses digits where s is small
             terms = (problem.S @ y, problem.force(lam))
             left = -force - terms[0] - terms[1]
-            if _largest(left) <= enough * max(_largest(term) for term in terms):
+            if largest(left) <= enough * largest(np.concatenate(terms)):
                 break
             more = self.solve(left)
             moved = problem.change(more, self.slope)
@@ -353,10 +355,6 @@ def _longest(point: Point, step: Point) -> float:
     """The length at which a slack, a multiplier, a pull or a push reaches zero."""
     least = float(np.minimum.reduce(step.values / point.values, initial=0.0))
     return -1.0 / least if least < 0.0 else np.inf
-
-
-def _largest(values: Vector) -> float:
-    return float(np.maximum.reduce(np.abs(values), initial=0.0))
 
 
 # An interior point near the answer to a problem before.

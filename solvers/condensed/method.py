@@ -33,6 +33,7 @@ In `docs/theory.md`: (D8).
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
@@ -144,7 +145,7 @@ class _Run:
     steps: list[float] = field(default_factory=list)  # relative lengths of the steps between corrections
     sizes: list[float] = field(default_factory=list)  # relative sizes of the corrections
 
-    @property
+    @cached_property
     def final_gap(self) -> float:
         """The gap at which the interior point method stops.
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from solvers.basics.types import Matrix, Vector
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import transposed
 
 _DENSE_LIMIT = 20_000_000  # entries of C up to which it is computed
 _CORRECTIONS = 4
@@ -20,7 +21,7 @@ class Compliance:
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi = qvi
-        self._rows = qvi.contact_rows
+        self._rows = qvi.contact.stacked
         self._condensed = qvi.condensed_contact
         self.bonded = self.tractions(qvi.bonded)
 
@@ -42,8 +43,8 @@ class Compliance:
         """C m (2m,)."""
         if self.is_dense:
             return np.asarray(self.dense @ m)
-        rows = self._condensed.contact_rows_near
-        return np.asarray(rows @ self._condensed.system.solve_interface(rows.T @ m)[0])
+        rows = self._condensed.rows_near
+        return np.asarray(rows @ self._condensed.system.solve_interface(transposed(rows) @ m)[0])
 
     def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
         """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).

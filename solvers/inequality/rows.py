@@ -196,6 +196,11 @@ def for_products(matrix: Sparse) -> Any:
     return matrix.toarray() if are_few(*matrix.shape) else matrix
 
 
+def largest(vector: Vector) -> float:
+    """Max |v|, 0 for no entries."""
+    return float(np.maximum.reduce(np.abs(vector), initial=0.0))
+
+
 def dense(rows: Rows) -> Matrix:
     """The rows as a dense array."""
     return rows if isinstance(rows, np.ndarray) else np.asarray(rows.toarray())
@@ -258,7 +263,7 @@ def checked_matrix(name: str, value: Any, empty: int | None = None) -> Sparse:
 def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
     """An array of numbers that cannot be changed; `InputError` if it is none."""
     vector = real_array(name, value, "give a vector of real numbers")
-    if np.isnan(vector).any() or not (infinite or np.isfinite(vector).all()):
+    if not (~np.isnan(vector) if infinite else np.isfinite(vector)).all():
         raise InputError(name, "NaN or infinity", "give finite numbers")
     vector.setflags(write=False)
     return vector
