@@ -234,7 +234,7 @@ class Complementarity:
 
     def _rounding(self, y: Vector) -> Vector:
         """What the rounding of y and of sums may change of (σ_N, σ_T) (2m,)."""
-        return _TERMS * _EPSILON * (self._base_sizes + self._all_sizes @ np.abs(y))
+        return np.asarray(_TERMS * _EPSILON * (self._base_sizes + self._all_sizes @ np.abs(y)))
 
     def split_normal(self, y: Vector) -> Vector:
         """σ_N (b,) at the points `split`."""

@@ -80,14 +80,14 @@ class EqualitySystem:
         near = self.near(rows)
         columns = transposed(near)
         if often and isinstance(near, np.ndarray):
-            matrix = near @ self.solve_interface(columns)[0]
+            matrix = np.asarray(near @ self.solve_interface(near.T)[0])
             return lambda m: np.asarray(matrix @ m)
         return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
 
     def _goes_beyond(self, rows: Sparse | Matrix) -> bool:
         """Whether rows (j, n) have entries off Γ."""
         if isinstance(rows, np.ndarray):
-            return np.count_nonzero(rows[:, self.interface]) < np.count_nonzero(rows)
+            return bool(np.count_nonzero(rows[:, self.interface]) < np.count_nonzero(rows))
         return int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz
 
     @cached_property

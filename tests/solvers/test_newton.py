@@ -29,7 +29,7 @@ class NoBounds:
     def blocks(self, ratio, slope):
         return ratio, slope
 
-    def stiffness(self, D, e):
+    def stiffness(self, D, e):  # noqa: ARG002
         return 0.0
 
 
