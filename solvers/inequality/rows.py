@@ -3,6 +3,7 @@
 By QR with pivoting of the rows scaled to one, where they are few, or by sparse elimination in their order.
 """
 
+from copy import copy
 from heapq import heapify, heappop, heappush
 from typing import Any, NamedTuple, TypeAlias
 
@@ -167,8 +168,9 @@ def by_columns(matrix: Any) -> Sparse:
     columns = matrix if kept else csc_array(matrix, dtype=np.float64)
     if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
         return columns
-    indices, starts = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
-    return csc_array((columns.data, indices, starts), columns.shape)
+    narrow = copy(columns)  # whose parts are exchanged: the constructor would check them all again
+    narrow.indices, narrow.indptr = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
+    return narrow
 
 
 def stacked_columns(upper: Sparse, lower: Sparse) -> Sparse:
