@@ -732,7 +732,7 @@ def methods(as_json: bool) -> None:
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
-    from solvers.factorisation.dense import DENSE
+    from solvers.factorisation.base import DENSE
     from solvers.solve import METHODS
 
     factorisations = {DENSE: "up to 500 unknowns", **available_backends()}

@@ -3,7 +3,7 @@
     1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`reduction`)
        or, where the contact is a large share of the body, nothing: all matrices are sparse   (`whole`)
     2  solve the mixed complementarity problem there by an interior point method              (`interior_point`)
-       where it stalls, follow the central path around its turns                              (`central_path`)
+       where it stalls, follow the central path around its turns                              (`CentralPath`)
     3  move z, compute the gradient without the rounding inside K, and go on from there: a defect correction, repeated
        until the linear residual has reached its round-off floor
 
@@ -44,10 +44,9 @@ from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
 from solvers.certificate import certify
 from solvers.certificate.feasibility import Feasibility, refuted
-from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import Reduction, Whole, obstacle
-from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals, start_near
+from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
 from solvers.condensed.systems import FITTING_SHARES, Base, Shares, Space, SystemName
 from solvers.errors import InputError
 from solvers.inequality.loads import SLOW_CONTRACTION

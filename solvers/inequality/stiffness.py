@@ -13,7 +13,7 @@ from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.choice import Request, condensing_pays, make, make_unsymmetric
-from solvers.factorisation.unsymmetric import Refactorisation
+from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import absolute_product, checked_matrix, checked_vector, for_products
 
