@@ -19,7 +19,7 @@ rows of B the tractions on which λ works. At bilateral points with friction |σ
 one more complementarity: slacks stay linear in all unknowns, and where pull push = δ²/4 is p = √(σ_N² + δ²). Points
 whose bound is always zero give equations σ_T = 0. Equations are solved for some of the coordinates (`Equations`).
 
-In `docs/theory.md`: (D5).
+In `docs/theory.md`: (D5), (D6).
 """
 
 from dataclasses import dataclass
@@ -337,8 +337,6 @@ def _beyond(values: Vector, rounding: Vector) -> Vector:
 #
 # Of all k coordinates some are known from points without friction (`Frictionless`), p more are given by the others
 # through A y = b, pivots of a QR factorisation of A, and u are the rest. M is sparse but for p rows.
-#
-# In `docs/theory.md`: (D6).
 
 
 # Contact points whose friction bound is zero whatever the pressure: equations σ_T = 0 instead of bounds.

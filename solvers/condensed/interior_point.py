@@ -12,7 +12,7 @@ its own; there ω of friction is small at first (`settle`), and a step passes th
 Sources: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing
 is proved for this one, which is not monotone, hence `CentralPath`, and the certificate.
 
-In `docs/theory.md`: (D6).
+In `docs/theory.md`: (D6), (D7).
 """
 
 from dataclasses import dataclass
@@ -412,8 +412,6 @@ def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:
 # rises where it is negative: at a turn both change their signs, so the curve from τ = ∞ is followed to its end, and no
 # step across a sharp turn can make it go back. Where the sign is not known, it is the direction in which the curve was
 # followed so far.
-#
-# In `docs/theory.md`: (D7).
 
 
 _FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01

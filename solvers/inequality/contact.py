@@ -1,5 +1,7 @@
 """N, T, A and W of (D2), and what a factorisation of K condenses them to: all that the contact feels of the body."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

@@ -1,5 +1,7 @@
 """K of (D2) with its root: the one owner of its factorisation, which all problems that hold this object share."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
