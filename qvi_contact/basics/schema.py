@@ -15,7 +15,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias, Union, get_args, get_origin, get_type_hints
@@ -393,7 +393,7 @@ def kind_of(hint: Any) -> Kind:
     if origin is tuple:
         if arguments[-1] is not ...:
             return Listed(kind_of(arguments[0]), len(arguments), len(arguments))
-        return Tables(arguments[0]) if is_dataclass(arguments[0]) else Listed(kind_of(arguments[0]))
+        return Tables(arguments[0]) if hasattr(arguments[0], "__dataclass_fields__") else Listed(kind_of(arguments[0]))
     simple = {float: FINITE, int: Whole(), bool: Truth(), str: TEXT}
     return simple[hint] if hint in simple else Table(hint)
 
@@ -474,8 +474,9 @@ def read_table(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = ()
 def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
     """The table that states an object, without what goes without saying."""
     found: dict[str, Any] = {}
-    defaults = defaults_of(type(stated))
-    for name, each in keys_of(type(stated)).items():
+    kind: type = type(stated)
+    defaults = defaults_of(kind)
+    for name, each in keys_of(kind).items():
         value = getattr(stated, name)
         if isinstance(each.kind, Inline):
             own = write_table(path, value, writer)
@@ -489,11 +490,12 @@ def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
 
 def check_keys(stated: Any) -> None:
     """Check the fields of an object as their keys say, and fill in those that are like another one."""
-    defaults = defaults_of(type(stated))
-    for name, each in keys_of(type(stated)).items():
+    kind: type = type(stated)
+    defaults = defaults_of(kind)
+    for name, each in keys_of(kind).items():
         value = getattr(stated, name)
         if value is not None or defaults.get(name, MISSING) is not None:
-            each.kind.check(f"{type(stated).__name__}.{name}", value)
+            each.kind.check(f"{kind.__name__}.{name}", value)
         if each.like and not value:
             object.__setattr__(stated, name, getattr(stated, each.like))
 

@@ -23,7 +23,7 @@ from qvi_contact.basics.checks import (
 )
 from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.triangle_checks import LARGEST
+from qvi_contact.mesh.flaws import LARGEST
 
 Point: TypeAlias = tuple[float, float]
 
