@@ -396,19 +396,17 @@ class _Sketch:
                     yield value_range(each.symbol, values, getattr(self.units, each.unit, ""))
         plate = contact.plate
         if plate is not None:
-            for name, value in (("F_x", plate.force_x), ("F_y", plate.force_y)):
-                if value is not None:
-                    yield value_range(name, np.array([value]), self.units.engineering_force)
-            if plate.moment is not None:
-                around = "({:.4g}, {:.4g})".format(*plate.pivot)
-                yield f"{value_range('M', np.array([plate.moment]), self.units.engineering_moment)} about\xa0{around}"
             for name, value, unit in (
+                ("F_x", plate.force_x, self.units.engineering_force),
+                ("F_y", plate.force_y, self.units.engineering_force),
+                ("M", plate.moment, self.units.engineering_moment),
                 ("u_x", plate.x, self.units.displacement),
                 ("u_y", plate.y, self.units.displacement),
                 ("θ", plate.rotation, "rad"),
             ):
                 if value is not None:
-                    yield value_range(name, np.array([value]), unit)
+                    about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if name == "M" else ""
+                    yield value_range(name, np.array([value]), unit) + about
 
     def _potential(self) -> None:
         vertices = self.problem.mesh.vertices
