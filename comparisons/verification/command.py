@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import ListCommand, folder_option
+from comparisons.lab.commands import ListCommand, folder_option
 
 
 @click.command(cls=ListCommand)
@@ -24,8 +24,7 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
         python -m comparisons verify --out comparisons/reports/verification
         python -m comparisons verify --only ssnv128 limits --quick
     """  # noqa: D301
-    from comparisons.lab.progress import progress
-    from comparisons.lab.report import show, write_report
+    from comparisons.lab.studies import progress
     from comparisons.verification import report as manual
     from qvi_contact.basics.writing import writable_folder
 
@@ -39,7 +38,7 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
         click.echo(manual.as_json(document))
     if folder or not as_json:
         report = manual.report(document, drawings)
-        written = write_report(report, folder) if folder else []
+        written = report.write(folder) if folder else []
         if not as_json:
-            show(report, written, tables=verbose)
+            report.show(written, tables=verbose)
     return 0 if document["passed"] else 1

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from comparisons.lab.report.drawing import grid, legend_below
+from comparisons.lab.drawing import grid, legend_below
 from comparisons.verification.rows import Kind
 from qvi_contact import ContactLine, ContactProblem, solve
 from qvi_contact.basics.checks import FloatArray

@@ -7,13 +7,10 @@ from functools import partial
 from importlib import import_module
 from typing import Any, Final
 
-from comparisons.lab.machine import machine, versions
-from comparisons.lab.marks import escaped
-from comparisons.lab.report import Document as Report
-from comparisons.lab.report import drawn, render
-from comparisons.lab.report.numbers import NOTHING
-from comparisons.lab.study.rows import finite_json
-from comparisons.lab.tables import Grid
+from comparisons.lab.drawing import drawn
+from comparisons.lab.numbers import NOTHING
+from comparisons.lab.reports import Report, escaped, render
+from comparisons.lab.studies import finite_json, machine, versions
 from comparisons.verification.chapters import benchmarks, exact
 from comparisons.verification.pictures import EXHIBITS, conservation, overview
 from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Problem, Row, crash
@@ -131,17 +128,18 @@ def drawings(names: Sequence[str], quick: bool) -> dict[str, str]:
 
 def report(document: Document, drawn_before: Mapping[str, str]) -> Report:
     """The manual, with `drawings`; the same document and pictures give the same one."""
+    from pandas import DataFrame
+
     problems = [problem for chapter in document["chapters"] for problem in chapter["problems"]]
     tables, chapters, failed = {}, [], []
     captions = {name: exhibit.graph.__doc__ for name, exhibit in EXHIBITS.items()}
     figures = {"overview": drawn("verification-overview", partial(overview, problems)), **drawn_before}
     for problem in problems:
-        texts = [dict(zip(HEADINGS, cells(row), strict=True)) for row in problem["rows"]]
         name = problem["name"].replace("/", "-")
-        tables[name] = Grid("", HEADINGS, [tuple(text.values()) for text in texts])
-        marked = [{key: escaped(text) for key, text in each.items()} for each in texts]
-        failed += [{**each, "name": problem["name"], "table": name} for each, row in
-                   zip(marked, problem["rows"], strict=True) if not row["passed"]]  # fmt: skip
+        tables[name] = DataFrame([cells(row) for row in problem["rows"]], columns=HEADINGS)
+        for row in problem["rows"]:
+            texts = dict(zip(HEADINGS, map(escaped, cells(row)), strict=True))
+            failed += [] if row["passed"] else [{**texts, "name": problem["name"], "table": name}]
         if name == "conservation":
             figures[f"result-{name}"] = drawn(f"result-{name}", partial(conservation, problem["rows"]))
             captions[name] = conservation.__doc__
@@ -151,7 +149,8 @@ def report(document: Document, drawn_before: Mapping[str, str]) -> Report:
         largest = NOTHING if None in ratios else f"{max(ratios):.2g}"
         counts = (len(chapter["problems"]), len(rows), sum(not row["passed"] for row in rows))
         chapters.append((chapter["name"], *map(str, counts), largest))
-    tables["chapters"] = Grid("", ("chapter", "problems", "rows", "failed", "largest error / tolerance"), chapters)
+    headings = ("chapter", "problems", "rows", "failed", "largest error / tolerance")
+    tables["chapters"] = DataFrame(chapters, columns=headings)
     told = {
         chapter["name"]: [{**problem, "about": escaped(problem["about"]), "table": problem["name"].replace("/", "-")}
                           for problem in chapter["problems"]]
@@ -163,7 +162,8 @@ def report(document: Document, drawn_before: Mapping[str, str]) -> Report:
         "tolerances": {"exact": exact.TOLERANCE, "friction": exact.TOLERANCE_WITH_FRICTION, "touching": exact.TOUCHING,
                        "balance": benchmarks.BALANCE},
     }  # fmt: skip
-    return render("comparisons.verification", "verification", values, tables, figures)
+    bad = bool(failed) or not problems
+    return render("comparisons.verification", "verification", values, tables, figures, failed=bad)
 
 
 def cells(row: Document) -> tuple[str, ...]:
