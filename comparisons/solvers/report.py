@@ -83,9 +83,10 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 
     The columns are solver, task, problem, form, level; seconds (median wall time [s]), spread (largest less smallest
     time over the median), limit (wall time after which the case was ended [s]) and accuracy (smallest tolerance at
-    which the certificate passes), NaN where there is none; certified, whether the certificate passed at the level's tolerance, or where there is no solution, whether that was said;
-    status, what was said last; a number of problems for each outcome; options, which the solver was given, and facts of
-    the problem, None without an answer; feasible, whether there is a solution, and kind of the problem; time of a success.
+    which the certificate passes), NaN where there is none; certified, whether the certificate passed at the level's
+    tolerance, or where there is no solution, whether that was said; status, what was said last; a number of problems
+    for each outcome; options, which the solver was given, and facts of the problem, None without an answer; feasible,
+    whether there is a solution, and kind of the problem; time of a success.
     """
     lines = []
     for row in rows:
@@ -504,7 +505,8 @@ def report(rows: Sequence[Row]) -> Report:
     }  # fmt: skip
     given = crossed(
         runs.dropna(subset="options"), "solver", "level",
-        lambda found: ", ".join(f"{name}={value}" for name, value in sorted(found.options.iloc[0].items())),
+        lambda found: ", ".join(f"{name}={value}" for name, value in sorted(found.options.iloc[0].items()))
+        or "no option",
         tuple(LEVELS),
     )  # fmt: skip
     given.insert(1, "what it is", [TABLE.get(solver, _UNKNOWN).remark for solver in given.solver])
