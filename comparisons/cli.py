@@ -5,6 +5,7 @@ from typing import Final
 import click
 
 from comparisons.benchmark.command import benchmark, benchmark_wall
+from comparisons.convergence.command import convergence_mesh, convergence_outer, convergence_uzawa
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
 from comparisons.peers.command import peers
@@ -34,6 +35,7 @@ def group(context: click.Context) -> None:
 
 
 for command in (
-    paper, benchmark, benchmark_wall, verify, solvers, peers, wild, estimates, export, import_file,
+    paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
+    wild, estimates, export, import_file,
 ):  # fmt: skip
     group.add_command(command)

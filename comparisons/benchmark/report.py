@@ -240,9 +240,8 @@ def report(whole: Rows, graded: Rows, sequences: Rows, loops: Rows) -> Report:
     plain = [{**row.case, **found, **{part: _median(found["seconds"].get(part)) for part in ("numeric", "plain")}}
              for row in whole for found in row.result.get("plain", ())]  # fmt: skip
     titles = runs.sequence.map(lambda name: CHAINS[name].title)
-    tables = {
-        **frames, "plain": DataFrame(plain), "sequences": runs.assign(title=titles, share=[f"{each.solved} of {each.planned}"
-                                                                for each in runs.itertuples()])}  # fmt: skip
+    shares = [f"{each.solved} of {each.planned}" for each in runs.itertuples()]
+    tables = {**frames, "plain": DataFrame(plain), "sequences": runs.assign(title=titles, share=shares)}
     figures = {"times": drawn("benchmark", partial(_picture, frames, friction))}
     rows = [*whole, *graded, *sequences, *loops]
     return render("comparisons.benchmark", "benchmark", {**values_of(frames), "friction": friction}, tables, figures,
