@@ -141,8 +141,8 @@ def _done(plan: Plan, out: Path, again: bool, store: Path, **limits: Any) -> int
         except KeyboardInterrupt:
             finished = sum(len(read_rows(study, store)) for study in plan.studies)
             cases = sum(len(study.cases) for study in plan.studies)
-            rows = f"{finished} of {cases} rows are in {store}"
-            click.echo(f"interrupted: {rows}; the same command goes on from there", err=True)
+            done = f"{finished} of {cases} rows are in {store}"
+            click.echo(f"interrupted: {done}; the same command goes on from there", err=True)
             click.get_current_context().exit(130)
         for table, rows in zip(tables.values(), kept, strict=True):
             write_csv(table, rows)
