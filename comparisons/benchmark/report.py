@@ -159,6 +159,7 @@ def runs_of(rows: Rows) -> DataFrame:
     return DataFrame(lines, columns=columns)
 
 
+_PLAIN: Final = ("cells", "backend", "version", "numeric", "plain", "message")
 _HUNDREDTHS: Final = fixed(".2f")
 _POWERS: Final = {"solve": "power", "whole": "power_with_assembly", "own_factorisation": "power_own",
                   "fastest_factorisation": "power_fastest"}  # fmt: skip
@@ -222,7 +223,8 @@ _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
     **dict.fromkeys(("half_force_error", "error"), _shown_error),
-    "force": lambda value: "–" if value != value else scientific(value), "message": lambda text: text or NOTHING,
+    "force": lambda value: "–" if value != value else scientific(value),
+    "message": lambda text: text if text and text == text else NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
 
@@ -241,7 +243,7 @@ def report(whole: Rows, graded: Rows, sequences: Rows, loops: Rows) -> Report:
              for row in whole for found in row.result.get("plain", ())]  # fmt: skip
     titles = runs.sequence.map(lambda name: CHAINS[name].title)
     shares = [f"{each.solved} of {each.planned}" for each in runs.itertuples()]
-    tables = {**frames, "plain": DataFrame(plain), "sequences": runs.assign(title=titles, share=shares)}
+    tables = {**frames, "plain": DataFrame(plain, columns=_PLAIN), "sequences": runs.assign(title=titles, share=shares)}
     figures = {"times": drawn("benchmark", partial(_picture, frames, friction))}
     rows = [*whole, *graded, *sequences, *loops]
     return render("comparisons.benchmark", "benchmark", {**values_of(frames), "friction": friction}, tables, figures,
