@@ -8,7 +8,7 @@ from comparisons.benchmark.command import benchmark
 from comparisons.convergence.command import convergence
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
-from comparisons.peers.command import peers
+from comparisons.peers.command import peers, peers_pin
 from comparisons.solvers.command import solvers
 from comparisons.verification.command import verify
 from comparisons.wild.command import estimates, wild
@@ -41,6 +41,6 @@ def _check_installed() -> None:
 
 
 for command in (
-    paper, benchmark, verify, solvers, convergence, peers, wild, estimates, export, import_file,
+    paper, benchmark, verify, solvers, convergence, peers, peers_pin, wild, estimates, export, import_file,
 ):  # fmt: skip
     group.add_command(command)
