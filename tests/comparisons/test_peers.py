@@ -18,13 +18,13 @@ import pytest
 from comparisons import LIMITS, SETTLED, UNCERTAINTY
 from comparisons import peers as room
 from comparisons.lab.numbers import NOTHING
-from comparisons.lab.studies import Row, Study, read_csv, run_study
+from comparisons.lab.studies import Study, run_study
 from comparisons.peers import pin_report, plate
 from qvi_contact import InputError, TriangleMesh, graded_lines, solve
 from qvi_contact.bracket import BracketKind
 from qvi_contact.gallery import compressed_plate
 from tests.comparisons.conftest import texts_of
-from tests.comparisons.convergence_parts import REPORTS
+from tests.comparisons.parts import committed, row
 
 CODES_FOLDER = Path(import_module("comparisons.peers.codes").__file__).parent
 LIMIT = {friction: value for friction, (value, _) in LIMITS.items()}
@@ -138,7 +138,7 @@ def test_rows_are_certified_solves_with_times_a_memory_and_an_error_of_their_own
         {"friction": 1.0, "model": name, "number": number[model.family.counted], "repetitions": 2}
         for name, model in chosen.items()
     ]
-    runs = room.runs_of([row_of(case, room.run(case)) for case in cases])
+    runs = room.runs_of([row(case, room.run(case)) for case in cases])
     own = runs[runs.code == room.TRIANGLES].iloc[0]
     expected = solve(on_the_mesh(plate(1.0, "bisected", 0)), degree=3)
     assert own.half_force == pytest.approx(expected.contacts["plate"].normal_force, rel=1e-10)
@@ -153,11 +153,6 @@ def test_rows_are_certified_solves_with_times_a_memory_and_an_error_of_their_own
             assert run.error == pytest.approx(abs(run.half_force / LIMIT[1.0] - 1.0))
             assert run.error > 1e-6
     assert runs.before.nunique() == len(runs)
-
-
-def row_of(case, result, status="done", reason=""):
-    environment = {"machine": None, "versions": {}, "threads": 1, "timeout_seconds": None, "memory_mib": None}
-    return Row(case, status, reason, result, None, 1.0, "", None, environment)
 
 
 def other_python(folder, does):
@@ -304,10 +299,6 @@ class TestStudy:
         assert [dict(row.case) for row in committed("peers-pin")] == [dict(case) for case in study.cases]
 
 
-def committed(name):
-    return read_csv(REPORTS / "peers" / f"{name}.csv.gz")
-
-
 class TestPin:
     """The loaded pin: the same data for every code, and the same displacement."""
 
@@ -364,7 +355,7 @@ SQUARES = "triangles, p = 4, cut squares"
 def row_made(model, number, friction=0.2, status="done", reason="", result=None):
     """A row of the study, made up."""
     case = {"friction": friction, "model": model, "number": number, "repetitions": 1}
-    return row_of(case, result or {}, status, reason)
+    return row(case, result or {}, status, reason)
 
 
 def solution(model, number, half_force, seconds, friction=0.2, **more):
@@ -595,11 +586,11 @@ def least(rows, friction, value, uncertainty, code):
     for name in (name for name, model in room.MODELS.items() if model.code == code):
         curve = [row for row in rows if (row.case["model"], row.case["friction"]) == (name, friction)]
         errors = {row.case["number"]: abs((row.result["half_force"] or 0.0) / value - 1.0) for row in curve}
-        for row in curve:
-            worst = max(error for number, error in errors.items() if number >= row.case["number"])
+        for each in curve:
+            worst = max(error for number, error in errors.items() if number >= each.case["number"])
             if worst + uncertainty / value <= 1e-8:
-                sums = map(sum, zip(row.result["setup"], row.result["solve"], strict=True))
-                found.append((row.case["number"] == max(errors), min(sums)))
+                sums = map(sum, zip(each.result["setup"], each.result["solve"], strict=True))
+                found.append((each.case["number"] == max(errors), min(sums)))
     return min(found)[1]
 
 
