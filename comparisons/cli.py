@@ -8,7 +8,7 @@ from comparisons.benchmark.command import benchmark, benchmark_wall
 from comparisons.convergence.command import convergence_mesh, convergence_outer, convergence_uzawa
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
-from comparisons.peers.command import peers
+from comparisons.peers.command import peers, peers_pin
 from comparisons.solvers.command import solvers
 from comparisons.verification.command import verify
 from comparisons.wild.command import estimates, wild
@@ -36,6 +36,6 @@ def group(context: click.Context) -> None:
 
 for command in (
     paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    wild, estimates, export, import_file,
+    peers_pin, wild, estimates, export, import_file,
 ):  # fmt: skip
     group.add_command(command)
