@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import (
     BoolArray,
     FloatArray,
-    IntArray,
     finite_number,
     positive_number,
     real_array,
@@ -123,7 +122,17 @@ def on_line(name: str, value: object, lines: FloatArray) -> float:
 def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshParts:
     """The triangles of a grid, and its sides "bottom", "right", "top" and "left"; see `TriangleMesh.grid`."""
     lines = checked_lines("x", x), checked_lines("y", y)
-    across, up, body = _without_long_cells(*lines, _checked_mask(active, (len(lines[1]) - 1, len(lines[0]) - 1)))
+    shape = len(lines[1]) - 1, len(lines[0]) - 1
+    remedy = f"give a boolean array of shape (ny, nx) = {shape}"
+    try:
+        mask = np.ones(shape, dtype=bool) if active is None else np.array(active)
+    except ValueError as error:  # rows of different lengths
+        raise InputError("active", active, remedy) from error
+    if mask.dtype != bool or mask.shape != shape:
+        raise InputError("active", active, remedy)
+    if not mask.any():
+        raise InputError("active", active, "at least one cell must belong to the body")
+    across, up, body = _without_long_cells(*lines, mask)
     row, column = np.nonzero(body)
     stride = len(across)
     a = column + row * stride  # corners of each cell, counterclockwise from the lower left one
@@ -150,43 +159,29 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
     return MeshParts(vertices, number[cells], sets)
 
 
-def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
-    remedy = f"give a boolean array of shape (ny, nx) = {shape}"
-    try:
-        active = np.ones(shape, dtype=bool) if mask is None else np.array(mask)
-    except ValueError as error:  # rows of different lengths
-        raise InputError("active", mask, remedy) from error
-    if active.dtype != bool or active.shape != shape:
-        raise InputError("active", mask, remedy)
-    if not active.any():
-        raise InputError("active", mask, "at least one cell must belong to the body")
-    return active
-
-
 def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Lines added until no cell of the body is more than `LONGEST` times as long as wide.
 
     Lines go through the whole grid: those that cut a long cell make others thinner, which may then need cuts the other
     way. Where that takes more than one round, or makes a small grid a large one, a grid is the wrong mesh for the body.
     """
-    most = max(_FEW_CELLS, 4 * active.size)
+    most, lines = max(_FEW_CELLS, 4 * active.size), [x, y]
     for axis in (0, 1):
-        width, height = np.diff(x), np.diff(y)
-        if axis == 0:
-            thinnest = np.where(active, height[:, None], np.inf).min(axis=0)
-            pieces = np.ceil(width / (LONGEST * thinnest) - 1e-9)
-        else:
-            thinnest = np.where(active, width, np.inf).min(axis=1)
-            pieces = np.ceil(height / (LONGEST * thinnest) - 1e-9)
-        count = np.maximum(pieces, 1.0)
-        if count.max() == 1.0:
+        own, other = np.diff(lines[axis]), np.diff(lines[1 - axis])
+        thinnest = np.where(active if axis == 0 else active.T, other[:, None], np.inf).min(axis=0)
+        pieces = np.maximum(np.ceil(own / (LONGEST * thinnest) - 1e-9), 1.0)
+        if pieces.max() == 1.0:
             continue
-        if count.sum() * active.shape[axis] > most:
+        if pieces.sum() * active.shape[axis] > most:
             break
-        if axis == 0:
-            x, active = _divided(x, count.astype(np.int64)), np.repeat(active, count.astype(np.int64), axis=1)
-        else:
-            y, active = _divided(y, count.astype(np.int64)), np.repeat(active, count.astype(np.int64), axis=0)
+        count = pieces.astype(np.int64)
+        place, start = np.repeat(np.arange(len(count)), count), lines[axis][:-1]
+        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        lines[axis] = checked_lines(
+            "lines", np.append(start[place] + own[place] * (step / count[place]), lines[axis][-1])
+        )
+        active = np.repeat(active, count, axis=1 - axis)
+    x, y = lines
     width, height = np.diff(x), np.diff(y)[:, None]
     elongation = np.where(active, np.maximum(width / height, height / width), 1.0)
     if elongation.max() > (1.0 + 1e-6) * LONGEST:
@@ -198,14 +193,6 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
         )
         raise InputError("TriangleMesh.grid", float(elongation.max()), remedy)
     return x, y, active
-
-
-def _divided(lines: FloatArray, count: IntArray) -> FloatArray:
-    """Lines with each interval cut into so many equal parts."""
-    place = np.repeat(np.arange(len(count)), count)
-    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    inner = lines[place] + (lines[place + 1] - lines[place]) * (step / count[place])
-    return checked_lines("lines", np.append(inner, lines[-1]))
 
 
 def _falling(active: BoolArray) -> BoolArray:
