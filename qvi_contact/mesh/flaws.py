@@ -54,7 +54,8 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
     _refuse_triangles(vertices, cells, topology)
     inner = topology.cells[topology.count == 2]
     graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(len(cells), len(cells)))
-    piece = np.asarray(csgraph.connected_components(graph, directed=False)[1])  # of each triangle, by edges
+    of_cell = csgraph.connected_components(graph, directed=False)[1]
+    piece = np.asarray(of_cell, dtype=np.int64)  # of each triangle: those joined by edges
     same, hanging = same_places(vertices), _hanging(vertices, topology)
     _refuse_meeting(vertices, cells, topology, piece, same, hanging)
     if len(same):

@@ -199,7 +199,7 @@ class TestTractions:
     def draw(order, vertical):
         line = contact([EDGES[i] for i in order], [STATES[i] for i in order], vertical)
         axes = new_axes()
-        contact_tractions(axes, line, "MPa")
+        contact_tractions(axes, line, Units("mm", "MPa"))
         return line, axes
 
     def test_each_point_lies_in_a_range_of_its_state_alone(self, order, vertical):
@@ -234,13 +234,13 @@ class TestTractions:
         assert bound.get_ydata() == pytest.approx(0.25 * values, nan_ok=True)
         assert tangential.get_ydata() == pytest.approx(0.2 * values, nan_ok=True)
         assert len({(drawn.get_linestyle(), drawn.get_marker()) for drawn in axes.lines[1:]}) == 3
-        assert axes.get_xlabel() == ("y [length]" if vertical else "x [length]")
+        assert axes.get_xlabel() == ("y [mm]" if vertical else "x [mm]")
         assert axes.get_ylabel() == "traction [MPa]"
         assert axes.get_ylim()[0] == 0.0
 
 
 class TestOtherContacts:
-    """Bounds that are not Coulomb's, signs, lines above each other."""
+    """Bounds that are not Coulomb's, lines above each other."""
 
     EDGES, STATES = ((0.0, 1.0),), ([STICK] * 4,)
 
@@ -257,15 +257,6 @@ class TestOtherContacts:
         assert np.isnan(axes.lines[1].get_ydata()).all()
         assert np.isfinite(axes.get_ylim()).all()
         friction_used(new_axes(), line)
-
-    def test_signed(self):
-        axes = new_axes()
-        contact_tractions(axes, contact(self.EDGES, self.STATES), Units("mm", "MPa"), signed=True)
-        pressure, upper, lower, tangential = (line.get_ydata() for line in axes.lines)
-        assert tangential == pytest.approx(-0.2 * pressure)
-        assert lower == pytest.approx(-upper)
-        assert axes.get_ylim()[0] < lower.min()
-        assert axes.get_xlabel() == "x [mm]"
 
     def test_lines_above_each_other_are_drawn_behind_each_other(self):
         axes = new_axes()
