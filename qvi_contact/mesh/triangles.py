@@ -586,7 +586,7 @@ class TriangleMesh(Stated):
         corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
         lengths = self._edge_lengths * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
         reach = (1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0)  # arcs stay that near
-        return PointSearch(self.cells, self.corners, self.sides, reach)
+        return PointSearch(self.cells, self.corners, self.sides, self.curved, reach)
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""

@@ -1,9 +1,9 @@
 """Contact lines before and after: obstacles, gaps, slips."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -28,7 +28,6 @@ from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
 
 _MARKERS: Final = 24  # at most about so many markers along one piece of a contact
 
@@ -97,6 +96,8 @@ def deformed_contact(
         The factor.
 
     """
+    from matplotlib.lines import Line2D
+
     mesh, units = result.problem.mesh, plain_units(units)
     known = list(result.contacts)
     names = known if contacts is None else [contacts] if isinstance(contacts, str) else contacts
@@ -112,7 +113,14 @@ def deformed_contact(
         for piece in motion.pieces:
             _draw_piece(axes, motion, piece, factor, mesh.length)
     frame(axes, mesh, units, margin=1.5 * LONGEST)
-    legend_below(axes, list(_legend_entries(motions)), f"displacements × {factor:g}")
+    entries = [Line2D([], [], color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), label="undeformed")]
+    if any(not motion.joint for motion in motions):
+        entries.append(Line2D([], [], color="black", linewidth=1.0, label="obstacle"))
+    for kind, (colour, marker, filling) in STATE_LOOK.items():
+        if any((motion.state == kind).any() for motion in motions):
+            look: dict[str, Any] = {"marker": marker, "markersize": 4, "markerfacecolor": filling}
+            entries.append(Line2D([], [], color=colour, label=ContactState(kind).name.lower(), **look))
+    legend_below(axes, entries, f"displacements × {factor:g}")
     return factor
 
 
@@ -159,16 +167,3 @@ def _draw_piece(axes: "Axes", motion: _Motion, piece: slice, factor: float, leng
             axes.add_collection(lines(segments, colour, "solid", 1.4))
             marked = face[step // 2 :: step][chosen[step // 2 :: step]]
             axes.plot(*marked.T, linestyle="none", marker=marker, markersize=4, color=colour, markerfacecolor=filling)
-
-
-def _legend_entries(motions: Sequence[_Motion]) -> "Iterator[Line2D]":
-    from matplotlib.lines import Line2D
-
-    yield Line2D([], [], color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), label="undeformed")
-    if any(not motion.joint for motion in motions):
-        yield Line2D([], [], color="black", linewidth=1.0, label="obstacle")
-    present = set(np.concatenate([np.empty(0, dtype=np.int64), *(motion.state for motion in motions)]).tolist())
-    for kind, (colour, marker, filling) in STATE_LOOK.items():
-        if kind in present:
-            name = ContactState(kind).name.lower()
-            yield Line2D([], [], color=colour, marker=marker, markersize=4, markerfacecolor=filling, label=name)
