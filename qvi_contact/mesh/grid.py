@@ -133,27 +133,25 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
     if not mask.any():
         raise InputError("active", active, "at least one cell must belong to the body")
     across, up, body = _without_long_cells(*lines, mask)
+    padded = ~np.pad(body, 1)
+    below, right, above, left = padded[:-2, 1:-1], padded[1:-1, 2:], padded[2:, 1:-1], padded[1:-1, :-2]
+    # A diagonal runs into more corners of the body than the other one would, or away from the middle of the grid.
+    rising, falling = (below & left).astype(int) + (above & right), (below & right).astype(int) + (above & left)
+    upper, right_half = (2 * np.arange(count) + 1 >= count for count in body.shape)
     row, column = np.nonzero(body)
+    falls = np.where(falling == rising, upper[:, None] != right_half, falling > rising)[row, column]
     stride = len(across)
     a = column + row * stride  # corners of each cell, counterclockwise from the lower left one
     b, c, d = a + 1, a + 1 + stride, a + stride
-    falling = _falling(body)[row, column]
-    first = np.column_stack([a, b, np.where(falling, d, c)])
-    second = np.column_stack([np.where(falling, b, a), c, d])
+    first = np.column_stack([a, b, np.where(falls, d, c)])
+    second = np.column_stack([np.where(falls, b, a), c, d])
     cells = np.stack([first, second], axis=1).reshape(-1, 3)
-    padded = np.pad(body, 1)
-    sides = {
-        "bottom": (a, b, padded[:-2, 1:-1]),
-        "right": (b, c, padded[1:-1, 2:]),
-        "top": (d, c, padded[2:, 1:-1]),
-        "left": (a, d, padded[1:-1, :-2]),
-    }
     used = np.unique(cells)
     number = np.full(len(across) * len(up), -1)
     number[used] = np.arange(len(used))
     sets = {}
-    for name, (start, stop, beyond) in sides.items():
-        exposed = ~beyond[row, column]
+    for name, start, stop, free in zip(SIDES, (a, b, d, a), (b, c, c, d), (below, right, above, left), strict=True):
+        exposed = free[row, column]
         sets[name] = number[np.column_stack([start[exposed], stop[exposed]])]
     vertices = np.column_stack([across[used % stride], up[used // stride]])
     return MeshParts(vertices, number[cells], sets)
@@ -193,18 +191,3 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
         )
         raise InputError("TriangleMesh.grid", float(elongation.max()), remedy)
     return x, y, active
-
-
-def _falling(active: BoolArray) -> BoolArray:
-    """Cells (ny, nx) cut from upper left to lower right.
-
-    Those are the ones in more such corners of the body than of the others, and where that does not say it those in the
-    upper left and lower right quarters of the grid, by their number of cells.
-    """
-    padded = np.pad(active, 1)
-    below, above = ~padded[:-2, 1:-1], ~padded[2:, 1:-1]
-    left, right = ~padded[1:-1, :-2], ~padded[1:-1, 2:]
-    rising = (below & left).astype(int) + (above & right)
-    falling = (below & right).astype(int) + (above & left)
-    upper, right_half = (2 * np.arange(count) + 1 >= count for count in active.shape)
-    return np.asarray(np.where(falling == rising, upper[:, None] != right_half, falling > rising))
