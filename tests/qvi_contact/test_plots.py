@@ -124,25 +124,17 @@ class TestCrosses:
             d = (segments[:, 1] - segments[:, 0]) / lengths(segments)[:, None]
             assert d @ tensor == pytest.approx(value * d, abs=1e-6)
 
-    def test_a_stress_of_nearly_nothing_is_not_drawn(self):
-        result = uniform_result(yy=-20.0)
-        _, compression, tension, _ = crosses(result)
-        assert (len(compression), len(tension)) == (result.gauss_stress()[0].size, 0)
-
-    def test_tension_has_round_ends_that_shrink_with_the_cells(self):
+    def test_tension_has_round_ends_that_shrink_with_the_cells_and_next_to_nothing_is_not_drawn(self):
         result = uniform_result(xx=10.0, yy=-20.0)
         _, _, tension, axes = crosses(result)
-        (dots,) = (
-            found for found in axes.collections if isinstance(found, EllipseCollection) and len(found.get_offsets())
-        )
-        places, sizes = np.asarray(dots.get_offsets()), np.asarray(dots.get_widths())
-        ends = tension.reshape(-1, 2)
+        dotted = [found for found in axes.collections if isinstance(found, EllipseCollection)]
+        (dots,) = (found for found in dotted if len(found.get_offsets()))
+        places, ends = np.asarray(dots.get_offsets()), tension.reshape(-1, 2)
         assert places[np.lexsort(places.T)] == pytest.approx(ends[np.lexsort(ends.T)], abs=1e-12)
-        assert sizes == pytest.approx(0.1 * np.repeat(spacings(result, tension), 2))
-
-    def test_the_legend_states_the_stress_of_a_full_line(self):
-        axes = new_axes()
-        principal_stress_map(axes, uniform_result(yy=-20.0), largest=80.0, units=Units("mm", "MPa"), legend=True)
+        assert np.asarray(dots.get_widths()) == pytest.approx(0.1 * np.repeat(spacings(result, tension), 2))
+        pressed = uniform_result(yy=-20.0)
+        assert [len(drawn) for drawn in crosses(pressed)[1:3]] == [pressed.gauss_stress()[0].size, 0]
+        principal_stress_map(axes, pressed, largest=80.0, units=Units("mm", "MPa"), legend=True)
         assert "80 MPa" in axes.get_legend().get_title().get_text()
         assert axes.get_xlabel() == "x [mm]"
 
