@@ -14,7 +14,7 @@ from qvi_contact.discretization import discretize
 from qvi_contact.gallery import compressed_plate
 from solvers import InputError, Status, available, certify, solve_qvi
 from solvers.basics import Progress, expired, left, tell, watched
-from solvers.condensed import GAP, Complementarity, InteriorPoint, Reduction, start_near
+from solvers.condensed import GAP, Complementarity, DenseCoordinates, InteriorPoint, start_near
 from solvers.inner import Centre, make_inner, within_time
 from solvers.pivoting import LARGEST, affordable, solve_lcp, solve_pivoting
 from solvers.solution import Start
@@ -280,7 +280,7 @@ def test_a_contact_that_grows_costs_two_iterations_more_at_most():
 def test_the_point_has_the_products_of_the_path_and_the_differences_of_the_state():
     qvi = discretize(slipping(0.004)).qvi
     solution = solve_qvi(qvi)
-    reduction = Reduction(qvi)
+    reduction = DenseCoordinates(qvi)
     problem = Complementarity(qvi, reduction, reduction.base(np.zeros(qvi.n)), 1.0)
     interior = InteriorPoint(problem, 1.0)
     y = problem.restricted(reduction.coordinates(solution.z))
