@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import ContactRule, StressSpace
+from qvi_contact.discretization.space import EdgeRule, StressSpace
 from qvi_contact.element import legendre
 from qvi_contact.mesh.edges import points_along
 from qvi_contact.problem.conditions import Contact, Law, has_coulomb
@@ -55,9 +55,9 @@ class ContactRows:
     joint : bool
         Whether it lies inside the body.
     rows : slice
-        Its rows in `FrictionQVI.N` and `FrictionQVI.T`, `ContactRule.count` an edge; none for a tied contact, which
+        Its rows in `FrictionQVI.N` and `FrictionQVI.T`, `EdgeRule.count` an edge; none for a tied contact, which
         limits no traction.
-    rule : ContactRule
+    rule : EdgeRule
         What the rows of an edge are.
     points : EdgePoints
         The m Gauss points, as many as rows, where results are given.
@@ -86,7 +86,7 @@ class ContactRows:
     law: Law
     joint: bool
     rows: slice
-    rule: ContactRule
+    rule: EdgeRule
     points: EdgePoints
     row_limits: Limits
     friction: FloatArray
@@ -135,13 +135,15 @@ class ContactRows:
         return replace(self, offset=offset)
 
 
-def contact_rows(problem: ContactProblem, space: StressSpace, scales: Scales) -> tuple[ContactRows, ...]:
+def contact_rows(
+    problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales
+) -> tuple[ContactRows, ...]:
     """All contacts in the order of the problem; `InputError` where a field gives bad values."""
-    found, start, rule = [], 0, space.contact_rule
+    found, start = [], 0
     for contact in problem.contacts:
         points = EdgePoints(space, problem.mesh.edges(contact.edges), rule.count)
         stop = start if contact.law == "tied" else start + len(points.weights)
-        found.append(_rows(problem, scales, contact, points, slice(start, stop)))
+        found.append(_rows(problem, rule, scales, contact, points, slice(start, stop)))
         start = stop
     return tuple(found)
 
@@ -169,8 +171,9 @@ def laws_vary(problem: ContactProblem) -> bool:
     return False
 
 
-def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: EdgePoints, rows: slice) -> ContactRows:
-    rule = points.space.contact_rule
+def _rows(
+    problem: ContactProblem, rule: EdgeRule, scales: Scales, contact: Contact, points: EdgePoints, rows: slice
+) -> ContactRows:
     x, y = physical(problem, scales, points.coordinates)
     limits = row_limits = _limits(contact, scales, x, y)
     if rule.to_points is not None:

@@ -15,7 +15,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import StressSpace
-from qvi_contact.discretization.tractions import PrescribedTraction
+from qvi_contact.discretization.supports import PrescribedTraction
 from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, points_along, vectors_along

@@ -375,8 +375,8 @@ def _rounded_airy(program: StressProgram, carried: CarriedStress) -> tuple[Float
     if len(space.cuts):
         raise InputError("proof", f"{len(space.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
-    change = high.elimination.particular - low.elimination.particular
-    u = low.basis @ carried.unknowns[:n] + low.elimination.particular + (carried.factor - 1.0) * change
+    change = high.particular - low.particular
+    u = low.basis @ carried.unknowns[:n] + low.particular + (carried.factor - 1.0) * change
     affine, w = space.differences.apply(u)
     frames, first = space.frames, space.mesh.cells[:, 0]
     if frames.several:

@@ -183,14 +183,14 @@ class StressProgram:
     def _matrix(self) -> sparse.csr_array:
         """Stress coefficients as rows on (z, y, α), dimensionless."""
         shared, inner = self._of_freedoms
-        change = self.high.elimination.particular - self.low.elimination.particular
+        change = self.high.particular - self.low.particular
         slope = shared @ change + _pressures(self._potentials[1] - self._potentials[0])
         return sparse.csr_array(sparse.hstack([shared @ self.low.basis, inner, sparse.csr_array(slope[:, None])]))
 
     @cached_property
     def _constant(self) -> FloatArray:
         """What they are at z = y = α = 0."""
-        particular = 2.0 * self.low.elimination.particular - self.high.elimination.particular
+        particular = 2.0 * self.low.particular - self.high.particular
         return np.asarray(
             self._of_freedoms[0] @ particular + _pressures(2.0 * self._potentials[0] - self._potentials[1])
         )

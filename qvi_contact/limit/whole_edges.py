@@ -80,7 +80,7 @@ def both_signs(discretization: Discretization) -> BoolArray:
 
 def mean_normal(discretization: Discretization, tractions: FloatArray) -> FloatArray:
     """Mean of σ_N on each contact edge (e,) from the rows [σ_N; σ_T] (2 m,)."""
-    rule = discretization.space.contact_rule
+    rule = discretization.rule
     return np.asarray(rule.at_points(tractions[: discretization.qvi.m]).reshape(-1, rule.count) @ rule.weights)
 
 

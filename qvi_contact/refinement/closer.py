@@ -204,4 +204,4 @@ def energies_between(answer: ContactResult, look: ContactResult, mesh: TriangleM
 def _stress(result: ContactResult, cells: IntArray, t: FloatArray) -> FloatArray:
     """Stress without body potential at reference points in cells [stress]."""
     known = result.discretization
-    return known.scales.stress * known.space.stress(known.energy.coefficients(result.dofs), cells, t)
+    return known.scales.stress * known.space.stress(known.coefficients(result.dofs), cells, t)

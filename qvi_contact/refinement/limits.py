@@ -213,7 +213,7 @@ def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
     if state is None:
         yield from (np.ones(len(edges)) for edges in _limited_edges(posed.problem))
         return
-    rule = posed.low.space.contact_rule
+    rule = posed.low.rule
     normal, shear = (rule.at_points(half) for half in np.split(state.tractions, 2))
     opening, slip = (rule.multipliers_at_points(half) for half in np.split(state.motion, 2))
     for rows in posed.low.contacts:

@@ -424,7 +424,7 @@ class _Run:
                 made.append(discretize(self.steps[0], scales=self.scales, **self.space))
             if number == 1 and scales == self.scales:
                 return made[0]
-            return made[0].following(self.steps[number - 1], scales)
+            return made[0].with_data(self.steps[number - 1], scales)
 
         return posed
 
@@ -462,7 +462,7 @@ def _history(run: _Run, keeper: _Keeper) -> History:
         elif expired():
             break
         else:
-            discretization = before.discretization.following(run.steps[number - 1], run.scales)
+            discretization = before.discretization.with_data(run.steps[number - 1], run.scales)
             discretization = discretization.slipped(_slip_after(before))
         initial = {"initial": before} if before is not None and run.warm else {}
         result = solve(discretization, **{**run.options, **initial})

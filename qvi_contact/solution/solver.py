@@ -164,13 +164,13 @@ def posed(
     if before is None:
         return _fitted(discretize(problem, degree=degree, contact_rows=rows), options)
     _check_space(before, degree, "gauss" if rows is None and laws_vary(problem) else rows)
-    return _fitted(before.following(problem), options)
+    return _fitted(before.with_data(problem), options)
 
 
 def _check_space(before: Discretization, degree: int | None, rows: RowKind | None) -> None:
     """Refuse what the space of a problem before does not have."""
     space = before.space
-    for field, asked, found in (("degree", degree, space.degree), ("contact_rows", rows, space.contact_rule.kind)):
+    for field, asked, found in (("degree", degree, space.degree), ("contact_rows", rows, before.rule.kind)):
         if asked is not None and asked != found:
             remedy = f"the problem discretised before has {found!r}: give both the same, or leave before out"
             raise InputError(field, asked, remedy)
@@ -179,7 +179,7 @@ def _check_space(before: Discretization, degree: int | None, rows: RowKind | Non
 def _facts(known: Discretization, settings: dict[str, Any]) -> dict[str, object]:
     """What the header of a narration says."""
     space, mesh = known.space, known.problem.mesh
-    element = f"{FAMILY} of degree {space.degree}, contact law by {space.contact_rule.kind}"
+    element = f"{FAMILY} of degree {space.degree}, contact law by {known.rule.kind}"
     facts = facts_of(known.qvi, default_method(settings), settings["tolerance"])
     return {"cells": mesh.cell_count, "element": element, **facts}
 
@@ -198,7 +198,7 @@ def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactR
         settings["initial"] = _initial(settings["initial"], discretization)
     solution = solve_qvi(discretization.qvi, **settings)
     if _reached(discretization, solution):
-        discretization = discretization.everywhere()
+        discretization = discretization.with_far_obstacles()
         solution = solve_qvi(discretization.qvi, **settings)
     return ContactResult(discretization, solution)
 
@@ -215,7 +215,7 @@ def _reached(discretization: Discretization, solution: QVISolution) -> bool:
 
 def _check_uzawa(discretization: Discretization, method: str | None) -> None:
     """Uzawa runs on coefficients of linear tractions, of higher degree it only runs on."""
-    rule = discretization.space.contact_rule
+    rule = discretization.rule
     if method == "uzawa" and rule.kind == "bernstein" and rule.count > _LINEAR:
         remedy = (
             "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish where the "
@@ -229,7 +229,7 @@ def _fitted(discretization: Discretization, settings: dict[str, Any]) -> Discret
     name, threads = settings.get("factorisation", "auto"), settings.get("threads")
     with discretization.qvi.operator.using(name, threads):
         try:
-            return discretization.fitted()
+            return discretization.rescaled()
         except FactorisationError:
             return discretization
 
@@ -245,7 +245,7 @@ def _initial(initial: object, discretization: Discretization) -> Start | FloatAr
     if pressure.shape != (count,):
         remedy = f"give a ContactResult, or pressures at all {count} contact points as an array of shape ({count},)"
         raise InputError("initial", initial, remedy)
-    pressure = discretization.space.contact_rule.at_rows(pressure)
+    pressure = discretization.rule.at_rows(pressure)
     return np.asarray(np.maximum(pressure, 0.0) / discretization.scales.stress)
 
 
@@ -262,7 +262,7 @@ def _same_unknowns(one: Discretization, other: Discretization) -> bool:
     return (
         one.space.degree == other.space.degree
         and one.qvi.m == other.qvi.m
-        and np.array_equal(one.elimination.kept, other.elimination.kept)
+        and np.array_equal(one.supports.elimination.kept, other.supports.elimination.kept)
         and one.problem.mesh.same_as(other.problem.mesh)
     )
 

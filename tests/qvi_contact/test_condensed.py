@@ -197,7 +197,7 @@ def test_traces_reproduce_the_tractions(sides, joints):
 
 def begun(body):
     """Complementarity and interior point of a body, as `solve_condensed` begins, with a share that leads into folds."""
-    qvi = discretize(body).fitted().qvi
+    qvi = discretize(body).rescaled().qvi
     space = Reduction(qvi)
     base = space.base(np.zeros(qvi.n))
     bonded = space.bonded(base)
