@@ -218,7 +218,7 @@ def other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Itera
         if vertex is None:
             return
         m = rows.F @ vertex.x
-        last, bound = bound, qvi.threshold(qvi.pressed((compliance.bonded - compliance.relief(m))[: qvi.m]))
+        last, bound = bound, qvi.threshold(qvi.law.pressed((compliance.bonded - compliance.relief(m))[: qvi.m]))
         if np.abs(bound - last).max() <= _SETTLED * stress:
             yield m
             return

@@ -129,7 +129,7 @@ def solve_qvi(
     first, options = _with_start(qvi, chosen, options)
     if by_default and not isinstance(first.get(_START), Start):
         first.pop(_START, None)
-    with qvi.operator.using(factorisation, threads), watched(time_limit), narrated("solve_qvi", verbose) as story:
+    with qvi.stiffness.using(factorisation, threads), watched(time_limit), narrated("solve_qvi", verbose) as story:
         began = time.perf_counter()
         story.begin(facts_of(qvi, chosen, tolerance))
         solution = _attempt(qvi, chosen, DEFAULT_INNER if inner is None else inner, tolerance, first)
@@ -393,5 +393,5 @@ def _ends(solution: QVISolution) -> Iterator[QVISolution]:
 def _at_friction(factor: float, solution: QVISolution, start: QVISolution | None) -> QVISolution:
     """The problem of a solution with so many times its friction, solved from a state."""
     qvi = solution.problem
-    posed = qvi if factor == 1.0 else qvi.changed(mu=factor * qvi.mu)
+    posed = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
     return solve_qvi(posed, "condensed", tolerance=solution.certificate.tolerance, initial=start)

@@ -154,7 +154,7 @@ def _update(qvi: FrictionQVI, state: _State, omega_N: float, omega_T: float, rul
     sigma_N, sigma_T = state.sigma[:m], state.sigma[m:]
     lambda_N = np.where(qvi.bilateral, 0.0, np.maximum(state.lam[:m] + omega_N * sigma_N, 0.0))  # (4.2)
     old = state.lam[m:]
-    delta = omega_T * (1.0 - qvi.threshold(qvi.pressed(sigma_N)) / np.abs(sigma_T))  # (4.4)
+    delta = omega_T * (1.0 - qvi.threshold(qvi.law.pressed(sigma_N)) / np.abs(sigma_T))  # (4.4)
     sign = np.sign(sigma_T)
     if rule == "printed":  # (4.3)
         new = sign * np.maximum(np.maximum(sign * old, 0.0) + delta, 0.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, get_args
+from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 from scipy import sparse
@@ -30,11 +30,9 @@ from qvi_contact.discretization.space import EdgeRule, RowKind, StressSpace, edg
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.problem import ContactProblem
-from solvers import FrictionQVI, Traces
+from solvers import ContactMatrices, FrictionQVI, Law, Loads, Traces
 from solvers.basics.types import Stated
-from solvers.inequality.rows import by_columns
 
 DEFAULT_DEGREE: Final = 4
 """Degree of the Airy function where none is given."""
@@ -45,45 +43,28 @@ _MISFIT = 1e-6  # difference of data from what is taken for them, in units of th
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
 
 
-@dataclass(frozen=True, eq=False)
-class ContactMatrices:
-    """Rows of contacts on the unknowns, the same for all that is pressed or slips there.
+class _Rows(NamedTuple):
+    """Rows of contacts and plates on the unknowns, and traces (2m, N) from all degrees of freedom."""
 
-    Attributes
-    ----------
-    N, T : (m, n) sparse arrays
-        Rows of σ_N and σ_T.
-    traces : Traces
-        What these are interpolated from: tractions at the Gauss points.
-    parameters : (2m, N) sparse array
-        The traces from all degrees of freedom.
-
-    """
-
-    N: sparse.csc_array
-    T: sparse.csc_array
-    traces: Traces
-    parameters: sparse.csr_array
+    matrices: ContactMatrices
+    traces: sparse.csr_array
 
     @classmethod
-    def on(cls, supports: Supports, rule: EdgeRule, edges: Sequence[Edges]) -> ContactMatrices:
-        """Those of contacts on these edges, one after the other, made once."""
-        key = (cls, rule.kind, *((part.first.tobytes(), part.second.tobytes()) for part in edges))
-        if key not in supports.kept:
-            supports.kept[key] = cls._made(supports, rule, edges)
-        found: ContactMatrices = supports.kept[key]
+    def on(cls, supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], A: sparse.csc_array) -> _Rows:
+        """Those of these contacts, one after the other, and equations, made once for all that is pressed there."""
+        edges = [rows.points.edges for rows in contacts]
+        key = (cls, rule.kind, id(A), *((part.first.tobytes(), part.second.tobytes()) for part in edges))
+        if key not in supports.kept:  # as `plate_rows` keeps A
+            space = supports.space
+            empty = sparse.csr_array((0, space.size))
+            traces = space.trace_rows(edges, rule.points).matrix(space.size) if edges else empty
+            Y = traces @ supports.basis
+            E = _block_diagonal(rule.from_points, Y.shape[0] // rule.count)
+            rows, m = E @ Y, Y.shape[0] // 2
+            weights = joined([rows.row_weights for rows in contacts])
+            supports.kept[key] = cls(ContactMatrices(rows[:m], rows[m:], weights, A, Traces(Y, E)), traces)
+        found: _Rows = supports.kept[key]
         return found
-
-    @classmethod
-    def _made(cls, supports: Supports, rule: EdgeRule, edges: Sequence[Edges]) -> ContactMatrices:
-        space = supports.space
-        empty = sparse.csr_array((0, space.size))
-        parameters = space.trace_rows(edges, rule.points).matrix(space.size) if edges else empty
-        Y = parameters @ supports.basis
-        E = _block_diagonal(rule.from_points, Y.shape[0] // rule.count)
-        rows, m = E @ Y, Y.shape[0] // 2
-        traces = Traces(Y, E)
-        return cls(by_columns(rows[:m]), by_columns(rows[m:]), traces, parameters)
 
 
 def _block_diagonal(block: FloatArray, count: int) -> sparse.csr_array:
@@ -191,8 +172,13 @@ class Discretization(Stated):
         ]
         load = self.qvi.T.T @ joined(change)
         assert self.qvi.load is not None
-        qvi = self.qvi.changed(f=self.qvi.f + load, load=self.qvi.load + load)
+        qvi = self.qvi.with_loads(f=self.qvi.f + load, load=self.qvi.load + load)
         return replace(self, contacts=contacts, qvi=qvi)
+
+    def with_law(self, problem: ContactProblem) -> Discretization:
+        """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
+        contacts = contact_rows(problem, self.space, self.rule, self.scales)
+        return replace(self, problem=problem, contacts=contacts, qvi=replace(self.qvi, law=law_of(contacts)))
 
     def with_far_obstacles(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
@@ -341,7 +327,7 @@ def _algebraic(
     stiffness = root.stiffness
     supports, space = stiffness.supports, stiffness.supports.space
     limited = [rows for rows in contacts if rows.law != "tied"]
-    matrices = ContactMatrices.on(supports, rule, [rows.points.edges for rows in limited])
+    matrices, traces = _Rows.on(supports, rule, limited, plates.A)
     load = displacement_load(problem, space, scales)
     for rows in contacts:
         load = load + rows.work()
@@ -349,27 +335,21 @@ def _algebraic(
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
     if root.body is not None or root.particular.any():
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
-        n0, t0 = np.split(matrices.traces.interpolation @ (matrices.parameters @ root.particular), 2)
+        n0, t0 = np.split(np.asarray(traces @ root.particular), 2)
+        n0, t0 = rule.at_rows(n0), rule.at_rows(t0)
     if has_body_force(problem) or any(contact.has_fluid for contact in problem.contacts):
         fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]
         n0 = n0 + rule.at_rows(joined(fixed))
-    return FrictionQVI(
-        K=stiffness.K,
-        f=f,
-        N=matrices.N,
-        n0=n0,
-        T=matrices.T,
-        t0=t0,
-        mu=joined([rows.row_limits.friction for rows in limited]),
-        W=joined([rows.row_weights for rows in limited]),
-        A=plates.A,
-        b=plates.b,
-        root=root,
-        load=load,
-        cohesion=joined([rows.row_limits.cohesion for rows in limited]),
-        cap=joined([rows.row_limits.cap for rows in limited]),
-        bilateral=joined([rows.bilateral for rows in limited]).astype(bool),
-        traces=matrices.traces,
-        places=stiffness.places,
-        shared=stiffness.operator,
+    return FrictionQVI(stiffness.matrix, matrices, Loads(f, n0, t0, plates.b, root, load), law_of(contacts))
+
+
+def law_of(contacts: Sequence[ContactRows]) -> Law:
+    """The law of contacts one after the other, tied ones left out."""
+    limited = [rows for rows in contacts if rows.law != "tied"]
+    limits = [rows.row_limits for rows in limited]
+    return Law(
+        joined([each.friction for each in limits]),
+        joined([each.cohesion for each in limits]),
+        joined([each.cap for each in limits]),
+        joined([rows.bilateral for rows in limited]).astype(bool),
     )

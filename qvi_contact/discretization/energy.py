@@ -33,7 +33,7 @@ from qvi_contact.element.affine import AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
 from qvi_contact.errors import InputError
 from solvers.basics.types import Stated
-from solvers.inequality.stiffness import Operator
+from solvers.inequality.stiffness import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 _LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stresses, lose too many digits
@@ -278,12 +278,12 @@ class BodyStiffness(Stated):
         if K.diagonal().min(initial=np.inf) <= 0.0:
             remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
             raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
-        return sparse.csc_array(K)
+        return K
 
     @cached_property
-    def operator(self) -> Operator:
-        """What solves with K."""
-        return Operator(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+    def matrix(self) -> Stiffness:
+        """K with its root, and what is factorised of it."""
+        return Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
 
     @cached_property
     def places(self) -> FloatArray | None:

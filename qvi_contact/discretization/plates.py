@@ -32,7 +32,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
-from solvers.inequality.rows import by_columns
+from solvers.inequality.rows import checked_matrix
 
 COMPONENTS = ("force_x", "force_y", "moment")
 
@@ -212,7 +212,7 @@ class _Resultants:
                 kept.append(index)
             else:
                 combinations[index] = combination
-        return cls(full, kept, combinations, by_columns(A[kept]))
+        return cls(full, kept, combinations, checked_matrix("A", A[kept]))
 
     def checked(self, b: FloatArray, rows: Sequence[PlateRow]) -> list[int]:
         """Indices of the kept rows; `InputError` where a value b (r,) contradicts those of the others."""

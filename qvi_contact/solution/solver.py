@@ -227,7 +227,7 @@ def _check_uzawa(discretization: Discretization, method: str | None) -> None:
 def _fitted(discretization: Discretization, settings: dict[str, Any]) -> Discretization:
     """In fitting units; where K cannot be factorised the solve will say so."""
     name, threads = settings.get("factorisation", "auto"), settings.get("threads")
-    with discretization.qvi.operator.using(name, threads):
+    with discretization.qvi.stiffness.using(name, threads):
         try:
             return discretization.rescaled()
         except FactorisationError:

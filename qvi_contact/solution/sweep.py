@@ -382,7 +382,10 @@ class _Run:
             if count >= at_least and expired():
                 return
             began, task = time.perf_counter(), self._task
-            self._before = posed(task.changed(value), before=self._before, **task.space, **task.options)
+            if self._before is None or task.parameter != "friction":
+                self._before = posed(task.changed(value), before=self._before, **task.space, **task.options)
+            else:
+                self._before = self._before.with_law(task.changed(value))
             begins = task.warm and self._state is not None and not self._left
             found = solve(self._before, **{**task.options, **({"initial": self._state} if begins else {})})
             near = found.solution.near

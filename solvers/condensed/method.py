@@ -49,8 +49,8 @@ from solvers.condensed.coordinates import Reduction, Whole, obstacle
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals, start_near
 from solvers.condensed.systems import FITTING_SHARES, Base, Shares, Space, SystemName
 from solvers.errors import InputError
+from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.stiffness import SLOW_CONTRACTION
 from solvers.solution import Iteration, Outcome, QVISolution, Start, finish
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
@@ -171,7 +171,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
         run = _start(qvi, space, options)
         near = _begin_near(run)
         _iterate(run)
-        if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.operator.use_root():
+        if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.stiffness.use_root():
             run = _start(qvi, Reduction(qvi), options)
             _iterate(run)
         run = _restarted(run, tolerance, time.perf_counter() - set_up)
@@ -189,7 +189,7 @@ def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Space, str]:
     """The coordinates asked for, or those that cost less; and a sentence where they cannot be had."""
     wanted = options.system
     if wanted == "auto":
-        wanted = "dense" if qvi.operator.condensing_pays(qvi) else "sparse"
+        wanted = "dense" if qvi.stiffness.condensing_pays(qvi.contact) else "sparse"
     reason = obstacle(qvi) if wanted == "sparse" else ""
     if wanted == "dense" or reason:
         return Reduction(qvi), f"Dense linear systems were taken: {reason}." if reason else ""

@@ -6,8 +6,12 @@ __getattr__ = front(
     __name__,
     {
         "compliance": ("Compliance",),
+        "contact": ("ContactMatrices",),
         "linear": ("interface_of",),
+        "loads": ("Loads",),
+        "problem": ("FrictionQVI", "Law"),
         "rows": ("dense", "echelon", "independent_rows", "spanning_rows"),
+        "stiffness": ("EnergyRoot", "Stiffness"),
         "traces": ("Traces", "trace_coordinates"),
     },
 )

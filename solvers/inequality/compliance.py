@@ -3,8 +3,6 @@
 As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
 """
 
-from functools import cached_property
-
 import numpy as np
 
 from solvers.basics.types import Matrix, Vector
@@ -23,7 +21,7 @@ class Compliance:
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi = qvi
         self._rows = qvi.contact_rows
-        self._interface_rows = self._rows[:, qvi.equality_system.interface]
+        self._condensed = qvi.condensed_contact
         self.bonded = self.tractions(qvi.bonded)
 
     @property
@@ -31,12 +29,10 @@ class Compliance:
         """Whether C is computed rather than applied."""
         return (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT
 
-    @cached_property
+    @property
     def dense(self) -> Matrix:
         """C (2m, 2m)."""
-        rows = self._interface_rows
-        C = rows @ self._qvi.equality_system.solve_interface(rows.T.toarray())[0]
-        return np.asarray((C + C.T) / 2.0)
+        return self._condensed.compliance
 
     def tractions(self, z: Vector) -> Vector:
         """(σ_N, σ_T) at z (2m,)."""
@@ -46,23 +42,23 @@ class Compliance:
         """C m (2m,)."""
         if self.is_dense:
             return np.asarray(self.dense @ m)
-        rows = self._interface_rows
-        return np.asarray(rows @ self._qvi.equality_system.solve_interface(rows.T @ m)[0])
+        rows = self._condensed.contact_rows_near
+        return np.asarray(rows @ self._condensed.system.solve_interface(rows.T @ m)[0])
 
     def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
         """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).
 
         Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
         """
-        qvi = self._qvi
+        qvi, system = self._qvi, self._condensed.system
         forces = self._rows.T @ m
-        z = qvi.bonded - qvi.equality_system.solve(forces)[0]
-        correction, nu = qvi.equality_system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
+        z = qvi.bonded - system.solve(forces)[0]
+        correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
         size = np.inf
         for _ in range(_CORRECTIONS):
             new = float(np.abs(self._rows @ correction).max(initial=0.0))
             if not new < 0.5 * size:
                 break
             z, size = z + correction, new
-            correction, nu = qvi.equality_system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
+            correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
         return z, nu

@@ -9,9 +9,11 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgeqp3
-from scipy.sparse import csc_array, csr_array, diags_array, vstack
+from scipy.sparse import csc_array, csr_array, diags_array, issparse, vstack
 
+from solvers.basics.checks import real_array
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
+from solvers.errors import InputError
 
 _RANK = 1e-10
 """Rows, scaled to length one, that are shorter than this beside the others depend on them."""
@@ -244,3 +246,34 @@ def add_product(target: Matrix, left: Rows, right: Rows) -> None:
         return
     product = csr_array(left @ right).tocoo()
     target[product.row, product.col] += product.data
+
+
+# Checks of what is given.
+
+
+def checked_matrix(name: str, value: Any, empty: int | None = None) -> Sparse:
+    """A matrix in compressed columns, `InputError` if it is none; without one no rows of `empty` columns."""
+    if value is None:
+        if empty is None:
+            raise InputError(name, None, "give a matrix")
+        return csc_array((0, empty))
+    try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex numbers")
+        matrix = by_columns(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(name, type(value).__name__, "give a matrix of real numbers, sparse or dense") from error
+    if not issparse(value) and np.ndim(value) != 2:
+        raise InputError(name, f"{np.ndim(value)} dimensions", "give a matrix, with two dimensions")
+    if not np.isfinite(matrix.data).all():
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    return matrix
+
+
+def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
+    """An array of numbers that cannot be changed; `InputError` if it is none."""
+    vector = real_array(name, value, "give a vector of real numbers")
+    if np.isnan(vector).any() or not (infinite or np.isfinite(vector).all()):
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    vector.setflags(write=False)
+    return vector

@@ -187,7 +187,7 @@ def test_energy_and_multipliers_are_those_of_the_full_problem(name):
     m_N, m_T, nu = problem.multipliers(u, lam)
     residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
     size = np.abs(qvi.K @ z).max()
-    interior = np.setdiff1d(np.arange(qvi.n), qvi.equality_system.interface)
+    interior = np.setdiff1d(np.arange(qvi.n), qvi.condensed_contact.system.interface)
     assert residual[interior] == pytest.approx(0.0, abs=1e-11 * size)
     force = problem.S @ u + problem.c + problem.force(lam)
     moved = reduction.move(base, problem.full(u + 1e-3 * force)) - z  # in the directions that equations leave free
@@ -291,7 +291,7 @@ def row_of_points(m):
     K = diags_array([np.full(2 * m - 1, 0.3), np.ones(2 * m), np.full(2 * m - 1, 0.3)], offsets=[-1, 0, 1])
     rows, zeros = eye_array(2 * m).tocsr(), np.zeros(m)
     f = np.random.default_rng(0).normal(size=2 * m)
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=csc_array(K), f=f, N=-rows[::2], n0=zeros, T=rows[1::2], t0=zeros, mu=zeros + 0.3, W=zeros + 1.0 / m
     )
 
@@ -306,7 +306,7 @@ def test_each_contact_is_a_whole_of_its_own():
 def test_large_problems_start_near_the_bonded_solution():
     """Multipliers are a fiftieth; the other start comes next."""
     many = row_of_points(12_001)
-    with many.operator.using("superlu", 1):
+    with many.stiffness.using("superlu", 1):
         large, small = Whole(many).shares, Whole(chain(0)).shares
     assert (large[0], large[1:]) == (small[-1], small[:-1])
     near, usual = (InteriorPoint(posed_whole(chain(0), shares)[1], 1.0).point.lam for shares in large[:2])
@@ -316,7 +316,7 @@ def test_large_problems_start_near_the_bonded_solution():
 @pytest.mark.parametrize("qvi", [chain(2), row_of_points(300)], ids=["body", "contact"])
 def test_norms_and_stiffness_are_those_of_dense_algebra(qvi):
     """Also where the contact is so large a share of a body that its unknowns are eliminated like all others."""
-    with qvi.operator.using("superlu", 1):
+    with qvi.stiffness.using("superlu", 1):
         whole, problem = posed_whole(qvi)
     random = np.random.default_rng(0)
     force = problem.force(random.normal(size=len(problem.weights)))
@@ -324,8 +324,8 @@ def test_norms_and_stiffness_are_those_of_dense_algebra(qvi):
     f = force[: qvi.n] * np.sqrt(qvi.K.diagonal())
     assert whole.norm(force) == pytest.approx(np.sqrt(f @ np.linalg.solve(K, f)), rel=1e-10)
     m = random.normal(size=2 * qvi.m)
-    assert qvi.linear_system.interface.size == (0 if qvi.m == 300 else qvi.equality_system.interface.size)
+    assert qvi.linear_system.interface.size == (0 if qvi.m == 300 else qvi.condensed_contact.system.interface.size)
     relief = qvi.linear_system.relief(qvi.contact_rows)(m)
     compliance = rows @ np.linalg.solve(K, rows.T)
     assert relief == pytest.approx(compliance @ m, rel=1e-9)
-    assert qvi.equality_system.interface.size > 0  # made anew where what the contact feels is asked for
+    assert qvi.condensed_contact.system.interface.size > 0  # made anew where what the contact feels is asked for
