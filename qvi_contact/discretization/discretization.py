@@ -26,13 +26,14 @@ from qvi_contact.discretization.loads import (
 )
 from qvi_contact.discretization.plates import PlateRows, misplaced_pins, plate_rows, pressed_pins
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import EdgeRule, RowKind, StressSpace, edge_rule
+from qvi_contact.discretization.space import EdgeRule, RowKind, Rows, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, Traces
 from solvers.basics.types import Stated
+from solvers.inequality.rows import by_columns
 
 DEFAULT_DEGREE: Final = 4
 """Degree of the Airy function where none is given."""
@@ -44,10 +45,13 @@ _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are le
 
 
 class _Rows(NamedTuple):
-    """Rows of contacts and plates on the unknowns, and traces (2m, N) from all degrees of freedom."""
+    """Rows of contacts and plates on the unknowns, and the traces on all degrees of freedom that contacts follow from.
+
+    Traces are tractions at the Gauss points, σ_N of all contacts and then σ_T.
+    """
 
     matrices: ContactMatrices
-    traces: sparse.csr_array
+    traces: Rows
 
     @classmethod
     def on(cls, supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], A: sparse.csc_array) -> _Rows:
@@ -55,24 +59,22 @@ class _Rows(NamedTuple):
         edges = [rows.points.edges for rows in contacts]
         key = (cls, rule.kind, id(A), *((part.first.tobytes(), part.second.tobytes()) for part in edges))
         if key not in supports.kept:  # as `plate_rows` keeps A
-            space = supports.space
-            empty = sparse.csr_array((0, space.size))
-            traces = space.trace_rows(edges, rule.points).matrix(space.size) if edges else empty
-            Y = traces @ supports.basis
+            traces = supports.space.trace_rows(edges, rule.points)
+            Y = supports.basis.rows(traces)
             E = _block_diagonal(rule.from_points, Y.shape[0] // rule.count)
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
-            supports.kept[key] = cls(ContactMatrices(rows[:m], rows[m:], weights, A, Traces(Y, E)), traces)
+            supports.kept[key] = cls(ContactMatrices(rows[:m], rows[m:], weights, A, Traces(by_columns(Y), E)), traces)
         found: _Rows = supports.kept[key]
         return found
 
 
-def _block_diagonal(block: FloatArray, count: int) -> sparse.csr_array:
+def _block_diagonal(block: FloatArray, count: int) -> sparse.csc_array:
     """The same block (q, q) so many times."""
     q = len(block)
-    columns = np.repeat(np.arange(count * q).reshape(count, q), q, axis=0)
-    data = np.tile(block, (count, 1)).ravel()
-    return sparse.csr_array((data, columns.ravel(), q * np.arange(count * q + 1)), shape=(count * q, count * q))
+    rows = np.repeat(np.arange(count * q, dtype=np.int32).reshape(count, q), q, axis=0)
+    data, starts = np.tile(block.T, (count, 1)).ravel(), q * np.arange(count * q + 1, dtype=np.int32)
+    return sparse.csc_array((data, rows.ravel(), starts), shape=(count * q, count * q))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,7 @@ class Discretization(Stated):
     @property
     def basis(self) -> sparse.csr_array:
         """U = basis z + particular, shape (N, n)."""
-        return self.supports.basis
+        return self.supports.basis.matrix
 
     @property
     def particular(self) -> FloatArray:
@@ -229,7 +231,7 @@ class Discretization(Stated):
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""
-        return np.asarray(self.basis @ z + self.particular)
+        return np.asarray(self.supports.basis.expanded(z) + self.particular)
 
     def coefficients(self, u: FloatArray) -> FloatArray:
         """Φ of each triangle from degrees of freedom u (N,), see `TriangleEnergy.coefficients`."""
@@ -331,11 +333,11 @@ def _algebraic(
     load = displacement_load(problem, space, scales)
     for rows in contacts:
         load = load + rows.work()
-    load = supports.transposed @ load
+    load = supports.basis.reduced(load)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
     if root.body is not None or root.particular.any():
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
-        n0, t0 = np.split(np.asarray(traces @ root.particular), 2)
+        n0, t0 = np.split(traces.apply(root.particular), 2)
         n0, t0 = rule.at_rows(n0), rule.at_rows(t0)
     if has_body_force(problem) or any(contact.has_fluid for contact in problem.contacts):
         fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]

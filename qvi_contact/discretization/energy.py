@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy import sparse
@@ -160,23 +160,6 @@ class TriangleEnergy(Stated):
             found.shifts[cells] = -np.linalg.solve(upper, residual[:, :interior, None])[:, :, 0]
         return found
 
-    @property
-    def matrix(self) -> sparse.csr_array:
-        """𝒦 of ∫ cσ:τ over all degrees of freedom as the sum of the triangles', shape (N, N); made anew each time."""
-        differences, size = self.space.differences, self.space.size
-        rows = differences.rows(self.roots)
-        blocks = rows.swapaxes(1, 2) @ rows
-        dofs = differences.dofs.astype(np.int32 if size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
-        pairs = np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, dofs.shape[1]).ravel()
-        found = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
-        if not len(differences.across):
-            return found
-        # of triangles across parts, with Q beside their rows R, (R + Q)ᵀ(R + Q) but for RᵀR
-        R = differences.spread(rows[differences.across], differences.across)
-        Q = differences.rows_beyond(self.roots)
-        mixed = sparse.csr_array(R.T @ Q)
-        return sparse.csr_array(found + mixed + mixed.T + Q.T @ Q)
-
     def coefficients(self, u: FloatArray, body: BodyLoad | None) -> FloatArray:
         """Φ of each triangle from the degrees of freedom u (N,), shape (cells, dimension): what `stress` takes.
 
@@ -265,8 +248,8 @@ class BodyStiffness(Stated):
         return found
 
     @cached_property
-    def K(self) -> sparse.csc_array:  # noqa: N802  # letter of (D2)
-        """Bᵀ 𝒦 B (n, n), exactly symmetric up to rounding.
+    def K(self) -> Any:  # noqa: N802  # letter of (D2)
+        """Bᵀ 𝒦 B (n, n), with 𝒦 the matrix of ∫ cσ:τ over u; symmetric up to rounding, dense if small, else sparse.
 
         Raises
         ------
@@ -274,7 +257,14 @@ class BodyStiffness(Stated):
             If rounding leaves a triangle no energy.
 
         """
-        K = (self.supports.transposed @ (self.energy.matrix @ self.supports.basis)).T
+        differences, basis = self.energy.space.differences, self.supports.basis
+        rows, dofs, across = differences.rows(self.energy.roots), differences.dofs, differences.across
+        if len(across):
+            rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
+        K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)
+        if len(across):
+            R = differences.all_rows(self.energy.roots, across) @ basis.matrix
+            K = K + R.T @ R
         if K.diagonal().min(initial=np.inf) <= 0.0:
             remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
             raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
@@ -289,11 +279,11 @@ class BodyStiffness(Stated):
     def places(self) -> FloatArray | None:
         """Centres (n, 2) of the vertices and edges whose degrees of freedom belong to each unknown; None for few."""
         space, basis = self.energy.space, self.supports.basis
-        if basis.shape[1] < _ORDERED:
+        if len(basis.kept) < _ORDERED:
             return None
         middles = space.vertices[space.mesh.topology.ends].mean(axis=1)
         own = np.vstack([np.repeat(space.vertices, 3, axis=0), np.repeat(middles, space.element.on_edge, axis=0)])
-        weights = abs(basis[: len(own)])  # behind them come jumps across cuts, which have no place
+        weights = basis.magnitudes[: len(own)]  # behind them come jumps across cuts, which have no place
         total = np.asarray(weights.sum(axis=0)).ravel()
         centre = space.vertices.mean(axis=0)
         mean = (weights.T @ (own - centre)) / np.where(total > 0.0, total, 1.0)[:, None]
@@ -324,7 +314,7 @@ class Root(Stated):
     def apply(self, z: FloatArray) -> FloatArray:
         """r(z), shape (n (k + 1),)."""
         energy = self.stiffness.energy
-        w = energy.space.differences.apply(self.stiffness.supports.basis @ z + self.particular)[1]
+        w = energy.space.differences.apply(self.stiffness.supports.basis.expanded(z) + self.particular)[1]
         r = (energy.roots @ w[:, :, None])[:, :, 0]
         if self.body is None:
             return np.concatenate([r.ravel(), np.zeros(len(r))])
@@ -335,22 +325,16 @@ class Root(Stated):
         energy = self.stiffness.energy
         count, k = energy.roots.shape[:2]
         w = (r[: count * k].reshape(count, 1, k) @ energy.roots)[:, 0]
-        return np.asarray(self.stiffness.supports.transposed @ energy.space.differences.adjoint(w))
+        return self.stiffness.supports.basis.reduced(energy.space.differences.adjoint(w))
 
     def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
         """(R with RᵀR = K, the centre of each row's triangle); the last n rows, which are zero, left out."""
         space, roots = self.stiffness.energy.space, self.stiffness.energy.roots
-        differences, k = space.differences, roots.shape[1]
-        full = differences.spread(differences.rows(roots))
-        if len(differences.across):
-            own = (k * differences.across[:, None] + np.arange(k)).ravel()
-            place = sparse.csr_array((np.ones(len(own)), (own, np.arange(len(own)))), shape=(full.shape[0], len(own)))
-            full = full + place @ differences.rows_beyond(roots)
-        centres = space.triangles.corners.mean(axis=1)
-        return sparse.csr_array(full @ self.stiffness.supports.basis), np.repeat(centres, k, axis=0)
+        R = space.differences.all_rows(roots, np.arange(len(roots))) @ self.stiffness.supports.basis.matrix
+        return sparse.csr_array(R), np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0)
 
     def rounding(self, z: FloatArray) -> float:
         """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³."""
         energy, supports = self.stiffness.energy, self.stiffness.supports
-        w = energy.space.differences.magnitudes(supports.magnitudes @ np.abs(z))
+        w = energy.space.differences.magnitudes(supports.basis.magnitudes @ np.abs(z))
         return _EPSILON * float(np.linalg.norm(np.abs(energy.roots) @ w[:, :, None]))

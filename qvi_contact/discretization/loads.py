@@ -147,8 +147,10 @@ def contact_named(problem: ContactProblem, name: str) -> Contact:
 def displacements_at_points(
     problem: ContactProblem, space: StressSpace, scales: Scales
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
-    """Prescribed displacements as (directions (m, 2), m Gauss points of edges, values there [length])."""
+    """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length])."""
     for given in problem.prescribed(Displacement):
+        if not callable(given.value) and given.value == 0.0:
+            continue
         points = EdgePoints(space, given.edges, LOAD_POINTS)
         x, y = physical(problem, scales, points.coordinates)
         yield points.vectors(given.direction, given.turns), points, evaluate(given.name, given.value, x, y)
@@ -158,8 +160,7 @@ def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scale
     """∫_{Γ_u} U·τn ds as a vector over all degrees of freedom, the first term on the right of (D1)."""
     load = np.zeros(space.size)
     for direction, points, values in displacements_at_points(problem, space, scales):
-        if values.any():
-            load += points.traction_load(direction, points.weights * values / scales.displacement)
+        load += points.traction_load(direction, points.weights * values / scales.displacement)
     return load
 
 

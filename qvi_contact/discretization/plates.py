@@ -199,7 +199,7 @@ class _Resultants:
             for row, each in zip(full, driven, strict=True):
                 points = each.points.for_resultants()
                 row += points.traction_load(each.factors(problem, scales, points), points.weights) / each.divisor
-            supports.kept[key] = cls._reduced(full, np.asarray(full @ supports.basis))
+            supports.kept[key] = cls._reduced(full, supports.basis.reduced(full))
         found: _Resultants = supports.kept[key]
         return found
 

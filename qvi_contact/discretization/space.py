@@ -161,6 +161,10 @@ class Rows:
         starts = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
         return sparse.csr_array((self.values[kept], self.columns[kept], starts), shape=(len(kept), width))
 
+    def apply(self, u: FloatArray) -> FloatArray:
+        """Their values (m,) of u (N,)."""
+        return np.asarray((self.values * u[self.columns]).sum(axis=1))
+
     def alone(self, width: int) -> dict[int, int]:
         """Rows whose only entry is the only one of its column, of so many, and that column."""
         there = self.values != 0.0
@@ -229,7 +233,7 @@ class Differences:
         Degrees of freedom of the body.
     across : (c,) int array
         Triangles whose corners count from several affine functions.
-    beyond : (9 c, size) sparse array
+    beyond : (9 c, size) sparse array, or None if there are none
         What is added to the values in their corners; see `Frames.beyond`.
 
     """
@@ -239,7 +243,7 @@ class Differences:
     units: FloatArray
     size: int
     across: IntArray
-    beyond: sparse.csr_array
+    beyond: sparse.csr_array | None
 
     def apply(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(Φ, Φ_x, Φ_y) in the first corner (n, 3), and the differences w (n, k), of degrees of freedom (size,).
@@ -247,7 +251,7 @@ class Differences:
         Φ counts from where it does at that corner.
         """
         values = self.units * u[self.dofs]
-        if len(self.across):
+        if self.beyond is not None:
             values[self.across, : 3 * _AFFINE] += (self.beyond @ u).reshape(-1, 3 * _AFFINE)
         affine, w = values[:, :_AFFINE], values[:, _AFFINE:]
         slope = affine[:, 1:]
@@ -261,14 +265,15 @@ class Differences:
         """The transposed map from w (n, k) to degrees of freedom (size,)."""
         values = self.expanded(w[:, None])[:, 0]
         found = np.bincount(self.dofs.ravel(), (self.units * values).ravel(), self.size)
-        if len(self.across):
+        if self.beyond is not None:
             found = found + self.beyond.T @ values[self.across, : 3 * _AFFINE].ravel()
         return np.asarray(found, dtype=np.float64)
 
     def magnitudes(self, sizes: FloatArray) -> FloatArray:
         """`apply` with + for every −: the size (n, k) of the numbers that enter, from sizes (size,)."""
         values = self.units * sizes[self.dofs]
-        values[self.across, : 3 * _AFFINE] += (abs(self.beyond) @ sizes).reshape(-1, 3 * _AFFINE)
+        if self.beyond is not None:
+            values[self.across, : 3 * _AFFINE] += (abs(self.beyond) @ sizes).reshape(-1, 3 * _AFFINE)
         w = values[:, _AFFINE:].copy()
         for corner in (0, 1):
             w[:, 3 * corner] += values[:, 0] + (np.abs(self.arms[:, corner]) * values[:, 1:3]).sum(axis=1)
@@ -295,13 +300,24 @@ class Differences:
         columns = np.repeat(self.dofs[triangles], r, axis=0).ravel()
         return sparse.csr_array((rows.ravel(), columns, shared * np.arange(n * r + 1)), shape=(n * r, self.size))
 
-    def rows_beyond(self, roots: FloatArray) -> sparse.csr_array:
-        """What R has beside `rows` in the c triangles across parts, shape (c k, size)."""
-        corners = self.expanded(roots[self.across], self.across)[:, :, : 3 * _AFFINE]
-        c, k, width = corners.shape
-        columns = np.repeat(np.arange(c * width).reshape(c, width), k, axis=0).ravel()
-        blocks = sparse.csr_array((corners.ravel(), columns, width * np.arange(c * k + 1)), shape=(c * k, c * width))
-        return sparse.csr_array(blocks @ self.beyond)
+    def all_rows(self, roots: FloatArray, triangles: IntArray) -> sparse.csr_array:
+        """R of these triangles (t,), with what corners across parts add; roots (n, k, …) of all, shape (t k, size)."""
+        rows, k = self.expanded(roots[triangles], triangles), roots.shape[1]
+        found = self.spread(rows * self.units[triangles, None, :], triangles)
+        place = np.searchsorted(triangles, self.across)
+        place[place == len(triangles)] = 0
+        if not len(self.across) or not (present := triangles[place] == self.across).any():
+            return found
+        corners = rows[place[present], :, : 3 * _AFFINE]
+        c, width = len(corners), 3 * _AFFINE
+        at = (width * np.flatnonzero(present)[:, None] + np.arange(width))[:, None]
+        columns = np.broadcast_to(at, (c, k, width)).ravel()
+        own = (k * place[present][:, None] + np.arange(k)).ravel()
+        counts = np.zeros(len(triangles) * k, dtype=np.int64)
+        counts[own] = width
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        blocks = sparse.csr_array((corners.ravel(), columns, starts), shape=(len(counts), width * len(self.across)))
+        return sparse.csr_array(found + blocks @ self.beyond)
 
 
 @dataclass(frozen=True, eq=False)
@@ -381,8 +397,8 @@ class StressSpace(Stated):
         if frames.several:
             units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
         across = np.flatnonzero(frames.across(self.mesh.cells) | self.cuts.cells_across)
-        beyond = frames.beyond(self.mesh.cells[across], self.size)
-        if len(self.cuts):
+        beyond = frames.beyond(self.mesh.cells[across], self.size) if len(across) else None
+        if beyond is not None and len(self.cuts):
             beyond = beyond + self.cuts.beyond(across, self.vertices, self.units)
         return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, across, beyond)
 
@@ -413,7 +429,15 @@ class StressSpace(Stated):
 
     def number(self, edges: Edges) -> IntArray:
         """Edges (n,) as `mesh.topology` counts them."""
-        return self.mesh.topology.number(np.column_stack([edges.first, edges.second]), len(self.vertices))
+        found = self._numbers.get(edges)
+        if found is None:
+            pairs = np.column_stack([edges.first, edges.second])
+            found = self._numbers[edges] = self.mesh.topology.number(pairs, len(self.vertices))
+        return found
+
+    @cached_property
+    def _numbers(self) -> WeakKeyDictionary[Edges, IntArray]:
+        return WeakKeyDictionary()
 
     def lengths(self, edges: Edges) -> FloatArray:
         """Dimensionless lengths of edges (n,), of arcs those of their chords."""
@@ -573,6 +597,8 @@ class StressSpace(Stated):
         parts = [self.traces(part) for part in edges]
         table = [part.values.reshape(len(part.values), 2, self.degree - 1, part.values.shape[2]) for part in parts]
         found = [values @ part[:, half] for half in (0, 1) for part in table]
+        if not parts:
+            return Rows(np.zeros((0, 1), dtype=np.int64), np.zeros((0, 1)))
         columns = np.concatenate([np.repeat(part.columns, len(t), axis=0) for part in parts])
         return Rows(
             np.concatenate([columns, columns]), np.concatenate([part.reshape(-1, part.shape[2]) for part in found])

@@ -39,6 +39,7 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.mesh.edges import Edges, frames_along, points_along, rounding_along, vectors_along
 from solvers.basics.types import Stated
+from solvers.inequality.rows import are_few
 
 _POINTS: Final = 8  # Gauss points of edges and their parts for data given as functions, at least
 _PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
@@ -174,19 +175,9 @@ class Supports(Stated):
         return {}
 
     @property
-    def basis(self) -> sparse.csr_array:
-        """B, the identity on the degrees of freedom that are unknowns, shape (N, n)."""
+    def basis(self) -> Basis:
+        """B."""
         return self.elimination.basis
-
-    @cached_property
-    def magnitudes(self) -> sparse.csr_array:
-        """|B| (N, n)."""
-        return abs(self.elimination.basis)
-
-    @cached_property
-    def transposed(self) -> sparse.csr_array:
-        """Bᵀ (n, N)."""
-        return sparse.csr_array(self.elimination.basis.T)
 
     def particular(self, given: Sequence[PrescribedTraction]) -> tuple[FloatArray, float]:
         """The u₀ (N,) of values, zero for unknowns, and the force (or moment over the length) out of balance."""
@@ -401,6 +392,114 @@ def _gauge(space: StressSpace, lines: IntArray) -> int:
 
 
 @dataclass(frozen=True, eq=False)
+class Basis:
+    """B of u = B z: degrees of freedom that are unknowns, that follow from these, and that vanish.
+
+    Attributes
+    ----------
+    size : int
+        N.
+    kept : (n,) int array
+        Degrees of freedom that are unknowns; z are their values.
+    following : (a,) int array
+        Those that follow.
+    factors : (a, n) array, dense or sparse
+        What they are of the unknowns.
+
+    """
+
+    size: int
+    kept: IntArray
+    following: IntArray
+    factors: Any
+
+    @classmethod
+    def of(cls, solved: dict[int, dict[int, float]], pivots: IntArray, size: int) -> Basis:
+        """With the pivots solved for, as Σ factor u of kept degrees of freedom."""
+        is_kept = np.ones(size, dtype=bool)
+        is_kept[pivots] = False
+        number, kept = np.cumsum(is_kept) - 1, np.flatnonzero(is_kept)
+        entries = {pivot: terms for pivot, terms in sorted(solved.items()) if terms}
+        starts = np.concatenate([[0], np.cumsum([len(terms) for terms in entries.values()], dtype=np.int64)])
+        columns = number[[column for terms in entries.values() for column in terms]] if entries else kept[:0]
+        data = np.array([factor for terms in entries.values() for factor in terms.values()])
+        shape = (len(entries), len(kept))
+        if are_few(*shape):
+            factors: Any = np.zeros(shape)
+            factors[np.repeat(np.arange(len(entries)), np.diff(starts)), columns] = data
+        else:
+            factors = sparse.csr_array((data, columns, starts), shape=shape)
+        return cls(size, kept, np.fromiter(entries, dtype=np.int64, count=len(entries)), factors)
+
+    def expanded(self, z: FloatArray) -> FloatArray:
+        """B z (N,)."""
+        u = np.zeros(self.size)
+        u[self.kept] = z
+        u[self.following] = self.factors @ z
+        return u
+
+    def reduced(self, functionals: FloatArray) -> FloatArray:
+        """Functionals (…, N) of u as those of z, (…, n)."""
+        return np.asarray(functionals[..., self.kept] + functionals[..., self.following] @ self.factors)
+
+    def rows(self, given: Rows) -> Any:
+        """Rows of u as rows of z (m, n), dense where they are few, else sparse."""
+        count = len(given.columns)
+        if not are_few(count, self._width):
+            return given.matrix(self.size) @ self.matrix
+        places = self._width * np.arange(count)[:, None] + self._number[given.columns]
+        found = np.bincount(places.ravel(), given.values.ravel(), count * self._width).reshape(count, self._width)
+        return self._without_following(found)
+
+    def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
+        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
+        if are_few(self._width, self._width):
+            at = self._number[dofs]
+            places = self._width * at[:, :, None] + at[:, None]
+            found = np.bincount(places.ravel(), blocks.ravel(), self._width**2).reshape(self._width, self._width)
+            return self._without_following(self._without_following(found).T)
+        at = dofs.astype(np.int32 if self.size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
+        pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
+        found = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()
+        return sparse.csr_array(self.matrix.T) @ (found @ self.matrix)
+
+    def _without_following(self, rows: FloatArray) -> FloatArray:
+        """Columns of unknowns (…, n) from columns by `_number`."""
+        n = len(self.kept)
+        return np.asarray(rows[:, :n] + rows[:, n:-1] @ self.factors)
+
+    @property
+    def _width(self) -> int:
+        return len(self.kept) + len(self.following) + 1
+
+    @cached_property
+    def _number(self) -> IntArray:
+        """Columns (N,): unknowns, then what follows, and a last one of what vanishes."""
+        found = np.full(self.size, self._width - 1)
+        found[self.kept], found[self.following] = (
+            np.arange(len(self.kept)),
+            len(self.kept) + np.arange(len(self.following)),
+        )
+        return found
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """B (N, n)."""
+        lengths, factors = np.zeros(self.size, dtype=np.int64), sparse.csr_array(self.factors)
+        lengths[self.kept], lengths[self.following] = 1, np.diff(factors.indptr)
+        starts = np.concatenate([[0], np.cumsum(lengths)])
+        own = np.isin(np.repeat(np.arange(self.size), lengths), self.kept)
+        columns, data = np.empty(starts[-1], dtype=np.int32), np.ones(starts[-1])
+        columns[own], columns[~own], data[~own] = np.arange(len(self.kept)), factors.indices, factors.data
+        return sparse.csr_array((data, columns, starts.astype(np.int32)), shape=(self.size, len(self.kept)))
+
+    @cached_property
+    def magnitudes(self) -> sparse.csr_array:
+        """|B| (N, n)."""
+        return abs(self.matrix)
+
+
+@dataclass(frozen=True, eq=False)
 class Elimination:
     """The solutions u = B z + u₀ of C u = d, by as many degrees of freedom as there are independent rows.
 
@@ -408,20 +507,17 @@ class Elimination:
     ----------
     C : Rows of (m, N)
         The rows.
-    kept : (N,) bool array
-        Degrees of freedom that are unknowns; z are their values.
     rows, pivots : (r,) int arrays
         Independent rows in the order in which they were taken, and the degree of freedom that each is solved for.
-    basis : (N, n) sparse array
-        B, the identity on kept degrees of freedom.
+    basis : Basis
+        B.
 
     """
 
     C: Rows
-    kept: BoolArray
     rows: IntArray
     pivots: IntArray
-    basis: sparse.csr_array
+    basis: Basis
 
     @classmethod
     def of(cls, C: Rows, age: IntArray) -> Elimination:
@@ -452,16 +548,14 @@ class Elimination:
         for pivot in reversed(solved):  # the latest depend on kept ones only, earlier ones perhaps on them
             if solved[pivot]:
                 solved[pivot] = _reduced(solved[pivot], solved)
-        kept = np.ones(len(age), dtype=bool)
         pivots = np.fromiter(solved, dtype=np.int64, count=len(solved))
-        kept[pivots] = False
         taken = np.fromiter((rows[pivot] for pivot in solved), dtype=np.int64, count=len(solved))
         order = np.argsort(taken, kind="stable")
-        return cls(C, kept, taken[order], pivots[order], _basis(solved, kept))
+        return cls(C, taken[order], pivots[order], Basis.of(solved, pivots, len(age)))
 
     def particular(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
         """u₀ (N,), zero for unknowns, and what d (m,) misses in the rows that follow from the others."""
-        u = np.zeros(len(self.kept))
+        u = np.zeros(self.basis.size)
         if d.any():
             u[self.pivots] = self._factor.solve(d[self.rows])
         rest = np.setdiff1d(np.arange(len(d)), self.rows)
@@ -470,7 +564,7 @@ class Elimination:
     @cached_property
     def _factor(self) -> Any:
         """LU of the independent rows and their pivots, in the order in which they were found."""
-        matrix = self.C.take(self.rows).matrix(len(self.kept))[:, self.pivots]
+        matrix = self.C.take(self.rows).matrix(self.basis.size)[:, self.pivots]
         return splu(matrix.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
 
 
@@ -485,21 +579,6 @@ def _reduced(terms: dict[int, float], solved: dict[int, dict[int, float]]) -> di
         else:
             pending += [(other, factor * value) for other, value in inner.items()]
     return {column: factor for column, factor in result.items() if factor != 0.0}
-
-
-def _basis(solved: dict[int, dict[int, float]], kept: BoolArray) -> sparse.csr_array:
-    """All degrees of freedom from the kept ones (N, n)."""
-    entries = {pivot: terms for pivot, terms in sorted(solved.items()) if terms}
-    lengths = kept.astype(np.int32)
-    lengths[list(entries)] = [len(terms) for terms in entries.values()]
-    starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-    number = np.cumsum(kept, dtype=np.int32) - 1
-    columns, data = np.zeros(starts[-1], dtype=np.int32), np.ones(starts[-1])
-    columns[starts[:-1][kept]] = number[kept]
-    for pivot, terms in entries.items():
-        own = slice(starts[pivot], starts[pivot + 1])
-        columns[own], data[own] = number[list(terms)], list(terms.values())
-    return sparse.csr_array((data, columns, starts), shape=(len(kept), int(kept.sum())))
 
 
 def walk(ends: IntArray, start: int | Sequence[int], vertices: int) -> tuple[IntArray, IntArray]:

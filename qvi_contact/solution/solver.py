@@ -262,7 +262,7 @@ def _same_unknowns(one: Discretization, other: Discretization) -> bool:
     return (
         one.space.degree == other.space.degree
         and one.qvi.m == other.qvi.m
-        and np.array_equal(one.supports.elimination.kept, other.supports.elimination.kept)
+        and np.array_equal(one.supports.basis.kept, other.supports.basis.kept)
         and one.problem.mesh.same_as(other.problem.mesh)
     )
 

@@ -163,12 +163,23 @@ def by_columns(matrix: Any) -> Sparse:
 
     A matrix that is so already is returned itself: problems of a sequence are known to share it.
     """
+    if isinstance(matrix, np.ndarray) and matrix.dtype == np.float64 and matrix.ndim == 2:
+        return _compressed(matrix)  # SciPy would go through coordinates
     kept = isinstance(matrix, csc_array) and matrix.dtype == np.float64
     columns = matrix if kept else csc_array(matrix, dtype=np.float64)
     if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
         return columns
     indices, starts = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
     return csc_array((columns.data, indices, starts), columns.shape)
+
+
+def _compressed(matrix: Matrix) -> Sparse:
+    """A dense matrix in compressed columns."""
+    entries = matrix.T.ravel()
+    places = np.flatnonzero(entries)
+    rows = (places % len(matrix)).astype(np.int32) if len(matrix) else places.astype(np.int32)
+    starts = np.searchsorted(places, len(matrix) * np.arange(matrix.shape[1] + 1)).astype(np.int32)
+    return csc_array((entries[places], rows, starts), matrix.shape)
 
 
 def stacked_columns(upper: Sparse, lower: Sparse) -> Sparse:
