@@ -21,8 +21,13 @@ if TYPE_CHECKING:
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stored import load_result
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
-    from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
-    from qvi_contact.limit.strength_reduction import StrengthReduction, strength_reduction_factor
+    from qvi_contact.limit.load_factor import (
+        LimitLoad,
+        StrengthReduction,
+        limit_load_factor,
+        limit_proof,
+        strength_reduction_factor,
+    )
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
@@ -73,7 +78,7 @@ _HOME = {
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
     "StoredSweep": "files.sweep_store",
-    "StrengthReduction": "limit.strength_reduction",
+    "StrengthReduction": "limit.load_factor",
     "Sweep": "solution.sweep",
     "SweepRow": "solution.sweep",
     "Symmetry": "problem.conditions",
@@ -97,7 +102,7 @@ _HOME = {
     "solve_companion": "companion",
     "solve_history": "solution.history",
     "solve_sweep": "solution.sweep",
-    "strength_reduction_factor": "limit.strength_reduction",
+    "strength_reduction_factor": "limit.load_factor",
     "verify_result": "verification.verification",
 }
 

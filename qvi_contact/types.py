@@ -9,7 +9,7 @@ from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
 from qvi_contact.discretization.space import RowKind
 from qvi_contact.problem.conditions import Condition, Law
 from qvi_contact.problem.material import Plane
-from qvi_contact.refinement.quantity import Quantity
+from qvi_contact.refinement.outcome import Quantity
 
 __all__ = [
     "BoolArray",

@@ -17,7 +17,7 @@ from comparisons.wild.practical import stated
 from qvi_contact import QVIError, Refinement, SolveError, refine, solve
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.refinement import RefinementStatus, closer_problem, places
-from qvi_contact.refinement.quantity import Measure
+from qvi_contact.refinement.outcome import Measure
 from solvers import Status
 
 NAME: Final = "estimates"

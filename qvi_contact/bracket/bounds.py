@@ -1,32 +1,65 @@
-"""Bounds of the energy of a contact problem, from its stress and a displacement computed beside it.
+"""Bounds of the energy of a contact problem, from its stress and a displacement computed beside it, and of forces.
 
-In `docs/theory.md`: (D19), (D20).
+Bounds need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169
+points of every cell; what happens between those nobody sees.
+
+If the only datum that is not zero is a displacement a of one support or obstacle, constant along it, and no energy is
+lost in friction, all equations and inequalities are homogeneous. Then ∫ σ : ε(u) dx = a R with R the resultant that
+belongs to a, hence J(u) = ½ a R, and the bounds of J(u) are bounds of ½ a R: for a plate pressed into the body by U,
+a = g = −U, R = −P and P lies between −2 J*(τ)/U and 2 J(v)/U. Elsewhere the forces of two models of different kind are
+compared, the stress's and those of a displacement whose contacts have the laws of the problem with the pressure of its
+own forces.
+
+In `docs/theory.md`: (D19), (D20), (D21).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from qvi_contact.basics.checks import finite_number
-from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible_stress
+from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
-from qvi_contact.bracket.data import data_reasons
-from qvi_contact.bracket.forces import force_bounds, force_differences
+from qvi_contact.bracket.fixed_bound import (
+    LOOSEST,
+    AdmissibleStress,
+    GivenProblem,
+    admissible_stress,
+    given_problem,
+    posed_strictly,
+)
 from qvi_contact.bracket.friction_norm import UNHELD, computed_norm
-from qvi_contact.bracket.given import GivenProblem, given_problem, posed_strictly
-from qvi_contact.bracket.law import contact_tractions, law_bound, traction_coefficients
-from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
-from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
+from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference
+from qvi_contact.bracket.parts import (
+    Bounds,
+    CellFields,
+    EdgeParts,
+    bulk,
+    by_cell,
+    contact_tractions,
+    edge_parts,
+    effective,
+    law_bound,
+    strain_energy,
+    traction_coefficients,
+)
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.solver import check_scope
-from qvi_contact.companion.triangle import degree_beside, triangle
+from qvi_contact.companion.space import degree_beside, triangle
+from qvi_contact.companion.traces import Trace
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import is_polynomial, physical, spanned
+from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_path import leads_one_way, turning_senses
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
@@ -35,9 +68,169 @@ from solvers.basics.progress import narrated, watched
 from solvers.factorisation import FactorisationError
 from solvers.solve import check_settings
 
+_DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
+_CELL_DEGREE = 5  # of φ: the work of its stresses is then integrated exactly
+_SPOKEN = {
+    "Contact.cohesion": "The cohesion, or Tresca's bound,",
+    "Contact.shear_limit": "The shear limit",
+    "Contact.pore_pressure": "The pore pressure",
+    "Contact.gap": "The gap",
+    "Contact.offset": "The offset",
+    "ContactProblem.body_potential": "The body potential",
+}
+
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
 _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
+
+
+def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]:
+    """Which data are no polynomials of the degree that both models hold exactly, one sentence each.
+
+    Supports, gaps and offsets are held up to the degree of the displacements, tractions and friction bounds c and t_max
+    up to that of tractions along an edge, p − 2, a body potential up to 5 on cells, and up to p − 2 along contacts.
+    """
+    problem = discretization.problem
+    found = [
+        f"{_SPOKEN.get(name, name)} on {place!r} is not a polynomial of degree {most} on every edge."
+        for name, place, edges, field, most in _on_edges(discretization, degree)
+        if callable(field) and not is_polynomial(problem, edges, name, field, most)
+    ]
+    if callable(problem.body_potential) and not _cells_hold(discretization, problem.body_potential):
+        found.append(f"The body potential is not a polynomial of degree {_CELL_DEGREE} on every cell.")
+    return tuple(dict.fromkeys(found))
+
+
+def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str, str, Edges, Field, int]]:
+    """(name, edge set, edges, field, largest degree) of all data on edges."""
+    problem, space = discretization.problem, discretization.space
+    for condition in problem.cartesian_conditions:
+        edges = problem.mesh.edges(condition.edges)
+        if isinstance(condition, (Traction, Displacement)):
+            most = degree if isinstance(condition, Displacement) else space.traction_degree
+            for component, value in components(condition).items():
+                yield f"{type(condition).__name__}.{component}", condition.edges, edges, value, most
+        elif isinstance(condition, Contact):
+            yield "Contact.gap", condition.name, edges, condition.gap, degree
+            yield "Contact.offset", condition.name, edges, condition.offset, degree
+            if condition.law != "tied":
+                yield "Contact.cohesion", condition.name, edges, condition.cohesion, space.traction_degree
+                yield "Contact.pore_pressure", condition.name, edges, condition.pore_pressure, space.traction_degree
+                body = "ContactProblem.body_potential", condition.name, edges, problem.body_potential
+                yield *body, space.traction_degree
+            if condition.shear_limit is not None:
+                yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, space.traction_degree
+
+
+def _cells_hold(discretization: Discretization, field: Field) -> bool:
+    """Whether a field is a polynomial of degree 5 on each triangle."""
+    problem, space = discretization.problem, discretization.space
+    corners, parts = space.lattice(_DIVISIONS)
+    t = corners[parts].mean(axis=1)
+    places = space.points(np.arange(problem.mesh.cell_count), t)
+    values = evaluate("ContactProblem.body_potential", field, *physical(problem, discretization.scales, places))
+    return spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:]))
+
+
+@dataclass(frozen=True)
+class _Datum:
+    """A prescribed value: the key of its force, the value, and whether a displacement can be bounded by it."""
+
+    name: str
+    value: Field
+    drives: bool
+    sign: float = 1.0
+
+
+def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
+    """Bounds of the force that belongs to the one displacement that is not zero, if the problem is of that kind.
+
+    Parameters
+    ----------
+    discretization : Discretization
+        The problem that is bracketed.
+    frictionless : bool
+        Whether its friction bounds are all zero.
+    lower, upper : float
+        Bounds of J(u) [stress × length²].
+
+    Returns
+    -------
+    dict
+        "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
+        driven by its offset, whose tangents do not turn back; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the
+        body where a plate moves; "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one
+        given by components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential"; empty where the problem
+        is of another kind.
+
+    """
+    problem = discretization.problem
+    if not frictionless or any(callable(datum.value) for datum in _data(problem)):
+        return {}
+    acting = [datum for datum in _data(problem) if datum.value != 0.0]
+    if len(acting) != 1 or not acting[0].drives or not np.isfinite([lower, upper]).all():
+        return {}
+    datum = acting[0]
+    assert not callable(datum.value)
+    ends = sorted(datum.sign * 2.0 * bound / datum.value for bound in (lower, upper))
+    return {datum.name: Bounds(*ends)}
+
+
+def _data(problem: ContactProblem) -> Iterator[_Datum]:
+    """All prescribed values."""
+    yield _Datum("body_potential", problem.body_potential, False)
+    for condition in problem.cartesian_conditions:
+        if isinstance(condition, Contact):
+            yield _Datum(f"{condition.name}.normal_force", condition.gap, True, sign=-1.0)
+            yield _Datum(f"{condition.name}.pore_pressure", condition.pore_pressure, False)
+            tied = condition.law == "tied"
+            if tied:
+                straight = leads_one_way(problem.mesh.vertices, problem.mesh.edges(condition.edges))
+                yield _Datum(f"{condition.name}.tangential_force", condition.offset, straight)
+            plate = condition.plate
+            for force, motion in DRIVES.items() if plate is not None else ():
+                yield _Datum(f"{condition.name}.plate", getattr(plate, force) or 0.0, False)
+                yield _Datum(f"{condition.name}.{force}", getattr(plate, motion) or 0.0, True)
+        elif isinstance(condition, (Traction, Displacement)):
+            for component, value in components(condition).items():
+                yield _Datum(f"{condition.edges}.{component}", value, isinstance(condition, Displacement))
+
+
+def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, ForceDifference]:
+    """By contact how far the forces of a stress are from those of a displacement, |Σ_i ∫ τ B_i ds − z_i|.
+
+    The sum is over the coefficients that carry a force of the contact: what acts on a coefficient that supports hold is
+    theirs. Shear counts in the sense of the tangential force.
+    """
+    assert own.state is not None
+    known, contacts, unit = result.discretization, own.state.contacts, own.scales.stress * own.scales.length
+    forces = contacts.weights * own.state.tractions * unit
+    found, start = {}, 0
+    for rows, trace in zip(known.contacts, contacts.traces, strict=True):
+        chosen = slice(start, start + trace.count)
+        senses = turning_senses(known.problem.mesh.vertices, trace.edges)
+        parts = traction_coefficients(known, effective(known, result.dofs, rows))
+        sums = []
+        for part, theirs, live, sense in zip(
+            parts,
+            forces.reshape(2, -1),
+            own.state.live.reshape(2, -1),
+            (np.ones(len(senses)), senses),
+            strict=True,
+        ):
+            ours = _moments(sense[:, None] * part, trace) * known.scales.stress * known.scales.length
+            difference = ours - trace.by_coefficient(sense) * theirs[chosen]
+            sums.append(float(difference[live[chosen]].sum()))
+        found[trace.name] = ForceDifference(abs(sums[0]), abs(sums[1]))
+        start += trace.count
+    return found
+
+
+def _moments(tractions: FloatArray, trace: Trace) -> FloatArray:
+    """∫ τ B_i ds (n,) at the coefficients of a contact, dimensionless, from those of τ (e, q)."""
+    products = bernstein.product_integrals(tractions.shape[1] - 1, trace.columns.shape[1] - 1)
+    on_edges = trace.lengths[:, None] * (tractions @ products)
+    return np.asarray(np.bincount(trace.columns.ravel(), on_edges.ravel(), minlength=trace.count))
 
 
 def bracket(

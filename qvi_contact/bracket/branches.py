@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket.given import check_no_history
+from qvi_contact.bracket.fixed_bound import check_no_history
 from qvi_contact.bracket.parts import CellFields, bulk
 from qvi_contact.companion.result import CompanionResult
 from qvi_contact.companion.solver import solve_companion

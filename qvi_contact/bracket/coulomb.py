@@ -13,12 +13,28 @@ from typing import TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket import slip_constants
 from qvi_contact.bracket.coulomb_forces import coulomb_force_bounds
-from qvi_contact.bracket.friction_norm import FrictionNorm, friction_norm
-from qvi_contact.bracket.law import contact_tractions, law_bound, traction_coefficients
-from qvi_contact.bracket.outcome import Bounds, EdgeParts
-from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
+from qvi_contact.bracket.friction_norm import (
+    LARGEST,
+    FrictionNorm,
+    amplification,
+    coercivity,
+    defect_bound,
+    error_bound,
+    friction_norm,
+)
+from qvi_contact.bracket.parts import (
+    Bounds,
+    CellFields,
+    EdgeParts,
+    bulk,
+    by_cell,
+    contact_tractions,
+    edge_parts,
+    law_bound,
+    strain_energy,
+    traction_coefficients,
+)
 from qvi_contact.bracket.share import Share, SharedStress
 from qvi_contact.companion import CompanionResult
 from qvi_contact.solution.result import ContactResult
@@ -92,7 +108,7 @@ class CoulombBounds:
 
         A dual problem is solved on first use. A force is left out where that gives none, see (D31).
         """
-        missed = slip_constants.defect_bound(self.residual, self.defect, self.norm.value)
+        missed = defect_bound(self.residual, self.defect, self.norm.value)
         return coulomb_force_bounds(self.stress, self.displacement, self.shares, self.within, missed, self.norm.proved)
 
     @property
@@ -138,7 +154,7 @@ class CoulombBounds:
 def coulomb_bounds(
     stress: SharedStress, companion: CompanionResult, before: ContactResult, reasons: tuple[str, ...] = ()
 ) -> CoulombBounds | str:
-    """The bounds from a stress and a displacement, or why these two say nothing.
+    """T5 with T2: the bounds from a stress and a displacement, or why these two say nothing.
 
     Parameters
     ----------
@@ -169,15 +185,15 @@ def coulomb_bounds(
     defect += float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
     s = norm.value
     parts = 0.0 * inside
-    if s < slip_constants.LARGEST:
+    if s < LARGEST:
         on_edges = by_cell(discretization, 0.0 * inside, edges)
-        parts = 2.0 * slip_constants.amplification(s) ** 2 * inside + on_edges / slip_constants.coercivity(s)
+        parts = 2.0 * amplification(s) ** 2 * inside + on_edges / coercivity(s)
     return CoulombBounds(
         shares,
         norm,
         residual,
         defect,
-        slip_constants.error_bound(residual, defect, s),
+        error_bound(residual, defect, s),
         float(np.sqrt(2.0 * strain_energy(change, problem.compliances))),
         float(np.sqrt(2.0 * strain_energy(fields, problem.compliances))),
         parts,

@@ -22,12 +22,10 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.friction_norm import computed_norm, proved_norm
-from qvi_contact.bracket.law import effective, traction_coefficients
-from qvi_contact.bracket.outcome import Bounds
-from qvi_contact.bracket.parts import CellFields
+from qvi_contact.bracket.parts import Bounds, CellFields, effective, traction_coefficients
 from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
-from qvi_contact.companion.at_rest import MOST, BodyAtRest, solutions
+from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
 from qvi_contact.companion.traces import Trace
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
@@ -139,7 +137,7 @@ def coulomb_force_bounds(
     defect: float,
     proved: bool,
 ) -> dict[str, Bounds]:
-    """Bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of all contacts that are not tied.
+    """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
     Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
     holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law.

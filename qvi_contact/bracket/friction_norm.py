@@ -1,10 +1,15 @@
-"""The norm of the friction operator R: proved on rectangles and star-shaped bodies, else by finite elements.
+"""The norm of the friction operator R, proved or by finite elements, and how an error grows with it.
 
 R takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
 (Rv)_N = μ s v_T, s the share, and (Rv)_T = 0. On the others it has no normal part, and no tangential part where they
-bear shear. Any such R with RR = 0 serves.
+bear shear. Any such R with RR = 0 serves. For a norm r < 2, with
 
-In `docs/theory.md`: (D26), (D29), (D30).
+    α = 1 − r/2,   f = (4 + r²)/(4 − r²),
+
+the residual ρ and the contact defect δ bound errors by F(ρ, δ) and what contacts miss by Σ ≤ ρ²/(4α) + δ. Norms are
+proved on rectangles, Rv = θ v_a e_b, and on star-shaped bodies, Rv = η v_t n for straight, parallel contacts.
+
+In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32).
 """
 
 from __future__ import annotations
@@ -15,27 +20,73 @@ from typing import Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy import sparse
 from scipy.linalg import eigh
+from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket import slip_constants
-from qvi_contact.bracket.bodies import bodies_of
-from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio
-from qvi_contact.bracket.share import Share, shares_on
-from qvi_contact.bracket.star_norm import star_norm
-from qvi_contact.companion.at_rest import MOST, SINGULAR, BodyAtRest
+from qvi_contact.bracket.share import Share, all_alike, bodies_of, held_directions, shares_on, spans
+from qvi_contact.companion.data import PARALLEL
+from qvi_contact.companion.solver import MOST, SINGULAR, BodyAtRest
+from qvi_contact.companion.space import Space, triangle
 from qvi_contact.companion.traces import Trace
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
+LARGEST: Final = 2.0
+"""The norm s from which on nothing is bounded."""
+
+ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
+"""Angles at which a smooth function is compared for its maximum."""
+ROUNDED: Final = 1.0 + 1e-6
+"""Factor from the maximum at these angles to what is no less than that of all."""
 UNHELD: Final = (
     "A contact can slip as far as supports let it without straining the body: hold the body along the contact."
 )
 _DEGREE: Final = 3  # of displacements by which a norm is computed
 _USEFUL: Final = 1.6  # norm up to which proved bounds are not many times as large as errors
 _ALIKE: Final = 1e-9  # of the body's size: a place on a side
+_FIELD_DEGREE: Final = 2  # of the field that shows how supports hold the mean rotation
+
+
+def coercivity(s: float) -> float:
+    """α = min a(e, e − Se)/|e|² = 1 − s/2, which is also min a(e, q)/|q|² for q = e − Se."""
+    return 1.0 - s / 2.0
+
+
+def amplification(s: float) -> float:
+    """The factor f = max |e − Se| |e|/a(e, e − Se) = (4 + s²)/(4 − s²) of ρ, for 0 ≤ s < 2."""
+    return (4.0 + s**2) / (4.0 - s**2)
+
+
+def error_bound(residual: float, defect: float, s: float) -> float:
+    """T2: F = ½ [fρ + √(f²ρ² + 4δ/α)], the larger root of x² = fρx + δ/α; infinite from s = 2 on."""
+    if not s < LARGEST:
+        return float("inf")
+    grown = amplification(s) * residual
+    return float(0.5 * (grown + np.hypot(grown, 2.0 * np.sqrt(defect / coercivity(s)))))
+
+
+def defect_bound(residual: float, defect: float, s: float) -> float:
+    """T2: Σ ≤ ρ²/(4α) + δ; infinite from s = 2 on."""
+    return residual**2 / (4.0 * coercivity(s)) + defect if s < LARGEST else float("inf")
+
+
+def weight(contact: Contact, senses: Mapping[str, int]) -> float:
+    """σμ; 0 where there is no Coulomb friction."""
+    if not has_coulomb(contact):
+        return 0.0
+    assert not callable(contact.friction)
+    return senses[contact.name] * contact.friction
+
+
+def one_ratio(problem: ContactProblem) -> float | None:
+    """Poisson's ratio of the plane state, −c12/c11, of a body of one material; None where there are several."""
+    if len(np.unique(problem.compliances.reshape(-1, 9), axis=0)) > 1:
+        return None
+    return -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
 
 
 @dataclass(frozen=True)
@@ -72,7 +123,7 @@ def friction_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> Frict
         reason = UNHELD
     elif np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
-    elif value >= slip_constants.LARGEST:
+    elif value >= LARGEST:
         reason = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
     return FrictionNorm(value, False, reason)
 
@@ -369,3 +420,139 @@ def _sides(problem: ContactProblem, shares: Mapping[str, Share]) -> dict[int, li
 def _allows(edges: list[_Edge], a: int, b: int) -> bool:
     """Whether Rv along b is admissible on sides at right angles to b."""
     return all(edge.held[a] or not (edge.held[b] or edge.rough) for edge in edges)
+
+
+def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
+    """A number that |R| does not exceed, or None where the body or its contacts are of another kind.
+
+    The body has one material, no holes, and is star-shaped with respect to a disc. All contacts with Coulomb friction
+    are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
+    where v_t ≠ 0.
+    """
+    senses = all_alike(shares)
+    if senses is None:
+        return None
+    boundary = problem.mesh.boundary
+    weights, sides = _weights(problem, senses), held_directions(problem)
+    chosen = np.flatnonzero(weights != 0.0)
+    normal = boundary.normal[chosen[0]]
+    slopes = weights[chosen] * (boundary.normal[chosen] @ normal)
+    parallel = np.abs(boundary.normal[chosen] @ boundary.tangent[chosen[0]]).max() <= PARALLEL
+    same = np.ptp(slopes) <= PARALLEL * np.abs(slopes).max()
+    if not (parallel and same and _leaves_free(problem, sides, weights, normal)):
+        return None
+    ratio = one_ratio(problem)
+    if ratio is None:
+        return None
+    inf_sup = _inf_sup(problem)
+    gain = None if inf_sup is None else _gain(problem, sides, inf_sup)
+    if gain is None:
+        return None
+    return float(np.abs(slopes).max()) * star_constant(ratio, gain)
+
+
+def star_constant(ratio: float, gain: float) -> float:
+    """The norm of v ↦ v_t n in the energy norm: a number it does not exceed.
+
+    Parameters
+    ----------
+    ratio : float
+        Poisson's ratio of the plane state, −c12/c11.
+    gain : float
+        G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω, zero where displacements are free, for the rotation ω of
+        every displacement.
+
+    """
+    soft = 1.0 - ratio
+    across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
+    rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
+    strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
+    return float((across * rotation + strains).max() * ROUNDED)
+
+
+def _weights(problem: ContactProblem, senses: Mapping[str, int]) -> FloatArray:
+    """The number σμ of each boundary edge (e,); 0 without Coulomb friction."""
+    found = np.zeros(len(problem.mesh.boundary))
+    for contact in problem.contacts:
+        if has_coulomb(contact):
+            found[problem.mesh.edge_set(contact.edges)] = weight(contact, senses)
+    return found
+
+
+def _leaves_free(problem: ContactProblem, sides: list[FloatArray], weights: FloatArray, normal: FloatArray) -> bool:
+    """Whether η v_t n meets what supports and other contacts demand: no part along n but where v_t = 0."""
+    boundary, tangent = problem.mesh.boundary, np.array([-normal[1], normal[0]])
+    for held in sides:
+        if not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any():
+            return False
+    for contact in problem.contacts:
+        index = problem.mesh.edge_set(contact.edges)
+        if contact.law == "tied" or weights[index].any():
+            continue
+        if bears_shear(contact) or np.abs(boundary.normal[index] @ normal).max() > PARALLEL:
+            return False
+    return True
+
+
+def _inf_sup(problem: ContactProblem) -> float | None:
+    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R that of the farthest vertex."""
+    from scipy.optimize import minimize  # slow to import, and few bodies need it
+
+    mesh = problem.mesh
+    corners, boundary = mesh.vertices[np.unique(mesh.cells)], mesh.boundary
+    if mesh.hole_edges.any():
+        return None
+
+    def negative(centre: FloatArray) -> float:
+        inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
+        return -float(inside / np.linalg.norm(corners - centre, axis=1).max())
+
+    found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
+    best = -negative(np.asarray(found.x))
+    return float(np.sin(0.5 * np.arcsin(best))) if best > 0.0 else None
+
+
+def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
+    """G of `star_constant`: by a field of mean divergence 1 where supports are, and β for what is left."""
+    space = Space.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
+    free = _free(problem, sides, space)
+    laplace, squared, mean, area = _forms(space)
+    matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
+    if not np.abs(right[free]).max(initial=0.0) > 0.0:
+        return None
+    field = np.zeros(space.size)
+    field[free] = spsolve(sparse.csc_array(matrix[free][:, free]), right[free])
+    flux = float(mean @ field)
+    if not flux > 1e-9 * area:
+        return None
+    field *= area / flux
+    size = np.sqrt(max(float(field @ (laplace @ field)), 0.0) / area)
+    left = np.sqrt(max(float(field @ (squared @ field)) / area - 1.0, 0.0))
+    return float((size + left / inf_sup) ** 2 + inf_sup**-2)
+
+
+def _free(problem: ContactProblem, sides: list[FloatArray], space: Space) -> BoolArray:
+    """Degrees of freedom of the field: components that are not zero on edges that leave displacements free."""
+    numbers = space.along(problem.mesh.boundary)
+    free = np.ones((space.size // 2, 2), dtype=bool)
+    for edge, held in enumerate(sides):
+        for axis, unit in enumerate(np.eye(2)):
+            if not spans(held, unit):
+                free[numbers[edge], axis] = False
+    return free.ravel()
+
+
+def _forms(space: Space) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray, float]:
+    """Matrices of ‖∇ψ‖² and ‖div ψ‖², the vector of ∫ div ψ, and the area."""
+    cell = space.cell
+    t, weights = cell.quadrature(space.degree + 1)
+    along = cell.derivative_values(t) @ np.stack(cell.differences)
+    slopes = np.einsum("cab,aqn->cqnb", space.slopes, along)
+    w = space.areas[:, None] * weights
+    divergence = slopes.reshape(*slopes.shape[:2], -1)
+    local = np.einsum("cq,cqnb,cqmb->cnm", w, slopes, slopes)
+    square = np.einsum("cq,cqi,cqj->cij", w, divergence, divergence)
+    both = np.einsum("cnm,xy->cnxmy", local, np.eye(2)).reshape(square.shape)
+    works = np.einsum("cq,cqi->ci", w, divergence).ravel()
+    mean = np.asarray(np.bincount(space.dofs.ravel(), works, minlength=space.size), dtype=np.float64)
+    return space.assembled(both), space.assembled(square), mean, float(w.sum())

@@ -6,6 +6,10 @@ Tractions of triangles jump at vertices, and so does s. A stress η without load
 continuous: τ + η has the shear −s (c + μ|τ_N|). On an edge s is the quotient of two polynomials, with the Bernstein
 coefficients s_i ω_i and ω_i of shear and bound: it lies between the smallest and the largest s_i.
 
+Joints part bodies, each a problem of its own: to it the others are rigid obstacles. An operator R of (D26) that takes
+the displacements of each body to the same body is one of the whole: on a joint, with n and t of the joint on both
+sides, [Rv]_N = (R₁v₁)_N − (R₂v₂)_N = μ s [v]_T. Its norm is the largest of those of the bodies.
+
 In `docs/theory.md`: (D26), (D27).
 """
 
@@ -13,19 +17,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import comb
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket.bodies import Body, bodies_of
-from qvi_contact.bracket.law import effective, traction_coefficients
-from qvi_contact.companion.supports import PARALLEL
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.bracket.parts import effective, traction_coefficients
+from qvi_contact.companion.data import PARALLEL
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
+from qvi_contact.mechanism.bodies import blocks_of_cells
 from qvi_contact.mesh.edges import frames_along
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -35,6 +41,95 @@ _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere a
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
 _SLIPS = 1e-6  # of the bound: friction that is as near to it has reached it
 _MET = 1e-8  # of the largest bound: what may be left of the shear that is wanted
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A body alone.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        Its mesh and the conditions on its edges.
+    beyond : mapping
+        By contact that is a joint seen from the side its normal points to: the joint's name.
+
+    """
+
+    problem: ContactProblem
+    beyond: Mapping[str, str]
+
+    def edges_of(self, whole: ContactProblem, name: str) -> tuple[str, IntArray]:
+        """The contact of the whole problem that one of its contacts is, and which of the edges there its own are."""
+        joint = self.beyond.get(name, name)
+        near, far = (
+            problem.mesh.edges(next(each.edges for each in problem.contacts if each.name == known))
+            for problem, known in ((self.problem, name), (whole, joint))
+        )
+        places = {
+            tuple(place): number
+            for number, place in enumerate(
+                whole.mesh.vertices[np.column_stack([far.first, far.second])].reshape(-1, 4).tolist()
+            )
+        }
+        own = self.problem.mesh.vertices[np.column_stack([near.first, near.second])].reshape(-1, 4)
+        return joint, np.array([places[tuple(place)] for place in own.tolist()], dtype=np.int64)
+
+
+def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
+    """Each body alone, a joint that parts it from another one being a contact with an obstacle; tied joints part none.
+
+    The same problem gives the same bodies again, with what they have computed.
+
+    Raises
+    ------
+    InputError
+        If a joint that is not tied has the same body on both sides, or a body is no mesh of its own.
+
+    """
+    joints = tuple(joint for joint in problem.joints if joint.law != "tied")
+    if not joints:
+        outside = [each for each in problem.conditions if each not in problem.joints]
+        return (Body(replace(problem, conditions=outside) if problem.joints else problem, {}),)
+    found = _PARTED.get(problem)
+    if found is None:
+        found = _PARTED[problem] = _parted(problem, joints)
+    return found
+
+
+_PARTED: WeakKeyDictionary[ContactProblem, tuple[Body, ...]] = WeakKeyDictionary()
+"""What problems have been parted into, as long as these are there: one bracket asks for the bodies three times."""
+
+
+def _parted(problem: ContactProblem, joints: tuple[Contact, ...]) -> tuple[Body, ...]:
+    """The bodies on both sides of joints that are not tied."""
+    body = blocks_of_cells(problem)
+    for joint in joints:
+        near, far = problem.mesh.edges(joint.edges).cells.T
+        if (body[near] == body[far]).any():
+            raise InputError("Contact.edges", joint.name, "has one body on both sides: let it part two bodies")
+    return tuple(_alone(problem, np.flatnonzero(body == number), joints) for number in range(int(body.max()) + 1))
+
+
+def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]) -> Body:
+    """One body with the conditions on its edges; what a tied joint bonds is one body."""
+    assert isinstance(problem.mesh, TriangleMesh)
+    sets, beyond, contacts = dict(problem.mesh.edge_sets), {}, []
+    for joint in joints:
+        edges, other = problem.mesh.edges(joint.edges), f"{joint.name}, beyond"
+        ends = np.column_stack([edges.first, edges.second])
+        del sets[joint.edges]
+        for side, name in enumerate((joint.name, other)):
+            here = np.isin(edges.cells[:, side], cells)
+            if here.any():
+                sets[name] = ends[here]
+                contacts.append(replace(joint, edges=name, name=name))
+        if other in sets:
+            beyond[other] = joint.name
+    mesh = problem.mesh.part(cells, sets)
+    kept = [each for each in problem.conditions if each not in problem.joints and each.edges in mesh.edge_sets]
+    regions = [each for each in problem.regions if each.name in mesh.region_names]
+    return Body(replace(problem, mesh=mesh, conditions=[*kept, *contacts], regions=regions), beyond)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +252,7 @@ def _not_of_the_kind(contact: Contact) -> str:
 
 
 def with_shares(result: ContactResult) -> SharedStress | str:
-    """A stress with continuous shares near that of a result with Bernstein rows, or why there is none.
+    """(H4): a stress with continuous shares near that of a result with Bernstein rows, or why there is none.
 
     At a vertex between edges of which one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted
     by the bounds; where no R of (D26) exists else, it is 0. Of each edge only the first and the last coefficient of the

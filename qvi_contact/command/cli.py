@@ -682,7 +682,7 @@ def safety(
     """  # noqa: D301
     from qvi_contact.command.solve_line import solving
     from qvi_contact.files.problem_file import load_problem
-    from qvi_contact.limit.strength_reduction import strength_reduction_factor
+    from qvi_contact.limit.load_factor import strength_reduction_factor
 
     problem_file = load_problem(file)
     with problem_file.named_errors(), solving(problem_file.title or "safety", verbose=verbose):
@@ -860,7 +860,7 @@ def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[s
 
 def _show_bracket(file: "ProblemFile", result: "ContactResult", found: "Bracket | None", as_json: bool) -> None:
     """Result and bracket for people, or as one JSON document."""
-    from qvi_contact.bracket.document import document, lines
+    from qvi_contact.bracket.outcome import document, lines
     from qvi_contact.command.report import heading_lines, result_lines
     from qvi_contact.files.export import summary
 

@@ -11,8 +11,7 @@ from qvi_contact.command.report import table
 from qvi_contact.command.solve_line import solving
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.refinement import Refinement, RefinementRound, refine
-from qvi_contact.refinement.outcome import Outcome
-from qvi_contact.refinement.quantity import unit_of
+from qvi_contact.refinement.outcome import Outcome, unit_of
 
 _KINDS: Final = {
     Certainty.ESTIMATE: "estimate",

@@ -23,11 +23,9 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "at_rest": ("BodyAtRest",),
+        "body": ("Elasticity",),
         "dual": ("DualProblem",),
-        "elasticity": ("Elasticity",),
-        "solver": ("moduli",),
-        "space": ("Space",),
-        "triangle": ("Triangle", "reference_matrices"),
+        "solver": ("BodyAtRest", "moduli"),
+        "space": ("Space", "Triangle", "reference_matrices"),
     },
 )

@@ -1,18 +1,26 @@
-"""Loads and functions on edges, as the displacement model takes them; dimensionless."""
+"""Functions on edges as polynomials, and prescribed displacements as values of degrees of freedom; dimensionless.
+
+Component d·v of a coefficient is one degree of freedom if d is an axis. Where a support prescribes one component along
+another direction the two degrees of freedom of the coefficient are d·v and d⊥·v instead, with d⊥ = (−d_y, d_x):
+
+    v = Q w,   Q orthogonal and the identity elsewhere.
+
+Two directions at a coefficient prescribe both components. Along arcs, whose directions turn, coefficients inside are
+those of the polynomials n·v and t·v instead (see `along_arcs`): w = R v for all of them, and Q = R⁻¹ edge by edge.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
-from qvi_contact.companion.elasticity import Elasticity
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, vectors_along
-from qvi_contact.problem.conditions import Traction
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 
 LOAD_POINTS = 10
@@ -21,7 +29,9 @@ LOAD_POINTS = 10
 MISFIT = 1e-10
 """Difference between data and their polynomial on an edge, relative to the data's unit, that counts as rounding."""
 
-_QUADRATURE = 1e-11  # relative difference of two quadratures that counts as rounding
+
+PARALLEL = 1e-8
+"""Sine of the angle between two directions that is the rounding of coordinates."""
 
 
 def load_points(degree: int) -> int:
@@ -121,90 +131,204 @@ def edge_moments(
     return EdgeMoments(values, max(float(np.abs(part).max(initial=0.0)) for part in (coarse - values, unseen)))
 
 
-def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
-    """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and what is wrong with it.
+@dataclass(frozen=True, eq=False)
+class Supports:
+    """Prescribed displacements.
 
-    That is a difference of the body force's from a finer quadrature, or what is left of tractions that no quadrature
-    can follow. Of a body potential only the points of the two quadratures are seen, 541 or more a cell.
+    Attributes
+    ----------
+    index, values : (f,) arrays
+        Degrees of freedom w that are prescribed, ascending, and their values.
+    axes, inverse : (size, size) sparse arrays
+        Q and R = Q⁻¹.
+    slanted : bool
+        Whether Q is not the identity.
+    reasons : tuple of str
+        Why they do not meet the data exactly; nothing if they do.
+
     """
-    tractions, remarks = _traction_load(problem, body.space, scales)
-    first, second = (
-        tractions + _body_load(problem, body, scales, count)
-        for count in (load_points(body.space.degree), 2 * load_points(body.space.degree) + 1)
-    )
-    error = float(np.abs(first - second).max(initial=0.0))
-    if error <= _QUADRATURE * max(float(np.abs(second).max(initial=0.0)), _QUADRATURE):
-        return first, remarks
-    force = error * scales.stress * scales.length
-    changed = f"Loads are not polynomials on each edge or cell. Quadrature changes them by {force:.1e} [force]."
-    return second, (changed, *remarks)
+
+    index: IntArray
+    values: FloatArray
+    axes: sparse.csr_array
+    inverse: sparse.csr_array
+    slanted: bool
+    reasons: tuple[str, ...]
 
 
-def _traction_load(problem: ContactProblem, space: Space, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
-    """∫_{Γσ} T·v ds as a vector (size,), and which tractions no quadrature follows."""
-    load, remarks = np.zeros(space.size), list[str]()
-    for given in problem.prescribed(Traction):
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """Conditions d·v = value at coefficients, one entry each: coefficient, d (m, 2) and value (m,)."""
+
+    coefficient: IntArray
+    direction: FloatArray
+    value: FloatArray
+
+    def take(self, chosen: BoolArray | IntArray) -> "_Given":
+        return _Given(self.coefficient[chosen], self.direction[chosen], self.value[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class _OnArcs:
+    """Conditions on arcs along normals or tangents (n, 2): coefficients of the body and of the data, (n, p + 1)."""
+
+    edges: Edges
+    numbers: IntArray
+    direction: FloatArray
+    data: FloatArray
+
+    @property
+    def _alike(self) -> FloatArray:
+        """By which factor the direction is the normal, and the tangent: ±1 and 0, shape (n, 2)."""
+        axes = np.stack([self.edges.normal, self.edges.tangent], axis=1)
+        return np.rint((axes @ self.direction[:, :, None])[:, :, 0])
+
+    @property
+    def index(self) -> IntArray:
+        """Degrees of freedom w: n·v of a coefficient, then t·v; shape (n (p − 1),)."""
+        return np.ravel(2 * self.numbers[:, 1:-1] + np.argmax(np.abs(self._alike), axis=1)[:, None])
+
+    @property
+    def values(self) -> FloatArray:
+        """Their values."""
+        return np.ravel(self.data[:, 1:-1] * self._alike.sum(axis=1)[:, None])
+
+
+def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
+    """Prescribed displacements; where two disagree in a corner their mean."""
+    given, arcs, reasons = _given(problem, space, scales)
+    allowed = MISFIT * max(1.0, float(np.abs(given.value).max(initial=0.0)))
+    slanted = np.isin(given.coefficient, given.coefficient[np.abs(given.direction).max(axis=1) < 1.0])
+    index, values, wrong = _along_axes(given.take(~slanted), allowed)
+    found, axes = [(index, values)], dict[int, FloatArray]()
+    for coefficient in np.unique(given.coefficient[slanted]).tolist():
+        here = given.take(given.coefficient == coefficient)
+        frame, fixed = _at_one(here)
+        axes[coefficient] = frame
+        dofs = 2 * coefficient + np.arange(len(fixed))
+        found.append((dofs, fixed))
+        missed = here.direction @ frame[:, : len(fixed)] @ fixed - here.value
+        if np.abs(missed).max() > allowed:
+            wrong.append(coefficient)
+    if wrong:
+        x, y = problem.mesh.origin + scales.length * space.places[min(wrong)]
+        reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}). Their mean is used.")
+    found += [(arc.index, arc.values) for arc in arcs]
+    index, values = (np.concatenate(part) for part in zip(*found, strict=True))
+    order = np.argsort(index)
+    Q = _turned(space.size, axes)
+    Q, R = _along_arcs(Q, arcs, space.degree)
+    return Supports(index[order], values[order], Q, R, bool(axes or arcs), tuple(reasons))
+
+
+def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Given, list[_OnArcs], list[str]]:
+    """All conditions, in the order of the problem: those at coefficients, and those inside arcs along their frames."""
+    arcs: list[_OnArcs] = []
+    coefficients: list[IntArray] = [np.empty(0, dtype=np.int64)]
+    directions, values, reasons = [np.empty((0, 2))], [np.empty(0)], list[str]()
+    for given in problem.prescribed(Displacement):
         edges = given.edges
-        found = along_edges(problem.mesh, edges, given.name, given.value, load_points(space.degree))
-        shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
-        lengths = edges.length / scales.length
-        if edges.curved and given.turns:
-            along = vectors_along(edges.take(found.edge), given.direction[found.edge], found.t)
-            for component in (0, 1):
-                work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
-                np.add.at(load, 2 * space.along(edges) + component, work)
-        else:
-            _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
-        if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
-            size = f"{found.error:.2g} [stress]"
-            remarks.append(
-                f"{given.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
+        data = edge_data(problem, edges, given.name, given.value, space.degree, scales.displacement)
+        size = max(1.0, float(np.abs(data.coefficients).max(initial=0.0)))
+        if data.misfit > MISFIT * size:
+            reasons.append(_interpolated(given.name, data.misfit * scales.displacement, space.degree))
+        numbers = space.along(edges)
+        turning = edges.bent & given.turns
+        if turning.any():
+            reasons.append(
+                f"{given.name} holds on arcs as closely as polynomials of degree {space.degree} follow its directions."
             )
-    return load, tuple(dict.fromkeys(remarks))
+            arcs.append(
+                _OnArcs(edges.take(turning), numbers[turning], given.direction[turning], data.coefficients[turning])
+            )
+        places = np.linspace(0.0, 1.0, numbers.shape[1])
+        here = ~turning[:, None] | (places == 0.0) | (places == 1.0)
+        coefficients.append(numbers[here])
+        directions.append(vectors_along(edges, given.direction, places, turns=given.turns)[here])
+        values.append(data.coefficients[here])
+    return _Given(np.concatenate(coefficients), np.concatenate(directions), np.concatenate(values)), arcs, reasons
 
 
-def _add(load: FloatArray, numbers: IntArray, work: FloatArray, direction: FloatArray) -> None:
-    """Add the work (e, p + 1) against coefficients along one direction for each edge (e, 2)."""
-    for component in (0, 1):
-        np.add.at(load, 2 * numbers + component, direction[:, [component]] * work)
+def _interpolated(name: str, misfit: float, degree: int) -> str:
+    return (
+        f"{name} is not a polynomial of degree {degree} on each edge. It is interpolated, with an error of up to "
+        f"{misfit:.2g} [length]."
+    )
 
 
-def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count: int) -> FloatArray:
-    """∫ b·v dx with b = −∇φ, as ∫ φ div v dx − ∮ φ v·n ds over every block: no derivative of φ is needed.
+def _along_axes(given: _Given, allowed: float) -> tuple[IntArray, FloatArray, list[int]]:
+    """Degrees of freedom and values of conditions along the axes, and coefficients where they disagree."""
+    index = 2 * given.coefficient + np.argmax(np.abs(given.direction), axis=1)
+    values = given.direction.sum(axis=1) * given.value
+    unique, inverse, count = np.unique(index, return_inverse=True, return_counts=True)
+    mean = np.bincount(inverse, values, minlength=len(unique)) / count
+    first = np.zeros(len(unique))
+    first[inverse[::-1]] = values[::-1]
+    spread = np.zeros(len(unique))
+    np.maximum.at(spread, inverse, np.abs(values - first[inverse]))
+    wrong = spread > allowed
+    return unique, np.where(wrong, mean, first), (unique[wrong] // 2).tolist()
 
-    φ counts from its value at one point: a constant does no work.
+
+def _at_one(given: _Given) -> tuple[FloatArray, FloatArray]:
+    """Axes (2, 2), as columns, of one coefficient, and the values of the first, or of both, that are prescribed."""
+    if np.linalg.svd(given.direction, compute_uv=False)[-1] > PARALLEL and len(given.value) > 1:
+        return np.eye(2), np.asarray(np.linalg.lstsq(given.direction, given.value, rcond=None)[0], dtype=np.float64)
+    first = given.direction[0]
+    along = np.sign(given.direction @ first) * given.value
+    return np.column_stack([first, [-first[1], first[0]]]), np.array([along.mean()])
+
+
+def _turned(size: int, axes: dict[int, FloatArray]) -> sparse.csr_array:
+    """Q (size, size) from the axes of coefficients that have their own."""
+    blocks = np.tile(np.eye(2), (size // 2, 1, 1))
+    for coefficient, frame in axes.items():
+        blocks[coefficient] = frame
+    rows = np.arange(size).reshape(-1, 2, 1)
+    rows, columns = np.broadcast_arrays(rows, rows.swapaxes(1, 2))
+    Q = sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+    Q.eliminate_zeros()
+    return Q
+
+
+def _along_arcs(Q: sparse.csr_array, arcs: list[_OnArcs], degree: int) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Q and Q⁻¹ with the coefficients inside arcs along their frames, from Q of all others.
+
+    An arc with two conditions is listed twice, with the same rows. With v and w inside (i) and at both ends (e),
+    w_i = A v_i + B v_e, so that v_i = A⁻¹ w_i − A⁻¹ B Q_e w.
     """
-    space, mesh, field = body.space, problem.mesh, problem.body_potential
-    if not callable(field):
-        return np.zeros(space.size)
-    name = "ContactProblem.body_potential"
-    t, w = space.cell.quadrature(count)
-    places = mesh.origin + scales.length * space.points(slice(None), t)
-    base = float(evaluate(name, field, *(mesh.origin + scales.length * space.origins[:1]).T)[0])
-    potential = (evaluate(name, field, places[..., 0], places[..., 1]) - base) / scales.stress
-    weighted = potential * space.measures(t, w)
-    load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)
-    t, w = gauss_legendre(count)
-    shape = bernstein.basis(space.degree, t) * w[:, None]
-    for edges, numbers, outward in _outlines(problem, space):
-        values = (evaluate(name, field, *mesh.points_along(edges, t)) - base) / scales.stress
-        lengths = edges.length / scales.length
-        if edges.curved:
-            along = vectors_along(edges, outward, t)
-            for component in (0, 1):
-                work = -lengths[:, None] * ((values * along[..., component]) @ shape)
-                np.add.at(load, 2 * numbers + component, work)
-        else:
-            _add(load, numbers, -lengths[:, None] * (values @ shape), outward)
-    return load
+    if not arcs:
+        return Q, sparse.csr_array(Q.T)
+    inside, at_ends, A, B = _blocks(arcs, degree)
+    size = Q.shape[0]
+    keep = np.ones(size)
+    keep[inside] = 0.0
+    others = sparse.diags_array(keep)
+    inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
+    own, beside = _spread(inside, inside, inverse, size), _spread(inside, at_ends, inverse @ B, size)
+    rows = _spread(inside, inside, A, size) + _spread(inside, at_ends, B, size)
+    whole = others @ Q @ others
+    return sparse.csr_array(whole + own - beside @ whole), sparse.csr_array(whole.T + rows)
 
 
-def _outlines(problem: ContactProblem, space: Space) -> list[tuple[Edges, IntArray, FloatArray]]:
-    """The blocks' outlines: (edges, their coefficients, outward normals)."""
-    mesh = problem.mesh
-    found = [(mesh.boundary, space.along(mesh.boundary), mesh.boundary.normal)]
-    for joint in problem.joints:
-        edges = mesh.edges(joint.edges)
-        found.append((edges, space.along(edges), edges.normal))
-        found.append((edges, space.along(edges, other=True), -edges.normal))
-    return found
+def _blocks(arcs: list[_OnArcs], degree: int) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Degrees of freedom inside arcs (n, 2p − 2) and at their ends (n, 4), A and B; each arc once."""
+    inner = 2 * (degree - 1)
+    dofs = np.concatenate([2 * arc.numbers[:, :, None] + np.arange(2) for arc in arcs])
+    rows = np.concatenate(
+        [
+            np.stack([along_arcs(arc.edges, d, degree) for d in (arc.edges.normal, arc.edges.tangent)], axis=2)
+            for arc in arcs
+        ]
+    )
+    once = np.unique(dofs[:, 1, 0], return_index=True)[1]
+    dofs, rows = dofs[once], rows[once].reshape(len(once), inner, degree + 1, 2)
+    inside, at_ends = dofs[:, 1:-1].reshape(len(once), -1), dofs[:, [0, -1]].reshape(len(once), -1)
+    A, B = rows[:, :, 1:-1].reshape(len(once), inner, -1), rows[:, :, [0, -1]].reshape(len(once), inner, -1)
+    return inside, at_ends, A, B
+
+
+def _spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
+    """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
+    at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+    return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))

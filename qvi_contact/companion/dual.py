@@ -1,11 +1,11 @@
-"""The companion's contact problem in its forces: a `FrictionQVI` in the mean tractions τ = z / W.
+"""The companion's contact problem in its forces, and the way back to a displacement that meets all conditions.
 
 With c = c_D + B w_Γ + B_q q the relative displacements (c_D from supports, q motions of plates), and all the maps of
-`condensation`, forces that are in equilibrium minimise
+`CondensedBody`, forces that are in equilibrium minimise
 
     ½ τᵀ C τ − τᵀ W (g̃ − c_D − B G r),   C = W B G Bᵀ W,   g̃ = (g, w)
 
-over the tractions that the laws admit, subject to
+over the mean tractions τ = z / W that the laws admit, a `FrictionQVI`, subject to
 
     Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of what floats, with the rigid motions a as multiplier
     Mᵀ W τ = F               resultants of plates, with −q as multiplier; M is what c of the plate itself does.
@@ -15,6 +15,10 @@ displacement model. Unknowns come as all normal tractions, then all tangential o
 (supports prescribe it, or the tip of a joint) get a compliance of their own and stay zero; so do those whose c follows
 from others: in a corner where two contact lines end, or where joints cross, several forces act on one displacement, and
 friction there is left to the other line.
+
+A solution meets the contact conditions to a tolerance. Where a coefficient presses or sticks beyond doubt its
+displacement is set to the obstacle's, an open one is kept at or below the gap, and one that must not slip, or slips
+against the sense it is given, is held. The body is solved once more for these contact displacements.
 
 In `docs/theory.md`: (D18).
 """
@@ -26,8 +30,8 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.companion.condensation import CondensedBody
-from qvi_contact.companion.supports import PARALLEL
+from qvi_contact.companion.body import CondensedBody
+from qvi_contact.companion.data import PARALLEL
 from qvi_contact.companion.traces import Trace
 from qvi_contact.errors import InputError
 from solvers import FrictionQVI, QVISolution
@@ -35,6 +39,9 @@ from solvers import FrictionQVI, QVISolution
 _DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
 _BALANCED = 1e-9
 _STICKS = 1e3  # of the largest bound of friction: the bound of what must not slip
+
+_SHARED = 1e-9  # singular value of rows that share unknowns, relative, that counts as zero
+_VIOLATED = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,3 +290,98 @@ def _refuse(contradiction: float, plate: bool) -> None:
         "the body by a Displacement or Contact"
     )
     raise InputError("ContactProblem.conditions", contradiction, remedy)
+
+
+def targets(
+    contacts: Contacts, c: FloatArray, tractions: FloatArray, bound: FloatArray, stress: float
+) -> tuple[FloatArray, BoolArray]:
+    """Displacements (2 n,) that coefficients should have, and which of them (2 n,) are to be moved there.
+
+    c are the displacements found, `tractions` τ, `bound` (n,) that of |τ_T|, and `stress` the unit of τ that a unit
+    displacement is compared with.
+    """
+    n = contacts.count
+    bilateral, tied = contacts.gathered("bilateral").astype(bool), contacts.gathered("tied").astype(bool)
+    gap, offset = contacts.obstacle[:n], contacts.obstacle[n:]
+    opening = gap - c[:n]
+    pressed = -tractions[:n] / stress > np.maximum(opening, 0.0)
+    held = bilateral | pressed | (opening < 0.0)
+    rest = bound - np.abs(tractions[n:])
+    sticks = tied | ((rest / stress > np.abs(c[n:] - offset)) & (np.abs(c[n:] - offset) < 1e-6))
+    slipping = contacts.gathered("slipping")
+    sticks |= (slipping == 0.0) | (slipping * (c[n:] - offset) < 0.0)
+    held &= bilateral | (np.abs(opening) < 1e-6)
+    return np.concatenate([gap, offset]), np.concatenate([held, sticks])
+
+
+def moved(rows: sparse.csr_array, values: FloatArray, change: FloatArray) -> FloatArray:
+    """Values (k,) with rows · values changed by `change` (j,), by the least change of values where rows share some."""
+    wanted = rows @ values + change
+    square = np.asarray(rows.multiply(rows).sum(axis=1)).ravel()
+    shared = groups(rows)
+    alone = square > 0.0
+    for group in shared:
+        alone[group] = False
+    result = values.copy()
+    for _ in range(2):  # once more for rounding
+        error = wanted - rows @ result
+        result += rows.T @ np.where(alone, error / np.where(alone, square, 1.0), 0.0)
+        for group in shared:
+            part = rows[group]
+            columns = np.unique(part.indices)
+            result[columns] += np.linalg.lstsq(part[:, columns].toarray(), error[group], _SHARED)[0]
+    return result
+
+
+def admissible(
+    problem: DualProblem, values: FloatArray, plates: FloatArray, tractions: FloatArray, bound: FloatArray
+) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
+    """(v (size,), c (2 n,), reasons) that meets the contact conditions to rounding, from w_Γ and motions of plates."""
+    contacts, rows = problem.contacts, sparse.csr_array(problem.B)
+    beyond = problem.constant + contacts.motions @ (-plates)
+    stress = max(1e-300, float(np.abs(tractions).max(initial=0.0)), 1.0)
+    wanted, held = targets(contacts, rows @ values + beyond, tractions, bound, stress)
+    held &= problem.movable
+    held[contacts.count :] &= problem.live[contacts.count :] | contacts.gathered("tied").astype(bool)
+    for _ in range(3):  # a correction in a corner may push another contact line over its gap
+        c = rows @ values + beyond
+        values = moved(_chosen(rows, held), values, (wanted - c)[held])
+        over = np.flatnonzero(_excess(problem, rows @ values + beyond) > 0.0)
+        over = over[problem.movable[over] & ~held[over]]
+        if not len(over):
+            break
+        held[over] = True
+    v = problem.body.expand(values)
+    c = contacts.rows @ v - contacts.plates(plates)
+    return v, c, _reasons(problem, c)
+
+
+def _chosen(rows: sparse.csr_array, held: BoolArray) -> sparse.csr_array:
+    index: IntArray = np.flatnonzero(held)
+    return sparse.csr_array(rows[index])
+
+
+def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
+    """By how much c_N exceeds the gap (2 n,), or differs where the contact keeps its distance, and c_T its offset."""
+    contacts, n = problem.contacts, problem.contacts.count
+    difference = c - contacts.obstacle
+    bilateral, tied = contacts.gathered("bilateral").astype(bool), contacts.gathered("tied").astype(bool)
+    normal = np.where(bilateral, np.abs(difference[:n]), np.maximum(difference[:n], 0.0))
+    slipping = contacts.gathered("slipping")
+    backwards = np.where(np.isnan(slipping), 0.0, np.maximum(-slipping * difference[n:], 0.0))
+    return np.concatenate([normal, np.where(tied | (slipping == 0.0), np.abs(difference[n:]), backwards)])
+
+
+def _reasons(problem: DualProblem, c: FloatArray) -> tuple[str, ...]:
+    excess = _excess(problem, c)
+    size = max(1.0, float(np.abs(c).max(initial=0.0)))
+    worst = float(excess.max(initial=0.0)) / size
+    if worst <= _VIOLATED:
+        return ()
+    index = int(np.argmax(excess)) % problem.contacts.count
+    start = 0
+    for trace in problem.contacts.traces:
+        if index < start + trace.count:
+            break
+        start += trace.count
+    return (f"Prescribed displacements contradict the obstacle of {trace.name!r}, by {worst:.1e} of their size.",)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
+from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.dual import Contacts
-from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.traces import Trace, plate_centre
 from qvi_contact.discretization.scaling import Scales

@@ -6,22 +6,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, evaluate
-from qvi_contact.companion.admissible import admissible
-from qvi_contact.companion.condensation import CondensedBody
-from qvi_contact.companion.data import load_vector
-from qvi_contact.companion.dual import Contacts, DualProblem, dual_problem
-from qvi_contact.companion.elasticity import Elasticity
+from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
+from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
+from qvi_contact.companion.data import PARALLEL, Supports, supports
+from qvi_contact.companion.dual import Contacts, DualProblem, admissible, dual_problem
 from qvi_contact.companion.result import CompanionResult, CompanionState
-from qvi_contact.companion.space import Space
-from qvi_contact.companion.supports import Supports, supports
+from qvi_contact.companion.space import Space, Triangle, triangle
 from qvi_contact.companion.traces import Trace, traces
-from qvi_contact.companion.triangle import Triangle, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -37,6 +33,12 @@ from solvers.factorisation.choice import Request
 _FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
 
 _INDICATOR = "The friction bound was taken from the displacement model's own contact forces: its energy is no bound."
+
+MOST: Final = 4000
+"""Contact coefficients, normal and tangential ones, for which dense matrices of them are made."""
+SINGULAR: Final = 1e-11
+"""Eigenvalue of a stiffness matrix, relative, that is a rigid motion's."""
+_DEPENDENT = 1e-9  # singular value of rows, relative, that counts as zero
 
 
 def solve_companion(
@@ -273,3 +275,81 @@ def _state(dual: DualProblem, solution: QVISolution) -> CompanionState:
     return CompanionState(
         contacts, v, c, plates, np.where(dual.live, solution.z, 0.0), dual.live, bound, dual.body.load, reasons
     )
+
+
+@dataclass(frozen=True, eq=False)
+class BodyAtRest:
+    """Displacements v that vanish where displacements are prescribed, and motions of plates that forces drive.
+
+    Attributes
+    ----------
+    contacts : Contacts
+        The contacts, n coefficients.
+    body : CondensedBody
+        The body.
+    B : (2 n, k + q) array
+        c, what the body moves beyond the plates, normal ones first, from w_Γ and the motions.
+    S : (k + q, k + q) array
+        The energy of both, ½ wᵀS w.
+    live : (2 n,) bool array
+        Where c can change.
+
+    """
+
+    contacts: Contacts
+    body: CondensedBody
+    B: FloatArray
+    S: FloatArray
+    live: BoolArray
+
+    @classmethod
+    def of(cls, problem: ContactProblem, degree: int | None = None) -> BodyAtRest:
+        """Displacements of a degree on the mesh of a problem.
+
+        Raises
+        ------
+        InputError
+            If the problem or the degree is wrong.
+        FactorisationError
+            If the stiffness matrix cannot be factorised.
+
+        """
+        contacts, body = condensed_at_rest(problem, degree)
+        moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions
+        B = np.hstack([moved, -driven])
+        live = np.abs(moved).sum(axis=1) > PARALLEL
+        B[~live] = 0.0
+        S = np.zeros((B.shape[1],) * 2)
+        S[: moved.shape[1], : moved.shape[1]] = body.S
+        return cls(contacts, body, B, S, np.asarray(live))
+
+    def expand(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """V (size,) and the motions (q,) from w_Γ and these."""
+        values, motions = np.split(w, [self.body.S.shape[0]])
+        return self.body.expand(values), motions
+
+    def least_energy(self, given: BoolArray, zero: BoolArray) -> FloatArray:
+        """E with E x·x = min a(v, v) over v whose coefficients are x where `given`, and 0 where `zero`."""
+        rows = np.vstack([self.B[given], self.B[zero & self.live]])
+        particular, free = solutions(rows)
+        count = int(given.sum())
+        P, S = particular[:, :count], self.S
+        cross = free.T @ S @ P
+        found = P.T @ S @ P - cross.T @ pseudo_solve(free.T @ S @ free, cross)
+        return np.asarray((found + found.T) / 2.0)
+
+
+def solutions(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """P (k, r) and Z (k, k − rank): all solutions of rows · w = d are P d + Z y, of the least squares if they clash."""
+    U, values, V = np.linalg.svd(rows, full_matrices=True)
+    rank = int((values > _DEPENDENT * max(float(values.max(initial=0.0)), 1e-300)).sum())
+    return (V[:rank].T / values[:rank]) @ U[:, :rank].T, V[rank:].T
+
+
+def pseudo_solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """The least solution of matrix · x = right (k, j) for a symmetric matrix ≥ 0, which rigid motions make singular."""
+    if not len(matrix):
+        return np.zeros((0, right.shape[1]))
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
+    kept = values > SINGULAR * values[-1]
+    return np.asarray((vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ right))

@@ -22,9 +22,8 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, real_array
-from qvi_contact.companion.data import MISFIT, along_arcs, edge_data, edge_moments
+from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, edge_moments
 from qvi_contact.companion.space import Space
-from qvi_contact.companion.supports import PARALLEL
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein

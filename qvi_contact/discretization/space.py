@@ -341,7 +341,8 @@ class StressSpace(Stated):
     @classmethod
     def on(cls, mesh: TriangleMesh, degree: int) -> StressSpace:
         """The space of a mesh, made when it is first asked for and kept as long as the mesh."""
-        found: StressSpace = mesh.kept.setdefault((cls, degree), cls(mesh, degree))
+        found = mesh.kept.setdefault((cls, degree), cls(mesh, degree))
+        assert isinstance(found, cls)
         return found
 
     @cached_property
@@ -432,7 +433,7 @@ class StressSpace(Stated):
         found = self._numbers.get(edges)
         if found is None:
             pairs = np.column_stack([edges.first, edges.second])
-            found = self._numbers[edges] = self.mesh.topology.number(pairs, len(self.vertices))
+            found = self._numbers[edges] = self.mesh.topology.number(pairs)
         return found
 
     @cached_property

@@ -20,10 +20,17 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "carried_forces": ("Relations",),
+        "linear": ("Relations",),
         "flow": ("BodyMotion", "ContactFlow"),
         "check_proof": ("check",),
-        "strength_reduction": ("StrengthReduction", "strength_reduction_factor"),
-        "load_factor": ("Collapse", "LimitLoad", "limit_load", "limit_load_factor", "limit_proof"),
+        "load_factor": (
+            "Collapse",
+            "LimitLoad",
+            "StrengthReduction",
+            "limit_load",
+            "limit_load_factor",
+            "limit_proof",
+            "strength_reduction_factor",
+        ),
     },
 )

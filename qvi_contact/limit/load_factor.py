@@ -2,50 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from scipy import sparse
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray
+from qvi_contact.basics.checks import Field, FloatArray, positive_number
 from qvi_contact.basics.retired import refuse_arguments
-from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import RowKind
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.carried_forces import Relations
-from qvi_contact.limit.flow import BodyMotion, FlowProgram
-from qvi_contact.limit.gap import gap_in_cells
+from qvi_contact.limit.flow import BodyMotion, FlowProgram, gap_in_cells
+from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
 from qvi_contact.limit.proof import lower_proof
-from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
-from qvi_contact.limit.yielding import YieldCones, coefficients_of
+from qvi_contact.limit.stresses import StressProgram, YieldCones, coefficients_of
 from qvi_contact.mechanism import Mechanism, upper_bound
-from qvi_contact.mechanism.works import BODY, FLUID
+from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Strength, Tresca
 from qvi_contact.version import __version__
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
 from solvers.basics.progress import narrated, watched
-from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, Answer, solved
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
 _FOLLOWED = 1e-9  # misfit of a body force, relative, that is rounding
-_CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
-
-
-_AT_LIMIT = (
-    "limit load: the loads that are not multiplied are themselves at the limit of what this mesh carries, to within "
-    "rounding: whether they are carried cannot be told. Change these loads, or the friction, by a millionth"
-)
 
 
 class LimitLoad(float):
@@ -192,8 +181,8 @@ def limit_load_factor(
         story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.solved().limit
         gap = limit.bound - limit.lower
-        agree = problem.yields or gap <= _CERTIFIED * (1.0 + abs(limit))
-        if np.isfinite(limit.lower) and not (agree and limit.violation <= _CERTIFIED):
+        agree = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
+        if np.isfinite(limit.lower) and not (agree and limit.violation <= CERTIFIED):
             raise SolveError(
                 f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
                 f"{limit.violation:.1e}): use a coarser or less graded mesh"
@@ -293,9 +282,9 @@ class LimitProblem:
             return LimitAnalysis(self, LimitLoad(upper, upper, mechanism, upper, 0.0), None)
         if self.problem.yields:
             return self._yielding(upper, mechanism)
-        carried, state = _carried(self.low, self.high)
+        carried = carried_forces(self.low, self.high)
         limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
-        return LimitAnalysis(self, limit, state)
+        return LimitAnalysis(self, limit, carried)
 
     def _yielding(self, of_blocks: float, mechanism: Mechanism | None) -> LimitAnalysis:
         """Both sides of a body that yields: rigid blocks are one way of giving way, and others may be easier."""
@@ -307,7 +296,7 @@ class LimitProblem:
         if of_blocks > flow.bound:
             mechanism = None
         straight, collapse = not self.problem.mesh.curved.any(), None
-        if straight and carried.factor > upper and not carried.factor - upper <= _CERTIFIED * (1.0 + abs(upper)):
+        if straight and carried.factor > upper and not carried.factor - upper <= CERTIFIED * (1.0 + abs(upper)):
             raise SolveError(
                 f"limit load: stresses that carry {carried.factor:.9g} times the loads contradict a flow at "
                 f"{upper:.9g}: use another degree, or a mesh that is less graded"
@@ -359,80 +348,14 @@ class LimitAnalysis:
         What was asked for.
     limit : LimitLoad
         Both sides.
-    state : LimitState or None
-        What carries `LimitLoad.lower`; None if that is not finite.
+    carried : CarriedForces or None
+        What carries `LimitLoad.lower` where nothing yields; None where something does.
 
     """
 
     posed: LimitProblem
     limit: LimitLoad
-    state: LimitState | None
-
-
-@dataclass(frozen=True, eq=False)
-class LimitState:
-    """The answer of the mesh's program, dimensionless.
-
-    Attributes
-    ----------
-    tractions : (2 m,) array
-        Rows [σ_N; σ_T].
-    motion : (2 m,) array
-        Multipliers of these rows: moments of the opening w and of the slip −[v]_T in the motion with which the mesh
-        gives way, on which the loads do the work 1.
-
-    """
-
-    tractions: FloatArray
-    motion: FloatArray
-
-
-@dataclass(frozen=True)
-class _Carried:
-    """The factor of a mesh, its dual bound, and the violation of the rows."""
-
-    factor: float
-    bound: float
-    violation: float
-
-
-def _carried(low: Discretization, high: Discretization) -> tuple[_Carried, LimitState | None]:
-    """What the mesh carries, with signs of bilateral pressure that a first program without friction there suggests.
-
-    With the state, if it is finite.
-    """
-    undecided = both_signs(low)
-    signs = np.full(len(undecided), EITHER)
-    found = [_program(low, high, signs)]
-    if undecided.any():
-        state = found[0][1]
-        trials = [np.where(undecided, PRESSURE, EITHER)]
-        if state is not None:
-            trials.append(np.where(mean_normal(low, state.tractions) > 0.0, TENSION, PRESSURE))
-        found += [_program(low, high, trial) for trial in trials]
-    return max(found, key=lambda each: each[0].factor)
-
-
-def _program(low: Discretization, high: Discretization, signs: IntArray) -> tuple[_Carried, LimitState | None]:
-    """The linear program, and the state at its answer."""
-    rows = WholeEdgeRows.of(low, signs)
-    if not len(rows.limit):
-        return _Carried(np.inf, np.inf, 0.0), None
-    qvi, width = low.qvi, _SAMPLES[1] - _SAMPLES[0]
-    weights = joined([contact.row_weights for contact in low.contacts if contact.law != "tied"])
-    shares = np.tile(weights / weights.max(), 2)
-    relations = Relations.of(low, shares)
-    first, second = (shares * np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (low, high))
-    slope, b_slope = (second - first) / width, (high.qvi.b - qvi.b) / width
-    zero, b = first - _SAMPLES[0] * slope, qvi.b - _SAMPLES[0] * b_slope
-    H, limit = rows.of_forces(shares)  # unknown are forces y: tractions grow where edges are short, forces do not
-    C, D = relations.forces, relations.resultants
-    program = _Program(H, limit - H @ zero, -(H @ slope), C, -(D @ b), -(D @ b_slope))
-    carried, answer = program.solve()
-    if answer is None:
-        return carried, None
-    tractions = (answer.x[:-1] + zero + carried.factor * slope) / shares
-    return carried, LimitState(tractions, shares * (H.T @ np.maximum(-answer.inequalities, 0.0)))
+    carried: CarriedForces | None
 
 
 def loads_of(problem: ContactProblem) -> list[str]:
@@ -501,61 +424,149 @@ def times(field: Field, factor: float) -> Field:
     return lambda x, y: factor * np.asarray(function(x, y), dtype=float)
 
 
+_FARTHEST: Final = 1e4  # factors beyond count as infinite, and below the inverse as zero
+
+
+_STEP: Final = 2.0  # between the first trials
+
+
 @dataclass(frozen=True)
-class _Program:
-    """Max α s.t. G y ≤ h + α h', A y = b + α b'."""
+class StrengthReduction:
+    """Both sides of the factor of safety on strength.
 
-    G: sparse.csr_array
-    h: FloatArray
-    h_slope: FloatArray
-    A: sparse.csr_array
-    b: FloatArray
-    b_slope: FloatArray
+    Attributes
+    ----------
+    lower : float
+        Strengths divided by this carry the loads: stresses of the mesh show it. Zero if no factor was found.
+    upper : float
+        Strengths divided by this do not, on any mesh: a mechanism or a flow shows it. Infinity if no factor was found.
 
-    def solve(self) -> tuple[_Carried, Answer | None]:
-        """Simplex, and a bound from its multipliers; its answer (y, α) too, or None if that is not finite."""
-        answer = self._linprog(np.append(np.zeros(self.G.shape[1]), -1.0))
-        if answer.status == UNBOUNDED:
-            return _Carried(np.inf, np.inf, 0.0), None
-        if answer.status == INFEASIBLE:
-            if self._is_infeasible():
-                return _Carried(-np.inf, -np.inf, 0.0), None
-            raise SolveError(_AT_LIMIT)
-        if answer.status == TIME_LIMIT:
-            raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
-        if not answer.solved:
-            raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
-        y, factor = answer.x[:-1], float(answer.x[-1])
-        return _Carried(factor, self._bound(answer, y), self._violation(y, factor)), answer
+    """
 
-    def _violation(self, y: FloatArray, factor: float) -> float:
-        """The most by which a row is missed, over the largest limit."""
-        size = max(float(np.abs(self.h).max()), abs(factor) * float(np.abs(self.h_slope).max()), 1e-300)
-        above = np.maximum(self.G @ y - self.h - factor * self.h_slope, 0.0)
-        missed = np.abs(self.A @ y - self.b - factor * self.b_slope)
-        return float(max(above.max(), missed.max(initial=0.0))) / size
-
-    def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Answer:
-        """Minimise over (y, α), or over (y, α, t ≥ 0) with G y ≤ h + α h' + t."""
-        G = _beside(self.G, -self.h_slope, *(-np.ones(len(self.h)) for _ in range(relaxed)))
-        A = _beside(self.A, -self.b_slope, *(np.zeros(len(self.b)) for _ in range(relaxed)))
-        equations: dict[str, Any] = {"A_eq": A, "b_eq": self.b} if len(self.b) else {}
-        bounds = [(None, None)] * (self.G.shape[1] + 1) + [(0.0, None)] * relaxed
-        return solved(cost, A_ub=G, b_ub=self.h, bounds=bounds, **equations)
-
-    def _is_infeasible(self) -> bool:
-        """Whether the rows cannot be met even approximately."""
-        answer = self._linprog(np.append(np.zeros(self.G.shape[1] + 1), 1.0), relaxed=True)
-        return bool(answer.solved and answer.x[-1] > _CERTIFIED * max(1.0, float(np.abs(self.h).max())))
-
-    def _bound(self, answer: Answer, y: FloatArray) -> float:
-        """From Σ d (h + α h' − G y) ≥ 0 with Gᵀd + Aᵀν = 0:  α ≤ (h·d + b·ν) / −(h'·d + b'·ν), rounding added."""
-        d, nu = np.maximum(-answer.inequalities, 0.0), -answer.equations
-        rate = -float(self.h_slope @ d + self.b_slope @ nu)
-        rounding = float(np.abs(self.G.T @ d + self.A.T @ nu) @ np.abs(y))
-        return (float(self.h @ d + self.b @ nu) + rounding) / rate if rate > 0.0 else np.inf
+    lower: float
+    upper: float
 
 
-def _beside(matrix: sparse.csr_array, *columns: FloatArray) -> sparse.csc_array:
-    """The matrix with further columns."""
-    return sparse.csc_array(sparse.hstack([matrix, *(sparse.csc_array(column[:, None]) for column in columns)]))
+def strength_reduction_factor(
+    problem: ContactProblem,
+    *,
+    of: Sequence[str] | None = None,
+    accuracy: float = 1e-3,
+    degree: int | None = None,
+    contact_rows: RowKind | None = None,
+    time_limit: float | None = None,
+) -> StrengthReduction:
+    """The factor by which strengths may be divided until the loads are just carried, from both sides.
+
+        μ/F,   c/F,   t_max/F   on contacts,       tan φ/F,   c/F   and other strengths of bodies
+
+    Flow and slip are associated, as in `limit_load_factor`.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem, with all its loads.
+    of : sequence of str, optional
+        What is divided: names of contacts, of regions, and "body" for the body's own material. By default everything.
+    accuracy : float
+        Relative width at which the bisections for both sides end.
+    degree, contact_rows, time_limit
+        As for `limit_load_factor`.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown.
+    SolveError
+        If a program is not solved, or not in time.
+
+    """
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    accuracy = positive_number("accuracy", accuracy)
+    chosen = _chosen(problem, of)
+    names = (*loads_of(problem), FLUID)
+    space: dict[str, Any] = {"degree": degree, "contact_rows": contact_rows}
+
+    def sides(factor: float) -> tuple[bool, bool]:
+        """Whether the loads are carried, and whether it is not proved that they are not."""
+        limit = LimitProblem.of(_reduced(problem, chosen, factor), names, **space).solved().limit
+        return limit.lower >= 1.0, limit.upper >= 1.0
+
+    with watched(time_limit):
+        known: dict[float, tuple[bool, bool]] = {}
+        found = []
+        for side in (0, 1):
+            holds, fails = 0.0, math.inf
+            while True:
+                for factor, answer in known.items():
+                    holds = max(holds, factor) if answer[side] else holds
+                    fails = fails if answer[side] else min(fails, factor)
+                if holds > 0.0 and fails < math.inf:
+                    if fails <= holds * (1.0 + accuracy):
+                        break
+                    factor = math.sqrt(holds * fails)
+                else:
+                    factor = 1.0 if not known else holds * _STEP if holds > 0.0 else fails / _STEP
+                    if not 1.0 / _FARTHEST < factor < _FARTHEST:
+                        break
+                known[factor] = sides(factor)
+            found.append((holds, fails))
+    return StrengthReduction(found[0][0], found[1][1])
+
+
+def _chosen(problem: ContactProblem, of: Sequence[str] | None) -> frozenset[str]:
+    """The names of what is divided."""
+    known = [contact.name for contact in problem.contacts if contact.law != "tied"]
+    known += [BODY, *(region.name for region in problem.regions if region.name is not None)]
+    if of is None:
+        return frozenset(known)
+    if isinstance(of, str) or not isinstance(of, Sequence) or not of:
+        raise InputError("of", of, f"give a list of names out of {', '.join(known)}")
+    return frozenset(known_name("of", name, {"contacts and regions": known}) for name in of)
+
+
+def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:
+    """The problem with strengths of what is chosen over the factor; regions without a name count as the body."""
+    material = problem.material
+    if BODY in chosen:
+        material = replace(material, strength=_weaker(material.strength, factor))
+    regions = [
+        replace(region, material=replace(region.material, strength=_weaker(region.material.strength, factor)))
+        if (region.name or BODY) in chosen
+        else region
+        for region in problem.regions
+    ]
+    conditions = [
+        _slipperier(condition, factor)
+        if isinstance(condition, Contact) and condition.name in chosen and condition.law != "tied"
+        else condition
+        for condition in problem.conditions
+    ]
+    return replace(problem, material=material, regions=regions, conditions=conditions)
+
+
+def _slipperier(contact: Contact, factor: float) -> Contact:
+    cap = contact.shear_limit
+    return replace(
+        contact,
+        friction=times(contact.friction, 1.0 / factor),
+        cohesion=times(contact.cohesion, 1.0 / factor),
+        shear_limit=None if cap is None else times(cap, 1.0 / factor),
+    )
+
+
+def _weaker(strength: Strength | None, factor: float) -> Strength | None:
+    def less(field: Field | None) -> Field | None:
+        return None if field is None else times(field, 1.0 / factor)
+
+    if isinstance(strength, Tresca):
+        return Tresca(times(strength.c, 1.0 / factor))
+    if isinstance(strength, Mises):
+        return Mises(times(strength.yield_stress, 1.0 / factor))
+    if isinstance(strength, MohrCoulomb):
+        phi = math.atan(math.tan(strength.phi) / factor)
+        return MohrCoulomb(times(strength.c, 1.0 / factor), phi, less(strength.tension))
+    if isinstance(strength, NoTension):
+        return NoTension(less(strength.crushing))
+    return None

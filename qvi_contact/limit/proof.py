@@ -26,7 +26,7 @@ from qvi_contact.element.affine import EDGES
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
-from qvi_contact.limit.yielding import lattice, part_corners
+from qvi_contact.limit.stresses import lattice, part_corners
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
 from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem

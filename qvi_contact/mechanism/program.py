@@ -24,9 +24,8 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.errors import SolveError
-from qvi_contact.mechanism.bodies import Bodies
+from qvi_contact.mechanism.bodies import Bodies, works
 from qvi_contact.mechanism.lines import Line, lines
-from qvi_contact.mechanism.works import works
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem

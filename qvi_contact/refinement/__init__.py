@@ -1,8 +1,7 @@
 """Meshes that a computation refines by itself until a number is as accurate as asked for."""
 
 from qvi_contact.refinement.adaptive import refine
-from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
-from qvi_contact.refinement.quantity import LimitFactor
+from qvi_contact.refinement.outcome import LimitFactor, LimitRefinement, Refinement, RefinementRound, RefinementStatus
 from solvers.basics.front import front
 
 __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "RefinementStatus", "refine"]
@@ -10,8 +9,8 @@ __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "R
 __getattr__ = front(
     __name__,
     {
-        "closer": ("closer_problem", "energies_between", "places"),
-        "doerfler": ("bulk",),
-        "quantity": ("unit_of",),
+        "reference_solution": ("closer_problem", "energies_between", "places"),
+        "rounds": ("bulk",),
+        "outcome": ("unit_of",),
     },
 )

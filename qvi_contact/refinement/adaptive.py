@@ -13,8 +13,15 @@ from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.limits import limit_strategy
-from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
-from qvi_contact.refinement.quantity import LimitFactor, Measure, Quantity
+from qvi_contact.refinement.outcome import (
+    LimitFactor,
+    LimitRefinement,
+    Measure,
+    Quantity,
+    Refinement,
+    RefinementRound,
+    RefinementStatus,
+)
 from qvi_contact.refinement.rounds import ROUNDS, THINNEST, K, Loop, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.result import ContactResult

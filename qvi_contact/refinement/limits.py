@@ -1,7 +1,15 @@
-"""Refinement for limit loads: edges are bisected on which the mesh gives way in another manner than the body would.
+"""Refinement for limit loads: bisected is where the mesh gives way in another manner than the body would.
 
-What they fall short of, see `law_gap`, is where a block turns about an edge, or where slip ends. The mechanism of the
-body alone does not say where to refine: where another one is near its limit too, the mesh may lack stresses for both.
+At the limit a mesh gives way by a motion with the opening w and the slip s against the shear: the multipliers of its
+rows. It obeys the law in the sense of the rows. At points the body may enter the obstacle, or slip without the opening
+that friction asks for. The part of an edge is the work that the law gives the motion, made admissible at points, less
+that of the tractions:
+
+    w' = max(w, μ|s|)   (w' = max(w, 0) under a cap),     ∫ (π(w', s) − |σ_N| w' − σ_T s) ds ≥ 0,
+
+for unilateral contacts, with π of (D23). It is zero on all edges if the mesh gives way as the body would, and of the
+size of pressure times motion on the edge in which the body turns, or where slip ends. The mechanism of the body alone
+does not say where to refine: where another one is near its limit too, the mesh may lack stresses for both.
 
 In `docs/theory.md`: (D25).
 """
@@ -14,16 +22,15 @@ import numpy as np
 
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitAnalysis, LimitLoad, LimitProblem
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.closer import at_contacts
-from qvi_contact.refinement.doerfler import bulk
-from qvi_contact.refinement.law_gap import law_gap
 from qvi_contact.refinement.outcome import RefinementStatus
-from qvi_contact.refinement.rounds import Accuracy, Round, Settings, StopError, TooLargeError
+from qvi_contact.refinement.reference_solution import at_contacts
+from qvi_contact.refinement.rounds import Accuracy, Round, Settings, StopError, TooLargeError, bulk
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import loads_followed
 
@@ -36,6 +43,32 @@ _BLUNT: Final = 0.8 * np.pi  # angle of a corner from which on a change of condi
 _FLAT: Final = 1e-6  # of a straight angle that is rounding
 _ENDS: Final = 2  # edges of the boundary at a vertex
 _VIOLATED: Final = 1e-7  # of the largest limit of tractions: violation that counts as rounding
+
+
+def law_gap(
+    rows: ContactRows, normal: FloatArray, shear: FloatArray, opening: FloatArray, slip: FloatArray
+) -> FloatArray:
+    """The parts (m,) of the points of a contact, dimensionless.
+
+    Parameters
+    ----------
+    rows : ContactRows
+        The contact.
+    normal, shear : (m,) arrays
+        σ_N and σ_T at its points, dimensionless.
+    opening, slip : (m,) arrays
+        w and s there, times the weights of the points.
+
+    """
+    size, friction, unilateral = np.abs(slip), rows.friction, ~rows.bilateral
+    capped, rough = np.isfinite(rows.shear_limit), friction > 0.0
+    admitted = np.maximum(opening, np.where(capped, 0.0, friction * size))
+    opening = np.where(unilateral, admitted, opening)
+    room = np.divide(np.maximum(opening, 0.0), friction, out=size.copy(), where=rough)
+    dilatant = np.where(unilateral, np.minimum(size, room), np.where(rough, 0.0, size))
+    work = np.minimum(rows.cohesion, rows.shear_limit) * dilatant
+    work += np.where(capped, rows.shear_limit, 0.0) * (size - dilatant)
+    return np.asarray(np.maximum(work - normal * opening - shear * slip, 0.0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -209,13 +242,13 @@ def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
 
 def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
     """Part (n,) of the edges of each contact in what the mesh falls short of; 1 for all where there is no state."""
-    posed, state = answer.posed, answer.state
-    if state is None:
+    posed, carried = answer.posed, answer.carried
+    if carried is None or carried.tractions is None or carried.motion is None:
         yield from (np.ones(len(edges)) for edges in _limited_edges(posed.problem))
         return
     rule = posed.low.rule
-    normal, shear = (rule.at_points(half) for half in np.split(state.tractions, 2))
-    opening, slip = (rule.multipliers_at_points(half) for half in np.split(state.motion, 2))
+    normal, shear = (rule.at_points(half) for half in np.split(carried.tractions, 2))
+    opening, slip = (rule.multipliers_at_points(half) for half in np.split(carried.motion, 2))
     for rows in posed.low.contacts:
         if rows.law != "tied":
             held = rows.rows

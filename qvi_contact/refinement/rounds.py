@@ -4,8 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from qvi_contact.basics.certainty import Certainty
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
@@ -13,18 +15,26 @@ from qvi_contact.solution.result import ContactResult
 from solvers import Status
 from solvers.basics.progress import expired
 
+_BULK: Final = 0.6  # Dörfler's share of the difference that is marked
+
 ROUNDS: Final = 60
 """Largest number of rounds, unless another is asked for."""
-
 THINNEST: Final = 1e-9
 """Smallest edge over the body's length, unless another is asked for."""
-
 _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # what a status on the way means for the refinement
-
 A = TypeVar("A")
+
+
+def bulk(parts: FloatArray, share: float = _BULK) -> BoolArray:
+    """The fewest entries that hold a share of the sum, Dörfler's by default."""
+    order: IntArray = np.argsort(-parts, kind="stable")
+    enough = int(np.searchsorted(np.cumsum(parts[order]), share * parts.sum() * (1.0 - 1e-12))) + 1
+    found = np.zeros(len(parts), dtype=bool)
+    found[order[:enough]] = True
+    return found
 
 
 @dataclass(frozen=True)

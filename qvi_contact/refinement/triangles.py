@@ -15,7 +15,8 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_num
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.closer import (
+from qvi_contact.refinement.outcome import Measure, RefinementStatus
+from qvi_contact.refinement.reference_solution import (
     Comparison,
     Places,
     bounded,
@@ -24,15 +25,13 @@ from qvi_contact.refinement.closer import (
     energies_between,
     places,
 )
-from qvi_contact.refinement.doerfler import bulk
-from qvi_contact.refinement.outcome import RefinementStatus
-from qvi_contact.refinement.quantity import Measure
 from qvi_contact.refinement.rounds import (
     Accuracy,
     ResultRound,
     Settings,
     StopError,
     TooLargeError,
+    bulk,
     check_solved,
     unknowns_of,
 )

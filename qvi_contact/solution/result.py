@@ -19,7 +19,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
-from qvi_contact.limit.yielding import excess
+from qvi_contact.limit.stresses import excess
 from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.mesh.edges import edge_ends

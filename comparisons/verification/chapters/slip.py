@@ -17,7 +17,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
-from qvi_contact.refinement.doerfler import bulk
+from qvi_contact.refinement.rounds import bulk
 
 PROBLEMS: Final = Chapter()
 

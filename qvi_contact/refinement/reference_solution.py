@@ -27,7 +27,7 @@ from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.quantity import Measure
+from qvi_contact.refinement.outcome import Measure
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult
 

@@ -1,0 +1,361 @@
+"""The elastic body: strains (ε_xx, ε_yy, 2ε_xy), stiffness, loads, and the body condensed on its contacts.
+
+Derivatives act on differences of neighbouring coefficients, see `Triangle`. In the axes of the supports, v = Q w, with
+the prescribed degrees of freedom taken out and the interior eliminated, K v = f + Bᵀ z leaves on Γ, what contact rows
+touch,
+
+    S w_Γ = r + B_Γᵀ z,      solvable if  Rᵀ(r + B_Γᵀ z) = 0,      w_Γ = G (r + B_Γᵀ z) + R a
+
+with R an orthonormal basis of the rigid motions that the supports leave free, G = (S + ρ R Rᵀ)⁻¹, and a their size.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg import cho_factor, cho_solve
+
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.companion.data import MISFIT, Supports, load_points
+from qvi_contact.companion.space import Space, reference_matrices
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import bernstein
+from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.mesh.edges import Edges, vectors_along
+from qvi_contact.problem.conditions import Traction
+from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.problem import ContactProblem
+from solvers.factorisation import Factorisation, FactorisationError
+from solvers.factorisation.choice import Request, make
+
+_QUADRATURE = 1e-11  # relative difference of two quadratures that counts as rounding
+_ON_ARCS = 6  # Gauss points more where cells have arcs
+_ENTRIES = ([0, 2], [2, 1])  # of (ε_xx, ε_yy, 2ε_xy): where ∂_x and ∂_y of each component go to
+
+_FREE = 1e-11  # singular value of rigid motions at supports, relative, that counts as zero
+_CORRECTIONS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Elasticity:
+    """The elastic body, dimensionless.
+
+    Attributes
+    ----------
+    space : Space
+        Displacements.
+    moduli : (cells, 3, 3) array
+        Stiffness C with σ = C ε, times the unit of compliance.
+
+    """
+
+    space: Space
+    moduli: FloatArray
+
+    def stiffness(self) -> sparse.csr_array:
+        """K with vᵀKv = ∫ ε:C:ε, shape (size, size)."""
+        space, count = self.space, len(self.space.table)
+        local, slopes = reference_matrices(space.cell), space.slopes
+        n = local.shape[-1]
+        blocks = np.empty((count, n, 2, n, 2))
+        for c in (0, 1):
+            for d in (0, 1):
+                moduli = self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]]
+                weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
+                blocks[:, :, c, :, d] = (weights.reshape(count, 4) @ local.reshape(4, n * n)).reshape(count, n, n)
+        if len(space.curved):
+            blocks[space.curved.numbers] = self._curved_stiffness()
+        K = space.assembled(blocks.reshape(count, 2 * n, 2 * n))
+        return sparse.csr_array((K + K.T) / 2.0)
+
+    def _curved_stiffness(self) -> FloatArray:
+        """The blocks (c, n, 2, n, 2) of cells with arcs, by quadrature."""
+        space, curved = self.space, self.space.curved
+        t, w = space.cell.quadrature(self._count)
+        tables = [space.cell.derivative_values(t) @ space.cell.differences[axis] for axis in (0, 1)]
+        found = np.empty((len(curved), tables[0].shape[1], 2, tables[0].shape[1], 2))
+        for k in range(len(curved)):
+            jacobians = curved.jacobians(np.array([k]), t)[0]
+            slopes = np.einsum("qab,aqn->qbn", np.linalg.inv(jacobians), np.stack(tables))
+            weights, moduli = np.abs(np.linalg.det(jacobians)) * w, self.moduli[curved.numbers[k]]
+            for c in (0, 1):
+                for d in (0, 1):
+                    inner = moduli[_ENTRIES[c]][:, _ENTRIES[d]]
+                    found[k, :, c, :, d] = np.einsum("q,qan,ab,qbm->nm", weights, slopes, inner, slopes, optimize=True)
+        return found
+
+    @property
+    def _count(self) -> int:
+        """Gauss points a direction: exact for ε:C:ε of polynomials; arcs, which are none, take more."""
+        return self.space.degree + 1 + (_ON_ARCS if len(self.space.curved) else 0)
+
+    def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
+        (xx, xy), (yx, yy) = np.moveaxis(self._gradients(v, cells, t), (3, 1), (0, 1))
+        return np.stack([xx, yy, xy + yx], axis=-1)
+
+    def _gradients(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """∂_b u_c as [cell, b, point, c]."""
+        cell, local = self.space.cell, v.reshape(-1, 2)[self.space.table[cells]]
+        values = cell.derivative_values(t)
+        along = np.stack([values @ (cell.differences[axis] @ local) for axis in (0, 1)], axis=1)
+        found = _combined(self.space.slopes[cells].swapaxes(1, 2), along)
+        at, which = self.space.curved.among(cells, len(self.space.table))
+        if len(at):
+            slopes = np.linalg.inv(self.space.curved.jacobians(which, t if np.ndim(t) == 2 else t[at]))
+            found[at] = np.einsum("kqab,kaqc->kbqc", slopes, along[at])
+        return found
+
+    def points(self) -> tuple[FloatArray, FloatArray]:
+        """Reference points t (q, 2) and weights (cells, q) that integrate ε:C:ε exactly."""
+        t, weights = self.space.cell.quadrature(self._count)
+        return t, self.space.measures(t, weights)
+
+    def energy(self, v: FloatArray) -> float:
+        """½ ∫ ε:C:ε."""
+        t, weights = self.points()
+        strain = self.strain(v, slice(None), t)
+        return 0.5 * float(np.einsum("cq,cqk,cqk->", weights, strain, strain @ self.moduli.swapaxes(1, 2)))
+
+    def force(self, v: FloatArray) -> FloatArray:
+        """K v (size,), through stresses."""
+        t, weights = self.points()
+        stress = self.strain(v, slice(None), t) @ self.moduli.swapaxes(1, 2)
+        return self.virtual_work(stress * weights[..., None], t)
+
+    def virtual_work(self, stress: FloatArray, t: FloatArray) -> FloatArray:
+        """Σ_q stress_q : ε_q(v) as a vector (size,), for weighted stresses (cells, q, 3) at points t (q, 2)."""
+        space, cell = self.space, self.space.cell
+        xx, yy, xy = np.moveaxis(stress, -1, 0)
+        tensor = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=1)
+        along = _combined(space.slopes, tensor)
+        if len(space.curved):
+            every = np.arange(len(space.curved))
+            slopes = np.linalg.inv(space.curved.jacobians(every, t))
+            along[space.curved.numbers] = np.einsum("kqab,kbqc->kaqc", slopes, tensor[space.curved.numbers])
+        values = cell.derivative_values(t).T
+        local = sum(cell.differences[axis].T @ (values @ along[:, axis]) for axis in (0, 1))
+        found = np.bincount(space.dofs.ravel(), np.ravel(local), minlength=space.size)
+        return np.asarray(found, dtype=np.float64)
+
+
+def _combined(matrices: FloatArray, fields: FloatArray) -> FloatArray:
+    """Σ_b M_ab f_b of each cell for matrices (cells, 2, 2) and fields (cells, 2, q, c)."""
+    n, _, q, c = fields.shape
+    return np.asarray((matrices @ fields.reshape(n, 2, q * c)).reshape(n, 2, q, c))
+
+
+def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
+    """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and what is wrong with it.
+
+    That is a difference of the body force's from a finer quadrature, or what is left of tractions that no quadrature
+    can follow. Of a body potential only the points of the two quadratures are seen, 541 or more a cell.
+    """
+    tractions, remarks = _traction_load(problem, body.space, scales)
+    first, second = (
+        tractions + _body_load(problem, body, scales, count)
+        for count in (load_points(body.space.degree), 2 * load_points(body.space.degree) + 1)
+    )
+    error = float(np.abs(first - second).max(initial=0.0))
+    if error <= _QUADRATURE * max(float(np.abs(second).max(initial=0.0)), _QUADRATURE):
+        return first, remarks
+    force = error * scales.stress * scales.length
+    changed = f"Loads are not polynomials on each edge or cell. Quadrature changes them by {force:.1e} [force]."
+    return second, (changed, *remarks)
+
+
+def _traction_load(problem: ContactProblem, space: Space, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
+    """∫_{Γσ} T·v ds as a vector (size,), and which tractions no quadrature follows."""
+    load, remarks = np.zeros(space.size), list[str]()
+    for given in problem.prescribed(Traction):
+        edges = given.edges
+        found = along_edges(problem.mesh, edges, given.name, given.value, load_points(space.degree))
+        shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
+        lengths = edges.length / scales.length
+        if edges.curved and given.turns:
+            along = vectors_along(edges.take(found.edge), given.direction[found.edge], found.t)
+            for component in (0, 1):
+                work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
+                np.add.at(load, 2 * space.along(edges) + component, work)
+        else:
+            _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
+        if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
+            size = f"{found.error:.2g} [stress]"
+            remarks.append(
+                f"{given.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
+            )
+    return load, tuple(dict.fromkeys(remarks))
+
+
+def _add(load: FloatArray, numbers: IntArray, work: FloatArray, direction: FloatArray) -> None:
+    """Add the work (e, p + 1) against coefficients along one direction for each edge (e, 2)."""
+    for component in (0, 1):
+        np.add.at(load, 2 * numbers + component, direction[:, [component]] * work)
+
+
+def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count: int) -> FloatArray:
+    """∫ b·v dx with b = −∇φ, as ∫ φ div v dx − ∮ φ v·n ds over every block: no derivative of φ is needed.
+
+    φ counts from its value at one point: a constant does no work.
+    """
+    space, mesh, field = body.space, problem.mesh, problem.body_potential
+    if not callable(field):
+        return np.zeros(space.size)
+    name = "ContactProblem.body_potential"
+    t, w = space.cell.quadrature(count)
+    places = mesh.origin + scales.length * space.points(slice(None), t)
+    base = float(evaluate(name, field, *(mesh.origin + scales.length * space.origins[:1]).T)[0])
+    potential = (evaluate(name, field, places[..., 0], places[..., 1]) - base) / scales.stress
+    weighted = potential * space.measures(t, w)
+    load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)
+    t, w = gauss_legendre(count)
+    shape = bernstein.basis(space.degree, t) * w[:, None]
+    for edges, numbers, outward in _outlines(problem, space):
+        values = (evaluate(name, field, *mesh.points_along(edges, t)) - base) / scales.stress
+        lengths = edges.length / scales.length
+        if edges.curved:
+            along = vectors_along(edges, outward, t)
+            for component in (0, 1):
+                work = -lengths[:, None] * ((values * along[..., component]) @ shape)
+                np.add.at(load, 2 * numbers + component, work)
+        else:
+            _add(load, numbers, -lengths[:, None] * (values @ shape), outward)
+    return load
+
+
+def _outlines(problem: ContactProblem, space: Space) -> list[tuple[Edges, IntArray, FloatArray]]:
+    """The blocks' outlines: (edges, their coefficients, outward normals)."""
+    mesh = problem.mesh
+    found = [(mesh.boundary, space.along(mesh.boundary), mesh.boundary.normal)]
+    for joint in problem.joints:
+        edges = mesh.edges(joint.edges)
+        found.append((edges, space.along(edges), edges.normal))
+        found.append((edges, space.along(edges, other=True), -edges.normal))
+    return found
+
+
+@dataclass(eq=False)
+class CondensedBody:
+    """See the module; w (size,) counts all degrees of freedom in the axes of the supports, w_Γ those of `interface`.
+
+    Attributes
+    ----------
+    body : Elasticity
+        The body.
+    load : (size,) array
+        f.
+    supports : Supports
+        Prescribed degrees of freedom.
+    free : int array
+        The others, ascending.
+    interface : int array
+        Γ, numbers among all degrees of freedom, ascending.
+    S : (k, k) array
+        The condensed stiffness.
+    r : (k,) array
+        Right-hand side on Γ.
+    R : (k, j) array
+        Rigid motions.
+
+    """
+
+    body: Elasticity
+    load: FloatArray
+    supports: Supports
+    free: IntArray
+    interface: IntArray
+    factor: Factorisation
+    S: FloatArray
+    r: FloatArray
+    R: FloatArray
+    _cholesky: tuple[FloatArray, bool]
+
+    @classmethod
+    def of(cls, body: Elasticity, load: FloatArray, supports: Supports, rows: sparse.csr_array) -> "CondensedBody":
+        """Condense on the degrees of freedom that rows (n, size) of v touch, prescribed ones among them left out.
+
+        Raises
+        ------
+        FactorisationError
+            If the stiffness matrix cannot be factorised.
+
+        """
+        size, Q = body.space.size, supports.axes
+        free = np.setdiff1d(np.arange(size), supports.index)
+        rigid = supports.inverse @ body.space.rigid()
+        interface = np.setdiff1d((rows @ Q).indices, supports.index)
+        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface)).astype(np.int64)
+        K = body.stiffness()
+        K = (sparse.csr_array(Q.T @ K @ Q) if supports.slanted else K)[free][:, free]
+        place = np.searchsorted(free, interface)
+        shift = float(K.diagonal().mean()) if len(free) else 0.0
+        held = np.zeros(len(free))
+        held[place] = shift  # back ends want a positive definite matrix; S has it on its diagonal and is freed of it
+        factor = make(sparse.csc_array(K + sparse.diags_array(held)), place, Request())
+        S = factor.schur - shift * np.eye(len(place))
+        fixed = np.zeros(size)
+        fixed[supports.index] = supports.values
+        r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
+        R = _orthonormal((rigid @ _null_space(rigid[supports.index]))[interface])
+        return cls(body, load, supports, free, interface, factor, S, np.asarray(r), R, _stiffened(S, R))
+
+    def relieve(self, forces: FloatArray) -> FloatArray:
+        """G times forces on Γ, (k,) or (k, j)."""
+        return np.asarray(cho_solve(self._cholesky, forces)) if forces.size else forces
+
+    def expand(self, values: FloatArray) -> FloatArray:
+        """V (size,) from w_Γ, the rest in equilibrium: defect corrections remove rounding."""
+        w, Q = self.fixed, self.supports.axes
+        w[self.interface] = values
+        for _ in range(_CORRECTIONS):
+            _, state = self.factor.reduce((Q.T @ (self.load - self.body.force(Q @ w)))[self.free])
+            w[self.free] += self.factor.expand(state, np.zeros(len(self.interface)))
+        return np.asarray(Q @ w)
+
+    @property
+    def fixed(self) -> FloatArray:
+        """W (size,) with the prescribed values, zero elsewhere."""
+        w = np.zeros(self.body.space.size)
+        w[self.supports.index] = self.supports.values
+        return w
+
+
+def _stiffened(S: FloatArray, R: FloatArray) -> tuple[FloatArray, bool]:
+    if not len(S):
+        return S, True
+    rho = float(np.trace(S)) / len(S)
+    try:
+        factor, lower = cho_factor(S + rho * R @ R.T, lower=True)
+    except np.linalg.LinAlgError as error:
+        raise FactorisationError("singular", "lapack", "the condensed stiffness is not positive definite") from error
+    return factor, bool(lower)
+
+
+def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray) -> IntArray:
+    """Two vertices of every block that neither supports nor contacts would hold: Γ must hold all motions."""
+    held = np.concatenate([fixed, interface])
+    blocks = int(body.space.block.max()) + 1
+    found: list[IntArray] = [np.empty(0, dtype=np.int64)]
+    for block in range(blocks):
+        motions = rigid[:, 3 * block : 3 * block + 3]
+        if _null_space(motions[held]).shape[1]:
+            mine = np.flatnonzero(body.space.owner == block)
+            place = body.space.places[mine].sum(axis=1)
+            pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
+            found.append((2 * pair[:, None] + np.arange(2)).ravel())
+    return np.setdiff1d(np.concatenate(found), fixed)
+
+
+def _null_space(matrix: FloatArray) -> FloatArray:
+    """Orthonormal basis (n, j) of the null space of (m, n), whose entries are motions of a body of length one."""
+    if not len(matrix):
+        return np.eye(matrix.shape[1])
+    triangle = np.linalg.qr(np.vstack([matrix, np.zeros_like(matrix, shape=(matrix.shape[1],) * 2)]), mode="r")
+    _, values, vectors = np.linalg.svd(triangle)
+    return np.asarray(vectors[values <= _FREE * max(1.0, float(values[0]))].T)
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    if not columns.size:
+        return np.zeros((len(columns), 0))
+    return np.asarray(np.linalg.qr(columns)[0])
