@@ -225,8 +225,8 @@ def followed(friction, cells=32, patience=6):
 
 @pytest.fixture(scope="module")
 def fold():
-    """μ = 3 on 32² cells: log τ, and s λ over ω and its mean, along the path until it is passed."""
-    problem, interior, path = followed(3.0)
+    """μ = 3.1 on 32² cells: log τ, and s λ over ω and its mean, along the path until it is passed."""
+    problem, interior, path = followed(3.1)
     record = []
     while not (path.passed or path.lost):
         path.advance()
