@@ -304,10 +304,10 @@ class Differences:
         """R of these triangles (t,), with what corners across parts add; roots (n, k, …) of all, shape (t k, size)."""
         rows, k = self.expanded(roots[triangles], triangles), roots.shape[1]
         found = self.spread(rows * self.units[triangles, None, :], triangles)
-        place = np.searchsorted(triangles, self.across)
-        place[place == len(triangles)] = 0
-        if not len(self.across) or not (present := triangles[place] == self.across).any():
+        if self.beyond is None:
             return found
+        place = np.minimum(np.searchsorted(triangles, self.across), len(triangles) - 1)
+        present = triangles[place] == self.across
         corners = rows[place[present], :, : 3 * _AFFINE]
         c, width = len(corners), 3 * _AFFINE
         at = (width * np.flatnonzero(present)[:, None] + np.arange(width))[:, None]

@@ -448,16 +448,16 @@ class Basis:
         if not are_few(count, self._width):
             return given.matrix(self.size) @ self.matrix
         places = self._width * np.arange(count)[:, None] + self._number[given.columns]
-        found = np.bincount(places.ravel(), given.values.ravel(), count * self._width).reshape(count, self._width)
-        return self._without_following(found)
+        found = np.bincount(places.ravel(), given.values.ravel(), count * self._width)
+        return self._without_following(np.asarray(found, dtype=np.float64).reshape(count, self._width))
 
     def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
         """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
         if are_few(self._width, self._width):
             at = self._number[dofs]
             places = self._width * at[:, :, None] + at[:, None]
-            found = np.bincount(places.ravel(), blocks.ravel(), self._width**2).reshape(self._width, self._width)
-            return self._without_following(self._without_following(found).T)
+            sums = np.asarray(np.bincount(places.ravel(), blocks.ravel(), self._width**2), dtype=np.float64)
+            return self._without_following(self._without_following(sums.reshape(self._width, -1)).T)
         at = dofs.astype(np.int32 if self.size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
         pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
         found = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()

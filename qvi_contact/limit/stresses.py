@@ -313,14 +313,7 @@ class StressProgram:
             at = space.curved.numbers
             own = reference[at] @ space.curved.functions[:, 3:, 3:]
             w[at], y[at] = own[..., :k], own[..., k:]
-        differences, rows = space.differences, w.shape[1]
-        full = differences.spread(differences.rows(w))
-        if len(differences.across):
-            own_rows = (rows * differences.across[:, None] + np.arange(rows)).ravel()
-            place = sparse.csr_array(
-                (np.ones(len(own_rows)), (own_rows, np.arange(len(own_rows)))), shape=(full.shape[0], len(own_rows))
-            )
-            full = full + place @ differences.rows_beyond(w)
+        rows, full = w.shape[1], space.differences.all_rows(w, np.arange(n))
         inner = element.interior
         columns = np.repeat(np.arange(n * inner).reshape(n, inner), rows, axis=0)
         starts = inner * np.arange(n * rows + 1)
