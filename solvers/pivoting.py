@@ -37,8 +37,7 @@ from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.certificate.certificate import certify
-from solvers.inequality.compliance import Compliance
-from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution, finish, no_outcome
 
 LARGEST = 200

@@ -42,8 +42,7 @@ from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import certify
-from solvers.inequality.compliance import Compliance
-from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inner.registry import versions
 from solvers.solution import Iteration, Outcome, QVISolution, finish
 

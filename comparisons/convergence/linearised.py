@@ -31,7 +31,7 @@ import numpy as np
 from scipy.linalg import eigh, eigvals, eigvalsh, pinvh
 
 from solvers.basics.types import BoolVector, Matrix, Vector
-from solvers.inequality.compliance import Compliance
+from solvers.inequality.problem import Compliance
 from solvers.inequality.problem import FrictionQVI
 from solvers.solution import QVISolution
 

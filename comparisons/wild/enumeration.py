@@ -16,7 +16,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 
 from qvi_contact.basics.checks import FloatArray
 from solvers import FrictionQVI
-from solvers.inequality.compliance import Compliance
+from solvers.inequality.problem import Compliance
 
 EXISTS, NONE, UNDECIDED = "a solution exists", "no solution", "undecided"
 _BIG: Final = 1e3

@@ -30,7 +30,7 @@ from solvers.condensed.systems import (
     Space,
 )
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.unsymmetric import Refactorisation
+from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, transposed
 
@@ -257,7 +257,7 @@ class SparseSystem:
 
     def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
         """See `NewtonSystem`; scaled to a diagonal of 1. Only the last one can be solved with."""
-        blocks = problem.blocks(ratio, slope)
+        blocks = problem.spread(*problem.blocks(ratio, slope))
         if not np.isfinite(blocks).all():
             raise LinAlgError("it is not finite")
         values, scale = self._filled(blocks)

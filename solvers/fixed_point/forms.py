@@ -20,8 +20,7 @@ import numpy as np
 from scipy.sparse import csc_array, diags_array, eye_array, vstack
 
 from solvers.basics.types import Matrix, Sparse, Vector
-from solvers.inequality.compliance import Compliance
-from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inequality.rows import independent_rows
 from solvers.inner.problem import Centre, InnerSolution
 

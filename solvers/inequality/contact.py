@@ -1,5 +1,7 @@
 """N, T, A and W of (D2), and what a factorisation of K condenses them to: all that the contact feels of the body."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,9 +17,11 @@ from solvers.inequality.rows import (
     Rows,
     checked_matrix,
     checked_vector,
+    dense,
     for_products,
     scaled_columns,
     stacked_columns,
+    transposed,
 )
 from solvers.inequality.traces import TraceCoordinates, Traces, trace_coordinates
 
@@ -62,9 +66,17 @@ class ContactMatrices(Stated):
         return rows
 
     @cached_property
+    def stacked(self) -> Any:
+        """[N; T] for products."""
+        return for_products(self.contact_rows)
+
+    @cached_property
     def arrays(self) -> tuple[Any, Any, Any]:
         """N, T and A as products with vectors are taken with them: dense where they are small."""
-        return for_products(self.N), for_products(self.T), for_products(self.A)
+        rows, A = self.stacked, for_products(self.A)
+        if isinstance(rows, np.ndarray):
+            return rows[: len(self.W)], rows[len(self.W) :], A
+        return self.N, self.T, A
 
     @cached_property
     def touched(self) -> IntVector:
@@ -100,7 +112,7 @@ class ContactMatrices(Stated):
         return np.asarray(connected_components(graph, directed=False)[1][:m], dtype=np.int64)
 
     @cached_property
-    def tractions(self) -> tuple[Sparse, Vector]:
+    def tractions(self) -> tuple[Any, Vector]:
         """Rows (r, n) of tractions that do not depend on what N and T make of them, and their weights (r,).
 
         Trace parameters where there are as many as rows, as where rows are coefficients of the tractions at points;
@@ -108,10 +120,11 @@ class ContactMatrices(Stated):
         """
         weights = np.concatenate([self.W, self.W])
         if self.traces is not None and self.traces.rows.shape[0] == len(weights):
-            own = np.asarray(self.traces.interpolation.T @ weights)
+            rows, interpolation = self.traces.arrays
+            own = np.asarray(interpolation.T @ weights)
             if (own > 0.0).all():
-                return self.traces.rows, own
-        return self.contact_rows, weights
+                return rows, own
+        return self.stacked, weights
 
 
 class CondensedContact:
@@ -142,7 +155,7 @@ class CondensedContact:
         tractions, weights = self.contact.tractions
         if not tractions.shape[0] or not tractions.shape[1]:
             return 0.0
-        relief = self.system.relief(tractions)
+        relief = self.system.relief(tractions, often=True)
         total = float(weights.sum())
         v: Vector = np.ones(len(weights))
         radius = 0.0
@@ -157,14 +170,13 @@ class CondensedContact:
     @cached_property
     def compliance(self) -> Matrix:
         """C = B K⁻¹ Bᵀ (2m, 2m) for the rows B = [N; T], K⁻¹ on the null space of A: relief of tractions by m."""
-        rows = self.contact_rows_near
-        C = rows @ self.system.solve_interface(rows.T.toarray())[0]
+        C = self.rows_near @ self.system.solve_interface(dense(transposed(self.rows_near)))[0]
         return np.asarray((C + C.T) / 2.0)
 
     @cached_property
-    def contact_rows_near(self) -> Sparse:
+    def rows_near(self) -> Rows:
         """[N; T] (2m, k) in the unknowns Γ."""
-        return self.contact.contact_rows[:, self.system.interface]
+        return self.system.near(self.contact.stacked)
 
     @cached_property
     def coordinates(self) -> TraceCoordinates:

@@ -1,5 +1,7 @@
 """What loads a body: the data f, n0, t0, b of (D2), its energy, and the state in which no contact law acts."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -49,14 +51,14 @@ class Loads(Stated):
         for name in ("f", "n0", "t0", "b", *(() if self.load is None else ("load",))):
             object.__setattr__(self, name, checked_vector(name, getattr(self, name)))
 
-    def energy(self, stiffness: Stiffness) -> "Energy":
+    def energy(self, stiffness: Stiffness) -> Energy:
         """That of a body under these loads, kept."""
         found: Energy | None = self.__dict__.get("_energy")
         if found is None or found.K is not stiffness.array:
             found = self.__dict__["_energy"] = Energy(stiffness.array, self.f, self.root, self.load)
         return found
 
-    def bonded(self, condensed: CondensedContact, energy: "Energy") -> "BondedState":
+    def bonded(self, condensed: CondensedContact, energy: Energy) -> BondedState:
         """The state without contact law, kept until the factorisation is another one."""
         found: BondedState | None = self.__dict__.get("_bonded")
         if found is None or found.condensed is not condensed:

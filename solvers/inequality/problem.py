@@ -16,7 +16,7 @@ from solvers.errors import InputError
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.linear import EqualitySystem
 from solvers.inequality.loads import BondedState, Energy, Loads
-from solvers.inequality.rows import checked_vector
+from solvers.inequality.rows import checked_vector, transposed
 from solvers.inequality.stiffness import EnergyRoot, Stiffness
 from solvers.inequality.traces import Traces
 
@@ -336,3 +336,64 @@ class FrictionQVI(Stated):
         """With R factorised instead of K if defect corrections shrink too slowly."""
         found = self.bonded_state
         return self.bonded_state if found.is_slow and self.stiffness.use_root() else found
+
+
+# What the contact points feel of the body: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
+#
+# As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
+
+
+_DENSE_LIMIT = 20_000_000  # entries of C up to which it is computed
+_CORRECTIONS = 4
+
+
+class Compliance:
+    """The affine map from row multipliers m = (m_N, m_T) to tractions σ = (σ_N, σ_T), K factored once.
+
+    With equality rows K⁻¹ is that of the constrained system. C (2m, 2m) is kept dense where it is small.
+    """
+
+    def __init__(self, qvi: FrictionQVI) -> None:
+        self._qvi = qvi
+        self._rows = qvi.contact.stacked
+        self._condensed = qvi.condensed_contact
+        self.bonded = self.tractions(qvi.bonded)
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether C is computed rather than applied."""
+        return (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT
+
+    @property
+    def dense(self) -> Matrix:
+        """C (2m, 2m)."""
+        return self._condensed.compliance
+
+    def tractions(self, z: Vector) -> Vector:
+        """(σ_N, σ_T) at z (2m,)."""
+        return np.concatenate([self._qvi.normal(z), self._qvi.tangential(z)])
+
+    def relief(self, m: Vector) -> Vector:
+        """C m (2m,)."""
+        if self.is_dense:
+            return np.asarray(self.dense @ m)
+        rows = self._condensed.rows_near
+        return np.asarray(rows @ self._condensed.system.solve_interface(transposed(rows) @ m)[0])
+
+    def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
+        """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).
+
+        Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
+        """
+        qvi, system = self._qvi, self._condensed.system
+        forces = self._rows.T @ m
+        z = qvi.bonded - system.solve(forces)[0]
+        correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
+        size = np.inf
+        for _ in range(_CORRECTIONS):
+            new = float(np.abs(self._rows @ correction).max(initial=0.0))
+            if not new < 0.5 * size:
+                break
+            z, size = z + correction, new
+            correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
+        return z, nu

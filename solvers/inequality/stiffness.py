@@ -1,5 +1,7 @@
 """K of (D2) with its root: the one owner of its factorisation, which all problems that hold this object share."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +15,7 @@ from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.choice import Request, condensing_pays, make, make_unsymmetric
-from solvers.factorisation.unsymmetric import Refactorisation
+from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import absolute_product, checked_matrix, checked_vector, for_products
 
@@ -45,9 +47,10 @@ class EnergyRoot(Protocol):
 
 @dataclass(eq=False)
 class _Made:
-    """What changes: the request for a factorisation, the factorisation, and what it condenses a contact to."""
+    """What changes: the request for a factorisation (asked: now), what was made, and the contact condensed by it."""
 
     request: Request
+    asked: bool = False
     rooted: bool = False
     factor: Factorisation | None = None
     condensed: CondensedContact | None = None
@@ -146,15 +149,18 @@ class Stiffness(Stated):
             As `Request.checked`.
 
         """
-        made = self._made
-        before, made.request = made.request, Request.checked(name, threads)
+        made, request = self._made, Request.checked(name, threads)
+        if made.asked and request == made.request:
+            yield
+            return
+        before, made.request, made.asked = (made.request, made.asked), request, True
         try:
             if made.factor is not None and not made.request.fits(made.factor):
                 self._forget()
             with made.request.limited_blas():
                 yield
         finally:
-            made.request = before
+            made.request, made.asked = before
 
     def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
         """For unsymmetric matrices of a symmetric pattern, by the library and on the threads that are asked for."""
