@@ -19,14 +19,10 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
-from qvi_contact.limit.stresses import excess
-from qvi_contact.mechanism import Mechanism, find_mechanism
-from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.mesh.edges import edge_ends
 from qvi_contact.problem.conditions import DRIVES, RigidPlate, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, ContactState, contact_line, summary_units
-from qvi_contact.solution.loose import LooseBody, loose_bodies
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
@@ -40,6 +36,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from qvi_contact.bracket import Bracket, Uniqueness
+    from qvi_contact.mechanism import Mechanism
+    from qvi_contact.solution.loose import LooseBody
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 _ROUNDED = 1e-6
@@ -220,7 +218,11 @@ class ContactResult(Stated):
     @cached_property
     def mechanism(self) -> Mechanism | None:
         """The motion of the blocks that proves that the load cannot be carried, on any mesh; None if not infeasible."""
-        return find_mechanism(self.problem) if self.status is Status.INFEASIBLE else None
+        if self.status is not Status.INFEASIBLE:
+            return None
+        from qvi_contact.mechanism import find_mechanism  # what few results need is loaded when they do
+
+        return find_mechanism(self.problem)
 
     def _overload(self) -> str:
         """What the proof that the mesh cannot carry the load rests on, as a sentence."""
@@ -260,6 +262,8 @@ class ContactResult(Stated):
         """Where the elastic stress is beyond the strength of the material, and by how much."""
         if not self.problem.yields:
             return ()
+        from qvi_contact.limit.stresses import excess
+
         scales = self.discretization.scales
         points, stress = cell_stresses(self.discretization, self.dofs)
         x, y = physical(self.problem, scales, points)
@@ -305,7 +309,11 @@ class ContactResult(Stated):
         Gaps and slips on their contacts are those of one of the possible places. Without a certified state, or where
         contact tractions are too small to say what is closed, there is no answer, and none is listed.
         """
-        return loose_bodies(self) if self.status is Status.SOLVED and not self._next_to_nothing() else ()
+        if self.status is not Status.SOLVED or self._next_to_nothing():
+            return ()
+        from qvi_contact.solution.loose import loose_bodies
+
+        return loose_bodies(self)
 
     def _next_to_nothing(self) -> tuple[str, ...]:
         """That contact tractions are too small beside the stress in the body to be certified on their own scale."""
@@ -531,6 +539,8 @@ class ContactResult(Stated):
         x, y = physical(self.problem, scales, points.coordinates)
         forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)
         if named.get(edges, edges) in mesh.joint_names:
+            from qvi_contact.mechanism.bodies import enclosed_beyond
+
             forces *= np.repeat(np.where(enclosed_beyond(self.problem, chosen), -1.0, 1.0), points.count)
         force_x, force_y = forces
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from qvi_contact.discretization.contact_rows import joined, laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.space import FAMILY, RowKind
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -38,6 +37,9 @@ from solvers.basics.progress import Progress, narrated, tell, watched
 from solvers.factorisation import FactorisationError
 from solvers.solution import Attempt, Start
 from solvers.solve import Settings, facts_of, solved
+
+if TYPE_CHECKING:
+    from qvi_contact.mechanism import Mechanism
 
 _MANY_CELLS = 20_000  # whose discretisation takes seconds
 _LINEAR = 2  # coefficients of a linear function
@@ -312,6 +314,8 @@ def _is_uneven(contact: Contact) -> bool:
 
 def _mechanism(result: ContactResult) -> Mechanism | None:
     """The mechanism that proves it; none where its linear program fails, or functions have no values at its places."""
+    from qvi_contact.mechanism import find_mechanism  # loaded where a load cannot be carried only
+
     with suppress(SolveError, InputError):
         return find_mechanism(result.problem)
     return None
