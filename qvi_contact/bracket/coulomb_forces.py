@@ -27,8 +27,8 @@ from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
 from qvi_contact.companion.traces import Trace
-from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
 from qvi_contact.solution.contact_path import leads_one_way

@@ -20,9 +20,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
-from qvi_contact.discretization.contact_rows import ContactRows, joined
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import contact_named
+from qvi_contact.discretization.loads import ContactRows, contact_named, joined
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.solution.stress import cell_stresses

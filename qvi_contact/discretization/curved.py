@@ -31,9 +31,9 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element import legendre
-from qvi_contact.element.affine import EDGES, AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
 from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.triangle import EDGES, AffineTriangles
 from qvi_contact.mesh.arcs import angles, arc_offsets, arc_points, area_factors, barycentric_of, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends

@@ -15,12 +15,15 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, whole_number
 from qvi_contact.basics.retired import refuse_arguments
-from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, laws_vary
 from qvi_contact.discretization.energy import BodyStiffness, Root
 from qvi_contact.discretization.loads import (
+    ContactRows,
     cell_potential,
+    contact_rows,
     displacement_load,
     has_body_force,
+    joined,
+    laws_vary,
     potential_at,
     prescribed_tractions,
 )

@@ -29,8 +29,8 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.curved import Rule
 from qvi_contact.discretization.space import StressSpace
 from qvi_contact.discretization.supports import Supports
-from qvi_contact.element.affine import AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
+from qvi_contact.element.triangle import AffineTriangles
 from qvi_contact.errors import InputError
 from solvers.basics.types import Stated
 from solvers.inequality.stiffness import Stiffness

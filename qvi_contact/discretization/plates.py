@@ -24,8 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, evaluate
-from qvi_contact.discretization.contact_rows import ContactRows
-from qvi_contact.discretization.loads import EdgePoints, has_body_force, physical, potential_at
+from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_force, physical, potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError

@@ -35,10 +35,9 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.curved import CurvedTriangles, from_corners
 from qvi_contact.discretization.frames import Cuts, Frames, shortest_cuts
 from qvi_contact.element import legendre
-from qvi_contact.element.affine import EDGES, AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.triangle import quadrature, triangle_lattice
+from qvi_contact.element.triangle import EDGES, AffineTriangles, quadrature, triangle_lattice
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import Stated

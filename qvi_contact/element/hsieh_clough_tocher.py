@@ -24,9 +24,17 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import legendre
-from qvi_contact.element.affine import CORNERS, EDGES, AffineTriangles
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.triangle import bernstein, exponents, gradient, hessian, quadrature
+from qvi_contact.element.triangle import (
+    CORNERS,
+    EDGES,
+    AffineTriangles,
+    bernstein,
+    exponents,
+    gradient,
+    hessian,
+    quadrature,
+)
 from qvi_contact.errors import InputError
 
 LOWEST, HIGHEST = 3, 12

@@ -27,8 +27,8 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
-from qvi_contact.discretization.contact_rows import ContactRows, joined
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element import bernstein
 from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.bodies import Bodies

@@ -22,8 +22,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
-from qvi_contact.element.affine import EDGES
-from qvi_contact.element.triangle import exponents
+from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
 from qvi_contact.limit.stresses import lattice, part_corners

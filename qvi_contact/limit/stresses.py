@@ -28,8 +28,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.element.affine import EDGES
-from qvi_contact.element.triangle import bernstein, exponents
+from qvi_contact.element.triangle import EDGES, bernstein, exponents
 from qvi_contact.limit.conic import INFEASIBLE, UNBOUNDED, Cones, ConicProgram
 from qvi_contact.limit.linear import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.problem.problem import ContactProblem

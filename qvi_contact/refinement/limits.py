@@ -20,9 +20,9 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.contact_rows import ContactRows
+from qvi_contact.basics.shown import Certainty
+from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitAnalysis, LimitLoad, LimitProblem
 from qvi_contact.mesh.edges import Edges

@@ -21,8 +21,8 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.shown import Certainty
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, has_coulomb

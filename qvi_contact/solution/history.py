@@ -22,8 +22,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, real_array
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.contact_rows import laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import RowKind

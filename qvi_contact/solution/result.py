@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
+from qvi_contact.discretization.loads import LOAD_POINTS, ContactRows, EdgePoints, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import edge_ends

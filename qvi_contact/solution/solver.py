@@ -23,8 +23,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.retired import RETIRED, refuse_arguments
-from qvi_contact.discretization.contact_rows import joined, laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.loads import joined, laws_vary
 from qvi_contact.discretization.space import FAMILY, RowKind
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Contact

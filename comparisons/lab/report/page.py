@@ -11,7 +11,7 @@ from comparisons.lab.cells import sort_key
 from comparisons.lab.report.document import Document
 from comparisons.lab.report.reader import headings, reader, title_of, words
 from comparisons.lab.study import FAILURES
-from qvi_contact.basics.page import page_template
+from qvi_contact.basics.writing import page_template
 from qvi_contact.basics.writing import writable_folder, write_text
 from qvi_contact.plots.inline import inline_svg
 
