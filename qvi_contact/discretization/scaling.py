@@ -232,6 +232,8 @@ def _least_miss(bounds: list[_Bounds]) -> float:
             if bounded:
                 rows.append(np.column_stack([sign * each.direction, -np.ones(len(values))]))
                 limits.append(values)
+    if min(float(each.min()) for each in limits) >= 0.0:  # a body that stays where it is misses none
+        return 0.0
     ends = [(None, None), (None, None), (0.0, None)]
     found = solved(np.array([0.0, 0.0, 1.0]), A_ub=np.vstack(rows), b_ub=np.concatenate(limits), bounds=ends)
     return 2.0 * float(found.x[2]) if found.solved else 0.0  # any unit will do, if not as well
