@@ -848,7 +848,7 @@ def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[s
             f"qvi-contact: a bound is missing, so there is no duality gap to draw in {targets['plot']}", err=True
         )
     elif "plot" in targets:
-        from qvi_contact.plots.bracket import bracket_figure
+        from qvi_contact.plots.bounds import bracket_figure
         from qvi_contact.plots.style import save_figure
 
         save_figure(targets["plot"], bracket_figure(found, file.units, file.title))
