@@ -4,8 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from qvi_contact.basics.certainty import Certainty
-from qvi_contact.basics.shown import shown
+from qvi_contact.basics.shown import Certainty, shown
 from qvi_contact.basics.units import Units
 from qvi_contact.command.report import table
 from qvi_contact.command.solve_line import solving

@@ -76,7 +76,7 @@ def tiny(tmp_path):
 
 def test_strongly_graded_meshes_keep_force_and_energy():
     """The compliance has none of the rounding inside K (1e-6 in the force here), since R is factorised instead."""
-    qvi = discretize(plate(16, friction=0.1, grading=0.6)).fitted().qvi
+    qvi = discretize(plate(16, friction=0.1, grading=0.6)).rescaled().qvi
     solution, local = solve_qvi(qvi), local_problem(qvi)
     state, found = solve_local(local)
     assert solution.solved
