@@ -215,7 +215,6 @@ def solve(
     from qvi_contact.command.outputs import SecondModel, json_text, page_of, write_all
     from qvi_contact.command.report import result_lines, verification_lines
     from qvi_contact.files.export import summary
-    from qvi_contact.verification.verification import verify_result
 
     with _opened(file, given) as (problem_file, targets, options):
         plan, units = several.plan_of(problem_file, swept), problem_file.units
@@ -230,7 +229,11 @@ def solve(
             _show(problem_file, document if as_json else several.stored_lines(sweep))
             return 0 if sweep.status == "solved" else 1
         series, steps = several.solved_series(problem_file, plan, options, verbose, store)
-        checked = tuple(verify_result(step, given["tolerance"]) for step in steps) if certificate else ()
+        checked: tuple[Any, ...] = ()
+        if certificate:
+            from qvi_contact.verification.verification import verify_result
+
+            checked = tuple(verify_result(step, given["tolerance"]) for step in steps)
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
