@@ -110,7 +110,7 @@ def _opened(
     from qvi_contact.command.outputs import checked_targets
     from qvi_contact.errors import InputError
     from qvi_contact.files.problem_file import load_problem
-    from solvers.solve import default_method
+    from solvers.solve import Settings
 
     targets = checked_targets(file, **{name: given[name] for name in _TARGETS if name in given})
     problem_file = load_problem(file)
@@ -122,7 +122,7 @@ def _opened(
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         element, stated = problem_file.element, problem_file.solve_options
         options = {name: value for name, value in stated.items() if name not in element}
-        if "method" in typed and typed["method"] != default_method(options):  # the file's options are of another one
+        if "method" in typed and typed["method"] != Settings.of(**options).method:  # the file's options are of another one
             kept = ("inner", "tolerance", "factorisation", "threads", "time_limit")
             options = {name: value for name, value in options.items() if name in kept}
         yield problem_file, targets, options | element | typed
@@ -648,7 +648,7 @@ def methods(as_json: bool) -> None:
     from qvi_contact.command.outputs import json_text
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
-    from solvers.factorisation.dense import DENSE
+    from solvers.factorisation.base import DENSE
     from solvers.solve import METHODS
 
     factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
