@@ -122,7 +122,7 @@ def _opened(
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         element, stated = problem_file.element, problem_file.solve_options
         options = {name: value for name, value in stated.items() if name not in element}
-        if "method" in typed and typed["method"] != Settings.of(**options).method:  # the file's options are of another one
+        if "method" in typed and typed["method"] != Settings.of(**options).method:
             kept = ("inner", "tolerance", "factorisation", "threads", "time_limit")
             options = {name: value for name, value in options.items() if name in kept}
         yield problem_file, targets, options | element | typed

@@ -98,7 +98,7 @@ def solved_series(
         from qvi_contact.solution.history import solve_history
 
         with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
-            told = _Told(advance)
+            told = _UpToStep(advance)
             history = solve_history(file.problems, told, store=store, **options, verbose=verbose)
         return Series("t", file.times, history), history.steps
     from qvi_contact.solution.solver import solve
@@ -107,7 +107,7 @@ def solved_series(
         return None, (solve(file.problem, **options, verbose=verbose),)
 
 
-class _Told:
+class _UpToStep:
     """Advances to the number of a step: the first that is told need not be the first of all."""
 
     def __init__(self, advance: Advance) -> None:

@@ -17,7 +17,7 @@ from qvi_contact.discretization.space import ContactRule, StressSpace
 from qvi_contact.element import legendre
 from qvi_contact.mesh.edges import points_along
 from qvi_contact.problem.conditions import Contact, Law, has_coulomb
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
 
 _LOOKED_AT: FloatArray = np.linspace(0.0, 1.0, 9)  # places on an edge where it is seen whether a law varies
