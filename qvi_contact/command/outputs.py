@@ -192,7 +192,7 @@ def write_bracket(targets: Mapping[str, str], file: ProblemFile, found: Bracket 
         where = targets["plot"]
         click.echo(f"qvi-contact: a bound is missing, so there is no duality gap to draw in {where}", err=True)
     elif "plot" in targets:
-        from qvi_contact.plots.bracket import bracket_figure
+        from qvi_contact.plots.bounds import bracket_figure
         from qvi_contact.plots.style import save_figure
 
         save_figure(targets["plot"], bracket_figure(found, file.units, file.title))
