@@ -64,7 +64,8 @@ TABLES: Final[dict[str, type[Condition]]] = {
 """Which table states which condition, in the order in which a problem gets them."""
 
 _MOST_STEPS: Final = 10_000
-_OF_MESH: Final = ("mesh", "edges", "joints")  # tables that say nothing at other times
+_IN_TIME: Final = ("version", "body_potential", "body_forces", "material", "regions", *TABLES)
+"""Tables that expressions in t may stand in."""
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",
     "ContactProblem.mesh": "mesh",
@@ -296,16 +297,14 @@ class FileReader:
 
     def document(self) -> Document:
         """All tables."""
-        return self._read(self.data, partly=False)
+        found: Document = read_table(Document, self.data, self)
+        return found
 
     def problem(self, mesh: TriangleMesh) -> ContactProblem:
         """The problem at this time, on the mesh of the file."""
-        rest = {name: value for name, value in self.data.items() if name not in _OF_MESH}
-        return self._read(rest, partly=True).problem(mesh, self.data)
-
-    def _read(self, data: Mapping[str, Any], *, partly: bool) -> Document:
-        document: Document = read_table(Document, data, self, partly=partly)
-        return document
+        known = {name: self.data[name] for name in _IN_TIME if name in self.data}
+        found: Document = read_table(Document, known, self, partly=True)
+        return found.problem(mesh, self.data)
 
 
 @dataclass(frozen=True, eq=False)
