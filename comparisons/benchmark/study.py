@@ -198,7 +198,7 @@ def _solved(problem: ContactProblem | Discretization, settings: dict[str, Any]) 
     began = time.perf_counter()
     result = solve(problem, tolerance=TOLERANCE, **settings)
     whole, solution = time.perf_counter() - began, result.solution
-    timings, factor = solution.timings, solution.problem.operator.factor
+    timings, factor = solution.timings, solution.problem.stiffness.factor
     return {
         "status": result.status.value, "message": result.message, "unknowns": solution.problem.n,
         "iterations": result.iterations, "accuracy": result.certificate.accuracy, "library": solution.factorisation,

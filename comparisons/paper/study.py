@@ -61,9 +61,10 @@ class Row:
 
     def traction_difference(self, solution: QVISolution) -> float:
         """Largest difference of tractions from the reference's over its mean pressure, NaN without a stress state."""
-        ours, theirs = (np.stack(self.plate.tractions(each.z)[1:]) for each in (solution, self.reference))
+        qvi, states = self.plate.qvi, (solution.z, self.reference.z)
+        ours, theirs = (np.stack([qvi.normal(z), qvi.tangential(z)]) for z in states)
         mean_pressure = self.half_force(self.reference) / float(self.plate.x[-1])
-        return float(np.abs(ours - theirs).max()) / mean_pressure
+        return self.plate.stress_unit * float(np.abs(ours - theirs).max()) / mean_pressure
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-import numpy as np
 from pandas import DataFrame, concat, factorize, to_numeric
 
 from comparisons.lab.drawing import drawn, grid, legend_below
@@ -160,21 +159,6 @@ def intervals_of(runs: DataFrame) -> DataFrame:
         outside = {key: int((~each.between(best.low, best.high)).sum()) for key, each in forces.items()}
         lines.append({**best, **{key: f"{outside[key]} of {len(each)}" for key, each in forces.items()}})
     return DataFrame(lines, columns=[*runs, *OTHERS])
-
-
-def beside_of(here: DataFrame) -> DataFrame:
-    """The guaranteed intervals at one μ beside other codes, in the order of the study.
-
-    The columns are those of the runs, and for each code of `OTHERS` the best of its forces with no more unknowns than
-    the interval, that with the smallest error, NaN if there is none.
-    """
-    beside = here[here.bounded]
-    for key in OTHERS:
-        forces = here[(here.code == key) & here.solved].sort_values("unknowns", kind="stable")
-        best = forces[forces.error < forces.error.cummin().shift(fill_value=math.inf)]
-        places = best.unknowns.searchsorted(beside.unknowns, side="right")  # 0 where all have more
-        beside = beside.assign(**{key: np.append(math.nan, best.half_force)[places]})
-    return beside
 
 
 def contradictory(runs: DataFrame) -> bool:
@@ -348,12 +332,6 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
     for friction, here in _by_friction(shown):
         name, bracket = _slug(friction), here.code == BRACKET
         tables[f"costs-{name}"] = costs[costs.friction == friction]
-        if here.bounded.any():
-            beside = beside_of(here)
-            wrong = {key: (beside[key] < beside.low) | (beside[key] > beside.high) for key in OTHERS}
-            tables[f"beside-{name}"] = beside.assign(**{
-                key: beside[key].map(_force) + wrong[key].map({True: ", outside", False: ""}) for key in OTHERS
-            })  # fmt: skip
         tables[f"brackets-{name}"] = here[bracket]
         tables[f"rows-{name}"] = here[~bracket]
     return tables
@@ -394,7 +372,7 @@ def report(rows: Sequence[Row]) -> Report:
     for friction, here in _by_friction(runs):
         name = _slug(friction)
         places.append({
-            "friction": friction, "name": name, "known": known.get(friction), "bounded": bool(here.bounded.any()),
+            "friction": friction, "name": name, "known": known.get(friction),
             "errors": f"best-time-{name}" in pictures, "intervals": f"intervals-{name}" in pictures,
             "slips": not {COULOMB, "ONE_SENSE"}.isdisjoint(here.kind),
         })  # fmt: skip
