@@ -208,7 +208,7 @@ def _clocked(clock: Callable[[], float], work: Callable[[], _T]) -> tuple[_T, fl
 def _timed(problem: ContactProblem, settings: dict[str, Any]) -> dict[str, Any]:
     solving = partial(solve, problem, tolerance=TOLERANCE, **settings)
     result, seconds = _clocked(time.perf_counter, solving)
-    timings, factor = result.solution.timings, result.solution.problem.operator.factor
+    timings, factor = result.solution.timings, result.solution.problem.stiffness.factor
     parts = {
         "factorisation": float(sum(factor.seconds.values())) if factor is not None else 0.0,  # with Schur complement
         "interior_point": timings.get("interior point", timings.get("solve", 0.0)),

@@ -100,7 +100,7 @@ def contacts(friction: float, half_open: bool = False, cohesion: float = 0.0) ->
     p = np.where(closed, 1.0 + 0.3 * np.cos(number), 0.0)
     t = cohesion + friction * p
     unit, zero = np.eye(2 * POINTS), np.zeros(POINTS)
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=csc_array(np.block([[np.eye(POINTS), C], [C, np.eye(POINTS)]])),
         f=np.concatenate([p + C @ t - np.where(closed, 0.0, _GAP), C @ p + t + _PUSH]),
         N=csc_array(-unit[:POINTS]), n0=zero, T=csc_array(unit[POINTS:]), t0=zero,
@@ -116,7 +116,7 @@ def exact_contraction(friction: float, damping: float = 1.0) -> float:
 def three_solutions(friction: float) -> FrictionQVI:
     """One point, u = W r + q with r = (r_N, r_T), W = [[1, 0.8], [0.8, 1]], q = (1, 2.1)."""
     zero, one = np.zeros(1), np.ones(1)
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=csc_array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([-1.0, -2.1]), N=csc_array([[-1.0, 0.0]]), n0=zero,
         T=csc_array([[0.0, 1.0]]), t0=zero, mu=friction * one, W=one,
     )  # fmt: skip

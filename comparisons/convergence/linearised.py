@@ -33,8 +33,7 @@ from scipy.linalg import eigh, eigvals, eigvalsh, pinvh
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from solvers.basics.types import BoolVector, Matrix, Vector
-from solvers.inequality.compliance import Compliance
-from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.solution import QVISolution
 
 _NOTHING: Final = 1e-9

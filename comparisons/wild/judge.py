@@ -31,7 +31,7 @@ from qvi_contact.basics.checks import Field, FloatArray, IntArray
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.problem.problem import Prescribed
 from solvers import FrictionQVI
-from solvers.inequality.compliance import Compliance
+from solvers.inequality.problem import Compliance
 
 _DISTANCE: Final = 1e-3
 """Distance of two states in the energy norm, relative, that is none: errors of 1e-8 in energy allow 1e-4."""
