@@ -395,7 +395,7 @@ KNOWN: Final[dict[str, Table]] = {
     "lug": Table("A lug pulled by a rigid pin: the force goes through the bore.", [
         Known("force where it is held [N/mm]", _edges("held", "x"), -4000.0, 1e-12, "force of the pin, balance"),
         Known("force across, over the pin's", _of(lambda r: r.resultant("held").y / 4000.0), 0.0, 1e-12, "balance"),
-        Known("force of the pin [N/mm]", _of(lambda r: float(r.plate_force("bore").x)), 4000.0, 1e-12, "the pull"),
+        Known("force of the pin [N/mm]", "bore.force_x", 4000.0, 1e-12, "the pull"),
         Known("share of the bore that sticks", _share("bore", "stick"), 0.0, 0.0, "the bore gives way on both sides"),
     ], [partial(_motions, plate="bore", axis="x", tolerance=1e-3)]),
     "masonry_wall": Table("A masonry wall with openings: forces on the ground, and bounds of the wind it carries.", [
