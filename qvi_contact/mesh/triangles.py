@@ -22,7 +22,7 @@ from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
-from qvi_contact.mesh.outline import Line, Outline, Point, polygons
+from qvi_contact.mesh.outline import Line, Point, polygons
 from qvi_contact.mesh.search import PointSearch
 from qvi_contact.mesh.selection import (
     Range,
@@ -262,8 +262,7 @@ class TriangleMesh(Stated):
             would make more than some 200 000 triangles.
 
         """
-        outline = Outline(corners, size, holes, joints or {}, regions or {}, sizes or {})
-        parts = meshed(polygons(outline))
+        parts = meshed(polygons(corners, size, holes=holes, joints=joints, regions=regions, sizes=sizes))
         try:
             mesh = cls(*divided_at_arcs(parts))
         except InputError as error:
@@ -271,7 +270,7 @@ class TriangleMesh(Stated):
                 raise
             remedy = "too large for an arc near another line: give the corners there a smaller one"
             raise InputError("size", size, remedy) from error
-        for name in outline.joints:
+        for name in joints or ():
             if name not in mesh.joint_names:
                 raise InputError(f"joints.{name}", name, "lies on the boundary: name the corner where that line begins")
         return mesh

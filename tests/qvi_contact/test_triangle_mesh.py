@@ -303,9 +303,10 @@ class TestEdges:
 
     def test_edge_sets_are_indices_into_boundary_and_interior(self):
         mesh = l_shape()
-        for name in mesh.edge_names:
-            assert (mesh.edges(name).first == mesh.boundary.first[mesh.edge_set(name)]).all()
-        assert (mesh.edges("seam").first == mesh.interior.first[mesh.joint_set("seam")]).all()
+        taken = [(name, mesh.boundary.take(mesh.edge_set(name))) for name in mesh.edge_names]
+        for name, edges in [*taken, ("seam", mesh.interior.take(mesh.joint_set("seam")))]:
+            assert (np.sort(np.column_stack([edges.first, edges.second])) == mesh.pairs(name)).all()
+            assert (mesh.edges(name).first == edges.first).all()
         with pytest.raises(InputError, match="joint"):
             mesh.joint_set("top")
         with pytest.raises(InputError, match="region"):
