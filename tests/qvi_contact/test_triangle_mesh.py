@@ -179,25 +179,6 @@ class TestRefusals:
             mesh.with_edges("low", lambda _, y: y)
 
 
-class TestRectangles:
-    """Grids cut into triangles."""
-
-    def test_every_corner_is_cut(self):
-        mesh = TriangleMesh.rectangle((4, 3), 2.0, 1.0)
-        boundary = mesh.topology.boundary[mesh.topology.of_cells].sum(axis=1)
-        assert boundary.max() == 1
-        assert area(mesh) == pytest.approx(2.0)
-        assert [len(mesh.numbers(name)) for name in ("bottom", "right", "top", "left")] == [4, 3, 4, 3]
-
-    def test_names_of_a_grid_are_kept(self):
-        mesh = l_shape()
-        assert mesh.joint_names == ("seam",)
-        assert set(mesh.edge_names) == {"bottom", "right", "top", "left", "notch"}
-        assert mesh.midpoints[mesh.numbers("seam")][:, 1] == pytest.approx(np.full(4, 0.5))
-        assert mesh.midpoints[mesh.numbers("notch")] == pytest.approx(np.array([[1.25, 1.0], [1.75, 1.0]]))
-        assert area(mesh) == pytest.approx(3.0)
-
-
 class TestLocate:
     """Points in triangles."""
 
