@@ -13,11 +13,12 @@ import click
 import pytest
 
 from comparisons.cli import group as comparisons
-from comparisons.lab.study import DONE, FAILURES
+from comparisons.lab.studies import DONE
 from comparisons.verification import KNOWN
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
 from qvi_contact.files import FileReader
+from qvi_contact.runs import FAILURES
 from solvers import Status
 from solvers.certificate import MEASURES
 
@@ -34,7 +35,6 @@ ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m s
 PACKAGES = (
     "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.paper",
     "qvi_contact.plots", "qvi_contact.refinement", "solvers", "comparisons.exchange", "solvers.factorisation",
-    "comparisons.lab.report", "comparisons.lab.study",
 )  # fmt: skip
 INTERNAL = {"has_matplotlib", "picture_suffix", "require_matplotlib", "CompanionState", "Exhibit"}
 

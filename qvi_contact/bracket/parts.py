@@ -110,7 +110,7 @@ def law_bound(discretization: Discretization, normal: FloatArray) -> tuple[Float
     ≥ 0 is replaced by its least value.
     """
     qvi, rule = discretization.qvi, discretization.space.contact_rule
-    pressure = qvi.pressed(rule.at_rows(normal))
+    pressure = qvi.law.pressed(rule.at_rows(normal))
     law, exact = _data(discretization, "cohesion")
     cap, cap_exact = _data(discretization, "shear_limit")
     law = law + (qvi.mu * pressure).reshape(law.shape)

@@ -1,30 +1,139 @@
-"""The loaded pin with GetFEM: displacements P_p on triangles with edges of degree 2, tractions one degree below.
+"""GetFEM: the plate by its own contact brick, the loaded pin in its language of forms.
 
-The equations are those of `ngsolve_pin`, in GetFEM's own language of forms, by its Newton method. Both bodies are one
-mesh; each has displacements of its own, whose traces along the hole are the same from either side of it.
+**The plate**, displacements Q_p, contact stresses one degree below, GetFEM's own contact brick and Newton. The brick is
+`add_integral_contact_with_rigid_obstacle_brick`, option 1: the augmented Lagrangian of Alart and Curnier in its
+non-symmetric form, with Coulomb friction. The augmentation parameter is Young's modulus, r = E, Newton's method stops
+at 10⁻⁸, integration is of order 2p. P is the integral of the contact stress. Source: GetFEM's documentation, "Small
+sliding contact with friction bricks".
 
-Nothing of this project is imported here, so that another Python than the project's may run it (see `process`). It is
-`build` that loads GetFEM. Stresses in MPa, lengths in mm.
+**The pin**, displacements P_p on triangles with edges of degree 2, tractions one degree below. The equations are those
+of `with_ngsolve`, by GetFEM's Newton method. Both bodies are one mesh; each has displacements of its own, whose traces
+along the hole are the same from either side of it. Stresses in MPa, lengths in mm.
+
+Nothing of this project is imported here, so that another Python than the project's may run it (see `process`). GetFEM
+is loaded by what builds a problem, not before.
 """
 
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
 
-TOLERANCE: Final = 1e-11
-"""Of GetFEM's Newton method; equations of the contact are lengths, and small beside forces."""
+TOLERANCE: Final = 1e-8
+"""Of GetFEM's Newton method for the plate."""
 
-ACCEPTED: Final = 1e-11
-"""Largest residual of a solution: norm of all equations' residuals over the force."""
+ACCEPTED: Final = 1e-8
+"""Largest residual of a solution of the plate: norm of all equations' residuals over the force."""
 
-_STEPS: Final = 50
+_NEWTON_STEPS: Final = 100
+_LEFT, _BOTTOM, _TOP = 1, 2, 3  # regions
+
+
+def plate(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
+    """What solves the plate of a case (see `study.plate`)."""
+    return BrickPlate(case, degree).solve
+
+
+class BrickPlate:
+    """A model; `solve` starts from zero each time."""
+
+    def __init__(self, case: dict[str, Any], degree: int) -> None:
+        gf: Any = import_module("getfem")
+        np: Any = import_module("numpy")
+        self._gf, self._np, self._degree = gf, np, degree
+        mesh = gf.Mesh("cartesian", *(np.array(line) for line in case["lines"]))
+        self._name_sides(mesh)
+        displacements = gf.MeshFem(mesh, 2)
+        displacements.set_classical_fem(degree)
+        _require_all_nodes(displacements, case, degree)
+        # exact for the elasticity; more points change P by 1e-4 and settle on the same value
+        self._integration = gf.MeshIm(mesh, 2 * degree)
+        self._model = gf.Model("real")
+        self._model.add_fem_variable("u", displacements)
+        self._add_elasticity(case)
+        self._kept = [mesh, displacements, *self._add_contact(mesh, case)]  # a model does not keep what it refers to
+
+    def solve(self) -> dict[str, Any]:
+        """Solve from zero: P/2, unknowns, Newton steps, residual, status."""
+        model = self._model
+        model.set_variable("u", 0.0 * model.variable("u"))
+        model.set_variable("traction", 0.0 * model.variable("traction"))
+        iterations, _ = model.solve("max_res", TOLERANCE, "max_iter", _NEWTON_STEPS)
+        half_force = -float(self._gf.asm_generic(self._integration, 0, "traction(2)", _TOP, model))
+        model.assembly("build_rhs")
+        residual = float(self._np.linalg.norm(model.rhs())) / abs(half_force)
+        solved = residual <= ACCEPTED  # NaN is not
+        return {
+            "status": "solved" if solved else "not converged",
+            "message": "" if solved else f"residual {residual:.1e} after {int(iterations)} Newton steps",
+            "half_force": half_force,
+            "unknowns": int(model.nbdof()),
+            "iterations": int(iterations),
+            "residual": residual,
+            "version": str(getattr(self._gf, "__version__", "unknown")),
+        }
+
+    def _name_sides(self, mesh: Any) -> None:
+        faces = mesh.outer_faces()
+        normals = mesh.normal_of_faces(faces)
+        for region, chosen in ((_LEFT, normals[0] < -0.5), (_BOTTOM, normals[1] < -0.5), (_TOP, normals[1] > 0.5)):
+            mesh.set_region(region, faces[:, chosen])
+
+    def _add_elasticity(self, case: dict[str, Any]) -> None:
+        """Plane stress, with both lines of symmetry."""
+        young, poisson = case["young"], case["poisson"]
+        self._model.add_initialized_data("lame", [young * poisson / (1.0 - poisson**2)])
+        self._model.add_initialized_data("shear", [young / (2.0 * (1.0 + poisson))])
+        self._model.add_isotropic_linearized_elasticity_brick(self._integration, "u", "lame", "shear")
+        for side in (_LEFT, _BOTTOM):
+            self._model.add_normal_Dirichlet_condition_with_multipliers(self._integration, "u", self._degree, side)
+
+    def _add_contact(self, mesh: Any, case: dict[str, Any]) -> tuple[Any, ...]:
+        """The rigid plate y ≥ height − U, as signed distance; returns what has to live as long as the model."""
+        tractions, distances = self._gf.MeshFem(mesh, 2), self._gf.MeshFem(mesh, 1)
+        tractions.set_classical_fem(self._degree - 1)
+        distances.set_classical_fem(1)
+        on_top = self._gf.MeshFem("partial", tractions, tractions.dof_on_region(_TOP))
+        level = case["lines"][1][-1] - case["displacement"]
+        self._model.add_fem_variable("traction", on_top)
+        self._model.add_initialized_fem_data("distance", distances, distances.eval(f"{level!r} - y"))
+        self._model.add_initialized_data("r", [case["young"]])
+        self._model.add_initialized_data("friction", [case["friction"]])
+        self._model.add_integral_contact_with_rigid_obstacle_brick(
+            self._integration, "u", "traction", "distance", "r", "friction", _TOP, 1
+        )
+        return tractions, distances, on_top
+
+
+class MergedNodesError(ValueError):
+    """GetFEM takes nodes for one that are not."""
+
+
+def _require_all_nodes(displacements: Any, case: dict[str, Any], degree: int) -> None:
+    """Raise `MergedNodesError` unless each node has its own displacements.
+
+    GetFEM tells nodes apart by distances relative to the cell: in cells some hundred times longer than wide it merges
+    neighbours, and the mesh is not conforming any more.
+    """
+    columns, rows = (len(line) - 1 for line in case["lines"])
+    wanted, found = 2 * (degree * columns + 1) * (degree * rows + 1), int(displacements.nbdof())
+    if found != wanted:
+        raise MergedNodesError(f"GetFEM merges nodes of cells this long: {found} of {wanted} displacements are left")
+
+
+TOLERANCE_PIN: Final = 1e-11
+"""Of GetFEM's Newton method for the pin; equations of the contact are lengths, and small beside forces."""
+
+ACCEPTED_PIN: Final = 1e-11
+"""Largest residual of a solution of the pin."""
+
+_NEWTON_STEPS_PIN: Final = 50
 _FIRST: Final = 0.1  # mm that the pin is moved by before the first step, so that it touches
 _STIFF: Final = 10.0  # ρ over E of the sheet by the radius
 _SHEET, _PIN, _HOLE, _LOAD, _SHEET_AXIS, _PIN_AXIS, _WALL = range(1, 8)  # regions
 
 
-def build(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
-    """What solves the pin of a case (see `comparisons.peers.pin.study.plain_pin`)."""
+def pin(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
+    """What solves the pin of a case (see `comparisons.peers.pin.plain_pin`)."""
     return PinModel(case, degree).solve
 
 
@@ -49,15 +158,15 @@ class PinModel:
         self._add_contact()
 
     def solve(self) -> dict[str, Any]:
-        """Solve from zero: what `comparisons.peers.pin.study.MEASURED` names, unknowns, steps, residual, status."""
+        """Solve from zero: what `comparisons.peers.pin.MEASURED` names, unknowns, steps, residual, status."""
         model, np = self._model, self._np
         for name in ("sheet", "pin", "pressure", "shear"):
             model.set_variable(name, 0.0 * model.variable(name))
         model.set_variable("pin", np.where(self._pin[2] == 0, _FIRST, 0.0))
-        iterations, _ = model.solve("max_res", TOLERANCE, "max_iter", _STEPS)
+        iterations, _ = model.solve("max_res", TOLERANCE_PIN, "max_iter", _NEWTON_STEPS_PIN)
         model.assembly("build_rhs")
         residual = float(np.linalg.norm(model.rhs())) / self._case["force"]
-        solved = residual <= ACCEPTED  # NaN is not
+        solved = residual <= ACCEPTED_PIN  # NaN is not
         return {
             "status": "solved" if solved else "not converged",
             "message": "" if solved else f"residual {residual:.1e} after {int(iterations)} Newton steps",
@@ -69,7 +178,7 @@ class PinModel:
         }
 
     def _measured(self) -> dict[str, float]:
-        """As `ngsolve_pin` does it."""
+        """As `with_ngsolve` does it."""
         x, y, component = self._sheet
         place = int(self._np.hypot(x - self._case["radius"], y + component).argmin())
         return {
