@@ -228,6 +228,22 @@ class TestRefined:
         both = mesh.graded([(1.0, 1.0), (0.3, 1.0)], [3, 5])
         assert both.finest[both.vertices @ (1, 1) == 2.0] == pytest.approx(0.5**4)
 
+    @pytest.mark.parametrize(("angle", "layers", "longest"), [(0.3, 1, 0.25), (np.pi, 2, 0.125)])
+    def test_fans_are_as_narrow_and_as_short_as_asked_for(self, angle, layers, longest):
+        mesh = l_shape()
+        (vertex,) = np.flatnonzero((mesh.vertices == (1.0, 1.0)).all(axis=1))
+        fan = mesh.fanned(np.array([vertex]), angle, layers)
+        own = fan.corners[(fan.cells == vertex).any(axis=1)]
+        arms = own[(own != (1.0, 1.0)).any(axis=2)].reshape(-1, 2, 2) - 1.0
+        one, other = (arms[:, k, 0] + 1j * arms[:, k, 1] for k in (0, 1))
+        turns = np.abs(np.angle(other / one))
+        assert turns.max() <= angle * (1.0 + 1e-9)
+        assert turns.sum() == pytest.approx(1.5 * np.pi)  # around a corner that turns inwards
+        assert np.abs([one, other]).max() <= longest * np.sqrt(2.0) * (1.0 + 1e-12)
+        assert area(fan) == pytest.approx(area(mesh))
+        assert fan.edges("notch").length.sum() == pytest.approx(1.0)
+        assert fan.region("foot").size >= mesh.region("foot").size
+
     def test_grading_says_how_deep_it_goes(self):
         """The depth that the message names is the largest one that works."""
         mesh = TriangleMesh.rectangle((3, 2))
