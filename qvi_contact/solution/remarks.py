@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from qvi_contact.discretization.loads import physical
-from qvi_contact.limit.stresses import excess
 from qvi_contact.mesh.edges import edge_ends
 from qvi_contact.problem.conditions import Symmetry, has_coulomb
 from qvi_contact.solution.contact_line import ContactState
@@ -116,6 +115,8 @@ def _rounded_gaps(result: ContactResult) -> Numbers:
 def _beyond_strength(result: ContactResult) -> Numbers:
     if not result.problem.yields:
         return
+    from qvi_contact.limit.stresses import excess  # loaded for bodies that yield alone
+
     scales = result.discretization.scales
     points, stress = cell_stresses(result.discretization, result.dofs)
     x, y = physical(result.problem, scales, points)

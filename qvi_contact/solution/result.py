@@ -14,17 +14,13 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
+from qvi_contact.discretization.loads import LOAD_POINTS, ContactRows, EdgePoints, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
-from qvi_contact.mechanism import Mechanism, find_mechanism
-from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.problem.conditions import DRIVES, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
-from qvi_contact.solution.loose import LooseBody, loose_bodies
 from qvi_contact.solution.remarks import largest_counted, remarks
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
@@ -38,6 +34,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from qvi_contact.bracket import Bracket, Uniqueness
+    from qvi_contact.mechanism import Mechanism
+    from qvi_contact.solution.loose import LooseBody
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 
@@ -203,7 +201,11 @@ class ContactResult(Stated):
     @cached_property
     def mechanism(self) -> Mechanism | None:
         """The motion of the blocks that proves that the load cannot be carried, on any mesh; None if not infeasible."""
-        return find_mechanism(self.problem) if self.status is Status.INFEASIBLE else None
+        if self.status is not Status.INFEASIBLE:
+            return None
+        from qvi_contact.mechanism import find_mechanism  # what few results need is loaded when they do
+
+        return find_mechanism(self.problem)
 
     def _overload(self) -> str:
         """What the proof that the mesh cannot carry the load rests on, as a sentence."""
@@ -234,6 +236,8 @@ class ContactResult(Stated):
         Gaps and slips on their contacts are those of one of the possible places. Without a certified state, or where
         contact tractions are too small to say what is closed, there is no answer, and none is listed.
         """
+        from qvi_contact.solution.loose import loose_bodies
+
         return loose_bodies(self) if self.status is Status.SOLVED and largest_counted(self) is None else ()
 
     @cached_property
@@ -380,6 +384,8 @@ class ContactResult(Stated):
         x, y = physical(self.problem, scales, points.coordinates)
         forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)
         if named.get(edges, edges) in mesh.joint_names:
+            from qvi_contact.mechanism.bodies import enclosed_beyond
+
             forces *= np.repeat(np.where(enclosed_beyond(self.problem, chosen), -1.0, 1.0), points.count)
         force_x, force_y = forces
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
