@@ -19,7 +19,7 @@ from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact, Displacement, Law, Traction, has_coulomb
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, Prescribed
 
 LOAD_POINTS = 8

@@ -15,8 +15,7 @@ from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.space import FAMILY
-from qvi_contact.files.archive import write_archive
-from qvi_contact.files.stored import solution_arrays
+from qvi_contact.files.archive import solution_arrays, write_archive
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
 

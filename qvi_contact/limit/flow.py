@@ -49,7 +49,7 @@ from qvi_contact.limit.stresses import CarriedStress, YieldCones, coefficients_o
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 _ALONG: Final = np.linspace(0.0, 1.0, 33)  # places of an edge where fields of contacts are looked at

@@ -27,9 +27,9 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
 from qvi_contact.limit.stresses import lattice, part_corners
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import along_edges
+from qvi_contact.problem.material import Mises, Strength
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.problem.strength import Mises, Strength
 
 if TYPE_CHECKING:
     from qvi_contact.limit.stresses import CarriedStress, StressProgram
