@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from qvi_contact.basics.certainty import Certainty
-from qvi_contact.basics.shown import Rounding, shown
+from qvi_contact.basics.shown import Certainty, Rounding, shown
 from qvi_contact.basics.units import Units
 from qvi_contact.files.export import summary
 from qvi_contact.files.problem_file import ProblemFile

@@ -189,7 +189,7 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
     solution, known = result.solution, result.discretization
     return {
         "degree": known.space.degree,
-        "contact_rows": known.space.contact_rule.kind,
+        "contact_rows": known.rule.kind,
         "centres": known.space.centres,
         "cuts": known.space.cuts.vertices,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),

@@ -231,7 +231,7 @@ def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
 def element_of(discretization: Discretization) -> dict[str, Any]:
     """Name, degree and contact rows of the element, for documents."""
     space = discretization.space
-    return {"name": FAMILY, "degree": space.degree, "contact_rows": space.contact_rule.kind}
+    return {"name": FAMILY, "degree": space.degree, "contact_rows": discretization.rule.kind}
 
 
 def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:

@@ -40,9 +40,8 @@ from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, ev
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
-from qvi_contact.element.affine import EDGES
+from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
 from qvi_contact.element.triangle import bernstein as bernstein_values
-from qvi_contact.element.triangle import exponents, gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.linear import edge_coefficients

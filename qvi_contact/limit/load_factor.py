@@ -384,7 +384,7 @@ def _sampled(
     multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
     scales = Scales.of(multiples[1])
     low = discretize(multiples[0], scales=scales, **space)
-    return low, low.following(multiples[1], scales)
+    return low, low.with_data(multiples[1], scales)
 
 
 def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:

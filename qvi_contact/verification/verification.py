@@ -411,7 +411,7 @@ def _facts(found: Recomputed) -> Iterator[Check]:
         )  # fmt: skip
         lines = result.contacts.values()
         beyond = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
-        whole = result.discretization.space.contact_rule.kind == "bernstein"
+        whole = result.discretization.rule.kind == "bernstein"
         limit = _BOUND * result.certificate.tolerance
         yield Check(
             "between points", beyond / found.stress, limit if whole else None,

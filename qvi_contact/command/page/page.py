@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from markupsafe import Markup
 
-from qvi_contact.basics.page import page_template
 from qvi_contact.basics.units import Units
+from qvi_contact.basics.writing import page_template
 from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.page.fields import contact_data, field_data
 from qvi_contact.command.page.numbers import (
