@@ -336,7 +336,7 @@ def bracket(
 def _obeying(result: ContactResult, tolerance: float, **options: Any) -> ContactResult | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
     reason, known = outside_scope(result.problem), result.discretization
-    if reason or known.space.contact_rule.kind == "bernstein":
+    if reason or known.rule.kind == "bernstein":
         return reason or result
     strict = posed_strictly(known, known.problem)
     solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)

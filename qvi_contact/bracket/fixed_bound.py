@@ -79,7 +79,7 @@ def given_problem(result: ContactResult) -> GivenProblem:
         kind = BracketKind.GIVEN_BOUND
         names = ", ".join(repr(contact.name) for contact in sliding)
         reasons.append(f"The friction bound on {names} was taken from the computed pressure.")
-    if discretization.space.contact_rule.kind != "bernstein":
+    if discretization.rule.kind != "bernstein":
         discretization = posed_strictly(discretization, discretization.problem)
     threshold, exact = _threshold(discretization, result.dofs)
     lowered = not exact and kind is not BracketKind.GIVEN_BOUND

@@ -20,9 +20,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
-from qvi_contact.discretization.contact_rows import ContactRows, joined
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import contact_named
+from qvi_contact.discretization.loads import ContactRows, contact_named, joined
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.solution.stress import cell_stresses
@@ -73,7 +72,7 @@ def effective(discretization: Discretization, u: FloatArray, rows: ContactRows) 
 
 def coefficients(discretization: Discretization, values: FloatArray, degree: int) -> FloatArray:
     """Bernstein coefficients (e, degree + 1) of the polynomials nearest to values at the contact points (m,)."""
-    nearest = _nearest(degree, tuple(discretization.space.contact_rule.points.tolist()))
+    nearest = _nearest(degree, tuple(discretization.rule.points.tolist()))
     return np.asarray(values.reshape(-1, nearest.shape[1]) @ nearest.T)
 
 
@@ -109,7 +108,7 @@ def law_bound(discretization: Discretization, normal: FloatArray) -> tuple[Float
     more than the law's where t_max comes into play inside an edge. A bound below which no polynomial has coefficients
     ≥ 0 is replaced by its least value.
     """
-    qvi, rule = discretization.qvi, discretization.space.contact_rule
+    qvi, rule = discretization.qvi, discretization.rule
     pressure = qvi.law.pressed(rule.at_rows(normal))
     law, exact = _data(discretization, "cohesion")
     cap, cap_exact = _data(discretization, "shear_limit")
@@ -129,7 +128,7 @@ def _limited(discretization: Discretization) -> list[ContactRows]:
 
 def _data(discretization: Discretization, name: str) -> tuple[FloatArray, BoolArray]:
     """Coefficients (e, q) ≥ 0 of a field of the law on all edges, and where they are those of the field."""
-    q = discretization.space.contact_rule.count
+    q = discretization.rule.count
     values = joined([getattr(rows, name) for rows in _limited(discretization)]).reshape(-1, q)
     given: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
     found = coefficients(discretization, np.where(given[:, None], values, 0.0), q - 1)

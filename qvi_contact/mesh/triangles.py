@@ -282,6 +282,11 @@ class TriangleMesh(Stated):
         return Topology.of(self.cells, len(self.vertices))
 
     @cached_property
+    def kept(self) -> dict[object, object]:
+        """What is made of this mesh alone and serves every problem on it, by who made it; it goes with the mesh."""
+        return {}
+
+    @cached_property
     def bends(self) -> FloatArray:
         """How the edges of `topology` bend, see `Edges.bend`; from the vertex of lower number, (e, k)."""
         return bends_of(self.arcs, self.vertices, self.topology)

@@ -7,8 +7,8 @@ from typing import Any, TypeAlias, overload
 
 import numpy as np
 
-from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import positive_number, whole_number
+from qvi_contact.basics.shown import Certainty
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.problem.problem import ContactProblem

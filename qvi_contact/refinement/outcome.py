@@ -8,8 +8,8 @@ from enum import StrEnum
 from functools import partial
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.shown import Certainty
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError

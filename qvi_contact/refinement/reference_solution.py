@@ -21,8 +21,8 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.shown import Certainty
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, has_coulomb
@@ -204,4 +204,4 @@ def energies_between(answer: ContactResult, look: ContactResult, mesh: TriangleM
 def _stress(result: ContactResult, cells: IntArray, t: FloatArray) -> FloatArray:
     """Stress without body potential at reference points in cells [stress]."""
     known = result.discretization
-    return known.scales.stress * known.space.stress(known.energy.coefficients(result.dofs), cells, t)
+    return known.scales.stress * known.space.stress(known.coefficients(result.dofs), cells, t)
