@@ -3,7 +3,8 @@
     python -m comparisons.benchmark.calls
 
 The problem is the paper's plate on 4 × 4 cells cut into triangles of degree 4: 192 unknowns, 12 contact points. It has
-been solved before, so that nothing is imported: on another mesh, or on the same one, which keeps what depends on it alone.
+been solved before, so that nothing is imported: on another mesh, or on the same one, which keeps what depends on it
+alone.
 """
 
 from cProfile import Profile
