@@ -469,7 +469,7 @@ class Basis:
     def _without_following(self, rows: FloatArray) -> None:
         """Add columns of what follows to those of unknowns, in place; columns (…, w) by `_number`."""
         more = rows[:, len(self.kept) + self.row] * self.factor
-        np.add.at(rows, (slice(None), self.column), more)
+        np.add.at(rows.T, self.column, more.T)
 
     @property
     def _width(self) -> int:
