@@ -119,8 +119,7 @@ class TriangleEnergy(Stated):
         inner = np.empty((count, element.interior, element.shared - _AFFINE))
         for cells, R in self._triangular():
             inner[cells] = -np.linalg.solve(R[:, v, v], R[:, v, w])
-            straight = isinstance(cells, slice)
-            roots[cells] = R[:, w, w] @ self.space.transformations[cells] if straight else R[:, w, w]
+            roots[cells] = R[:, w, w] @ self.space.transformations(cells) if isinstance(cells, slice) else R[:, w, w]
         return roots, inner
 
     def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
@@ -171,7 +170,7 @@ class TriangleEnergy(Stated):
         frames, first = space.frames, space.mesh.cells[:, 0]
         if frames.several:
             affine += (frames.affine(first) @ u[frames.columns(first)][:, :, None])[:, :, 0]
-        shared = (space.transformations @ w[:, :, None])[:, :, 0]
+        shared = (space.transformations() @ w[:, :, None])[:, :, 0]
         at = curved.numbers
         shared[at] = w[at]
         interior = (self.inner @ shared[:, :, None])[:, :, 0]

@@ -550,10 +550,9 @@ class StressSpace(Stated):
         """Areas of the triangles, dimensionless; without what arcs add to them, see `cell_measures`."""
         return self.triangles.areas
 
-    @cached_property
-    def transformations(self) -> FloatArray:
+    def transformations(self, cells: slice = slice(None)) -> FloatArray:
         """From differences w to the degrees of freedom of the reference triangle behind the third, (cells, k, k)."""
-        return self.element.transformations(self.triangles)[:, _AFFINE:, _AFFINE:]
+        return self.element.transformations(self.triangles.take(cells))[:, _AFFINE:, _AFFINE:]
 
     @property
     def cell_points(self) -> FloatArray:

@@ -464,12 +464,12 @@ class Basis:
         at = dofs.astype(np.int32 if self.size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
         pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
         matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()
-        return sparse.csr_array(self.matrix.T) @ (matrix @ self.matrix)
+        return (sparse.csr_array(self.matrix.T) @ (matrix @ self.matrix)).T  # symmetric, and compressed by columns
 
     def _without_following(self, rows: FloatArray) -> None:
         """Add columns of what follows to those of unknowns, in place; columns (…, w) by `_number`."""
         more = rows[:, len(self.kept) + self.row] * self.factor
-        np.add.at(rows, (slice(None), self.column), more)
+        np.add.at(rows.T, self.column, more.T)
 
     @property
     def _width(self) -> int:
