@@ -549,7 +549,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         _opened(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
     ):
-        space = {name: options[name] for name in _SPACE if name in options}
+        space: dict[str, Any] = {name: options[name] for name in _SPACE if name in options}
         told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
         problem, refinement = problem_file.problem, None
         if target is None:
