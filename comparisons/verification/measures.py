@@ -203,7 +203,7 @@ def _imbalance(problem: ContactProblem, forces: _Forces) -> float:
     first, second = bodies.of_cells[mesh.interior.cells].T
     between = mesh.interior.take(first != second)  # normals point out of the body on the first side
     around = ((mesh.boundary, 0), (between, 0), (between, 1))
-    sides = [(bodies.of_cells[edges.cells[:, side]], *forces(edges, side)) for edges, side in around]
+    sides = [(bodies.of_cells[edges.cells[:, side]], *forces(edges, side)) for edges, side in around if len(edges)]
     for body in range(bodies.blocks):
         total, size = np.zeros(3), 0.0
         for owner, *values in sides:
