@@ -13,12 +13,23 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from contextvars import ContextVar
 from functools import cache
-from threading import Lock, RLock
+from threading import Lock, RLock, local
 from typing import Any, Final, TextIO, cast
 
-_foreign: ContextVar[bool] = ContextVar("foreign", default=False)
+
+class _Thread(local):
+    """How many blocks of foreign code this thread is in.
+
+    Not a context variable: factors that the garbage collector frees enter such a block, and before Python 3.12 the
+    collector may run while another variable of the same context is set, as by `numpy.errstate`. Setting one then
+    ends the process with a segmentation fault.
+    """
+
+    depth = 0
+
+
+_THREAD: Final = _Thread()
 
 
 @contextmanager
@@ -30,11 +41,11 @@ def foreign_code() -> Iterator[None]:
     time; takes 20 μs.
     """
     _STANDARD_OUTPUT.hide()
-    token = _foreign.set(True)
+    _THREAD.depth += 1
     try:
         yield
     finally:
-        _foreign.reset(token)
+        _THREAD.depth -= 1
         _STANDARD_OUTPUT.show()
 
 
@@ -119,7 +130,7 @@ class _Filter:
         return getattr(self.stream, name)
 
     def write(self, text: str) -> int:
-        if _foreign.get():
+        if _THREAD.depth:
             return sys.stderr.write(text) if _is_told() else len(text)
         with self._lock:
             if self._kept is None or not _is_standard(self.stream):

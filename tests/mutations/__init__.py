@@ -5,6 +5,6 @@ which test passes which line, and how long it takes, and ``python -m tests.mutat
 ``sample.csv`` and keeps the answers in its column ``NAME``. Needs ``pip install cosmic-ray pytest-cov``.
 
 A mutation changes an operator, comparison, number or truth value (operators of Cosmic Ray). It is tried on the tests
-that pass its line, those first that pass few other lines, up to `SECONDS` of tests. A test that fails or does not end
+that pass its line, the quickest first, up to `SECONDS` of tests. A test that fails or does not end
 notices it, so the share that is noticed is a lower bound for the whole suite.
 """

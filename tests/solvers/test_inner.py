@@ -5,6 +5,7 @@ import io
 import subprocess
 import sys
 from contextlib import redirect_stdout
+from contextvars import copy_context
 from types import SimpleNamespace
 
 import numpy as np
@@ -134,6 +135,13 @@ def test_what_a_back_end_prints_does_not_reach_standard_output():
     assert done.stderr.count("noise") == 3 * others // 2 > 0
     closed = ["sh", "-c", '"$0" -c "$1" >&-', sys.executable, NOISY]  # nor is standard output needed
     assert subprocess.run(closed, capture_output=True, check=False).returncode == 0
+
+
+def test_foreign_code_sets_no_context_variable():
+    """The collector may run inside numpy's setting of one, before Python 3.12, and then the process would end."""
+    before = dict(copy_context())
+    with foreign_code():
+        assert dict(copy_context()) == before
 
 
 def test_what_the_garbage_collector_frees_may_enter_foreign_code():
