@@ -8,7 +8,7 @@ import pytest
 from qvi_contact import InputError, RefinementStatus, TriangleMesh, refine, solve
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
-from qvi_contact.refinement import closer_problem, energies_between, places
+from qvi_contact.refinement import energies_between, places, reference_problem
 from solvers import Status
 
 FORCE = "plate.normal_force"
@@ -199,7 +199,7 @@ class TestCloserLook:
     def test_it_keeps_all_vertices_and_is_not_much_larger(self):
         problem = plate(0.2, (4, 4))
         at = places(problem, problem.mesh, solve(problem, degree=3))
-        fine = closer_problem(problem, problem.mesh, at).mesh
+        fine = reference_problem(problem, problem.mesh, at).mesh
         assert np.array_equal(fine.vertices[: len(problem.mesh.vertices)], problem.mesh.vertices)
         assert fine.finest[at.corners].max() == pytest.approx(1 / 32)
         assert len(problem.mesh.cells) < len(fine.cells) < 200
