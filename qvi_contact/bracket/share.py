@@ -24,7 +24,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.bracket.parts import effective, traction_coefficients
+from qvi_contact.bracket.parts import tractions_on
 from qvi_contact.companion.data import PARALLEL
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
@@ -220,12 +220,15 @@ class SharedStress:
         s, by contact with Coulomb friction.
     places : tuple of str
         Where a contact reaches its bound of friction, or is open, but s must vanish; a sentence for each.
+    before : ContactResult
+        It carries τ.
 
     """
 
     result: ContactResult
     shares: Mapping[str, Share]
     places: tuple[str, ...]
+    before: ContactResult
 
 
 def outside_scope(problem: ContactProblem) -> str:
@@ -262,14 +265,14 @@ def with_shares(result: ContactResult) -> SharedStress | str:
     found = {contact.name: _raw(result, contact) for contact in known.problem.contacts if has_coulomb(contact)}
     shares, places = _joined(known.problem, found)
     moved = _moved(result, shares)
-    return moved if isinstance(moved, str) else SharedStress(moved, shares, places)
+    return moved if isinstance(moved, str) else SharedStress(moved, shares, places, result)
 
 
 def bound_and_shear(result: ContactResult, contact: Contact) -> tuple[FloatArray, FloatArray]:
     """Coefficients (edges, q) of the bound c + μ|τ_N| and of τ_T, dimensionless."""
     known = result.discretization
     rows = next(each for each in known.contacts if each.name == contact.name)
-    normal, shear = traction_coefficients(known, effective(known, result.dofs, rows))
+    normal, shear = tractions_on(known, result.dofs, rows)
     assert not callable(contact.friction)
     assert not callable(contact.cohesion)
     return contact.cohesion / known.scales.stress + contact.friction * np.maximum(-normal, 0.0), shear

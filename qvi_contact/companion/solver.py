@@ -121,18 +121,18 @@ def solve_companions(
     *,
     degree: int | None = None,
     tolerance: float = 1e-8,
-    senses: Sequence[Mapping[str, FloatArray]] = (),
+    slip_directions: Sequence[Mapping[str, FloatArray]] = (),
     **options: Any,
 ) -> tuple[CompanionResult, ...]:
     """The same under several friction laws, each like `bounds` of `solve_companion`, with one factorisation.
 
-    Options are those of `solve_qvi`, for each of them. On contacts named in the law's entry of `senses`, if it has one,
+    Options are those of `solve_qvi`, for each of them. On contacts named in the law's entry of `slip_directions`
     displacements slip along the tangent of an edge where that says 1, against it where −1, and not at all where 0.
     """
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
     nothing = MappingProxyType[str, FloatArray]({})
-    lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, senses, fillvalue=nothing)]
+    lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, slip_directions, fillvalue=nothing)]
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
@@ -212,13 +212,15 @@ class _Model:
         return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
 
     def traces(
-        self, bounds: Mapping[str, ArrayLike] | None, senses: Mapping[str, FloatArray]
+        self, bounds: Mapping[str, ArrayLike] | None, slip_direction: Mapping[str, FloatArray]
     ) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
-        """Contacts under a law, with the senses of their slip, and why the energy is not exact."""
+        """Contacts under a law, with the directions of their slip, and why the energy is not exact."""
         problem = self.problem
         lines, reasons = traces(problem, self.body.space, self.scales, bounds)
         lines = tuple(
-            replace(trace, slipping=trace.slipping_on(senses[trace.name])) if trace.name in senses else trace
+            replace(trace, slipping=trace.slipping_on(slip_direction[trace.name]))
+            if trace.name in slip_direction
+            else trace
             for trace in lines
         )
         reasons = self.held.reasons + self.remarks + reasons
