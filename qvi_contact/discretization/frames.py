@@ -327,7 +327,7 @@ def _left_of(mesh: TriangleMesh, path: IntArray) -> IntArray:
     """
     topology = mesh.topology
     pairs = np.column_stack([path[:-1], path[1:]])
-    cut, inside = topology.number(pairs, len(mesh.vertices)), ~topology.boundary
+    cut, inside = topology.number(pairs), ~topology.boundary
     inside[cut] = False
     edges, end = np.nonzero(np.isin(topology.ends, path) & inside[:, None])
     vertex = topology.ends[edges, end]

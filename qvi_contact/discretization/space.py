@@ -212,7 +212,7 @@ class StressSpace:
 
     def number(self, edges: Edges) -> IntArray:
         """Edges (n,) as `mesh.topology` counts them."""
-        return self.mesh.topology.number(np.column_stack([edges.first, edges.second]), len(self.vertices))
+        return self.mesh.topology.number(np.column_stack([edges.first, edges.second]))
 
     def lengths(self, edges: Edges) -> FloatArray:
         """Dimensionless lengths of edges (n,), of arcs those of their chords."""

@@ -30,8 +30,7 @@ from qvi_contact.files.problem_document import (
 from qvi_contact.mesh.curves import AnyArc, Arc, Curve, checked_bends, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner
-from qvi_contact.mesh.topology import edges_in_box, edges_on_segment, triangles_in_box
-from qvi_contact.mesh.triangle_checks import checked_pairs
+from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment, triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
 
 _OUTLINE: Final = "mesh.outline"

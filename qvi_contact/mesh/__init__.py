@@ -12,9 +12,10 @@ __getattr__ = front(
         "arcs": ("arc_offsets", "cross"),
         "curves": ("Curve",),
         "edges": ("frames_along",),
+        "gmsh": ("divided_corners",),
         "grid": ("SIDES",),
-        "mesher": ("divided_corners",),
         "outline": ("Outline", "polygons"),
-        "topology": ("Topology", "edges_on_segment", "outward_normals"),
+        "selection": ("edges_on_segment",),
+        "topology": ("Topology", "outward_normals"),
     },
 )

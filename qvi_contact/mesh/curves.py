@@ -4,9 +4,10 @@ Vertices are looked for along a curve by halving. Between two of them the curve 
 parameter; derivatives are those of the polynomial through these points, and its angle is known along its length then.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from types import MappingProxyType
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
@@ -28,8 +29,8 @@ from qvi_contact.mesh.arcs import (
     stretches,
     turned,
 )
+from qvi_contact.mesh.selection import checked_pairs
 from qvi_contact.mesh.topology import OPPOSITE, Topology
-from qvi_contact.mesh.triangle_checks import checked_pairs
 
 ROUNDING: Final = 1.5e-6
 """Distance of a vertex from its circle over the radius, or from another curve over its size, that is taken as rounding
@@ -178,7 +179,7 @@ class Curve:
             raise InputError(name or "edges", len(bends), "an edge is given twice: give each once")
         back = given[:, 0] > given[:, 1]
         bends = np.where(back[:, None], reversed_bends(bends), bends)
-        return Curve(pairs, bends[np.argsort(topology.number(given, len(vertices)))])
+        return Curve(pairs, bends[np.argsort(topology.number(given))])
 
     def _places(self, pairs: IntArray) -> IntArray:
         """Which of the edges these (n, 2) are; edges are in ascending order."""
@@ -204,6 +205,17 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
 AnyArc: TypeAlias = Arc | Curve
 """Edges that lie on one curve."""
 
+
+class MeshParts(NamedTuple):
+    """The arguments of `TriangleMesh`, before they are checked."""
+
+    vertices: FloatArray
+    cells: IntArray
+    edge_sets: Mapping[str, IntArray] = MappingProxyType({})
+    regions: Mapping[str, IntArray] = MappingProxyType({})
+    arcs: Sequence[AnyArc] = ()
+
+
 _LEAST_TERMS: Final = 2  # of bends: those of circles
 _WIDEST: Final = np.pi / 2.0 * (1.0 + 1e-12)  # angle that one edge may turn by
 _HIGHEST: Final = 1.5  # height of an arc over the distance of its chord from the triangle's barycentre, outwards
@@ -216,7 +228,7 @@ def bends_of(arcs: Sequence[AnyArc], vertices: FloatArray, topology: Topology) -
     parts = [arc.bends(vertices) for arc in arcs]
     found = np.zeros((len(topology.ends), max([_LEAST_TERMS, *(part.shape[1] for part in parts)])))
     for arc, part in zip(arcs, parts, strict=True):
-        found[topology.number(arc.edges, len(vertices)), : part.shape[1]] = part
+        found[topology.number(arc.edges), : part.shape[1]] = part
     return found
 
 
@@ -224,7 +236,7 @@ def refuse_bad_arcs(
     arcs: Sequence[AnyArc], bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology
 ) -> None:
     """`InputError` where an edge is on two arcs, turns too far for one, or bends too far for its triangle."""
-    numbers = np.sort(np.concatenate([topology.number(arc.edges, len(vertices)) for arc in arcs]))
+    numbers = np.sort(np.concatenate([topology.number(arc.edges) for arc in arcs]))
     twice = np.flatnonzero(np.bincount(numbers, minlength=len(bends)) > 1)
     if len(twice):
         _refuse(vertices, topology, int(twice[0]), "lies on two arcs: give it one")

@@ -1,20 +1,19 @@
-"""Meshes of triangles from other programs: scikit-fem, and by meshio files of Gmsh, Abaqus or CalculiX, and MED.
+"""Meshes of triangles from other programs: scikit-fem, and files of Gmsh, Abaqus or CalculiX, and MED.
 
 What has a name comes along: named curves become edge sets (joints where they lie inside the body), named surfaces
 regions. Names are
 
-* physical names in .msh files (formats 2.2 and 4.1),
+* physical names in .msh files, see `gmsh_file`,
 * ELSET in .inp files, with line elements such as T3D2 for curves,
 * groups in .med files.
 
-Nothing but the named file is read, and no array is made of a size that a file only claims: see `gmsh_file`, `med_file`
-and `abaqus_file`. Middle nodes of quadratic triangles are left out; sides are straight. Points that no triangle needs
+The last two are read by meshio, from copies. Nothing but the named file is read, and no array is made of a size that a
+file only claims. Middle nodes of quadratic triangles are left out; sides are straight. Points that no triangle needs
 are dropped.
 """
 
 import stat
 import warnings
-from collections.abc import Iterable, Iterator
 from contextlib import redirect_stderr
 from importlib import import_module
 from io import StringIO
@@ -24,18 +23,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import IntArray
 from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
-from qvi_contact.mesh import gmsh_file
-from qvi_contact.mesh.parts import MeshParts
+from qvi_contact.mesh.curves import MeshParts
+from qvi_contact.mesh.gmsh_file import NamedCells, read_gmsh
 from solvers.basics.types import load
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med"}
 _TRIANGLES: Final = ("triangle", "triangle6", "triangle7")
 _LINES: Final = ("line", "line3")
-_IGNORED: Final = (*_LINES, "vertex")
-_HALF_NAMED: Final = "gmsh:physical"  # meshio reads binary files of format 4 only where all cells have names, or none
 LARGEST: Final = 200_000_000
 """Bytes of a mesh file, and of the data that a MED file unfolds to."""
 
@@ -66,29 +62,21 @@ def read_mesh(path: str | Path) -> MeshParts:
     path = given_path("mesh", path)
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
-        raise InputError("mesh", str(path), f"give a file with one of the endings {', '.join(_FORMATS)}")
+        raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
     _check_regular(path)
     found = _read(reader, path)
-    kinds = {block.type for block in found.cells} - {*_TRIANGLES, *_IGNORED}
-    if kinds:
-        kind = sorted(kinds)[0]
-        raise InputError("mesh", str(path), f"holds cells of kind {kind!r}: give a mesh of triangles only")
-    points = np.asarray(found.points, dtype=float)
-    if points.ndim != 2 or not any(block.type in _TRIANGLES for block in found.cells):
-        raise InputError("mesh", str(path), "holds no triangles")
-    if points.shape[1] == 3 and np.ptp(points[:, 2]) > _FLAT * np.ptp(points[:, :2], axis=0).max():
-        raise InputError("mesh", str(path), "is not plane: all points must have one coordinate z")
-    cells = np.concatenate([block.data[:, :3] for block in found.cells if block.type in _TRIANGLES])
-    if len(cells) > _MOST_TRIANGLES:
-        raise InputError("mesh", str(path), f"holds {len(cells)} triangles: give at most {_MOST_TRIANGLES}")
-    edge_sets, regions = _named(found, _LINES, 2), _named(found, _TRIANGLES, 3)
-    starts = _starts(found, _TRIANGLES)
-    numbered = {name: np.concatenate([starts[i] + rows for i, rows in parts]) for name, parts in regions.items()}
-    pairs = {
-        name: np.concatenate([found.cells[i].data[rows, :2] for i, rows in parts]) for name, parts in edge_sets.items()
-    }
-    _refuse_strangers(path, points, cells, *pairs.values())
-    return _tidy(points[:, :2], cells, pairs, numbered)
+    if not len(found.cells):
+        raise _refused(path, "holds no triangles")
+    if found.points.shape[1] == 3 and np.ptp(found.points[:, 2]) > _FLAT * np.ptp(found.points[:, :2], axis=0).max():
+        raise _refused(path, "is not plane: all points must have one coordinate z")
+    if len(found.cells) > _MOST_TRIANGLES:
+        raise _refused(path, f"holds {len(found.cells)} triangles: give at most {_MOST_TRIANGLES}")
+    for numbers in (found.cells, *found.edge_sets.values()):
+        wrong = numbers[(numbers < 0) | (numbers >= len(found.points))]
+        if wrong.size:
+            remedy = f"joins nodes that it does not hold (it has {len(found.points)}): write the mesh again"
+            raise _refused(path, remedy)
+    return _tidy(*found)
 
 
 def _check_regular(path: Path) -> None:
@@ -101,114 +89,81 @@ def _check_regular(path: Path) -> None:
         if stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode):
             path.open("rb").close()
     except FileNotFoundError as error:
-        raise InputError("mesh", str(path), "there is no such file: correct its name or folder") from error
+        raise _refused(path, "there is no such file: correct its name or folder") from error
     except (OSError, ValueError) as error:  # ValueError: a name no file can have
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError("mesh", str(path), f"cannot be read ({reason}): give the name of a mesh file") from error
+        raise _refused(path, f"cannot be read ({reason}): give the name of a mesh file") from error
     if not stat.S_ISREG(found.st_mode):
-        raise InputError("mesh", str(path), "is not a regular file: give the name of a mesh file")
+        raise _refused(path, "is not a regular file: give the name of a mesh file")
     if found.st_size > LARGEST:
-        raise InputError("mesh", str(path), f"holds more than {LARGEST} bytes, the limit: give a coarser mesh")
+        raise _refused(path, f"holds more than {LARGEST} bytes, the limit: give a coarser mesh")
 
 
-def _read(reader: str, path: Path) -> Any:
-    """What meshio reads of a copy that was checked, or one `InputError`.
+def _read(reader: str, path: Path) -> NamedCells:
+    """What a file holds, or one `InputError`.
 
     What meshio prints, and NumPy warns of, is part of the error, and else nothing that anybody needs.
     """
     printed = StringIO()
     try:
+        if reader == "gmsh":
+            return read_gmsh(path)
         with TemporaryDirectory() as folder, warnings.catch_warnings(), redirect_stderr(printed):
             warnings.simplefilter("ignore")
-            module, copy = import_module(f"meshio.{reader}"), Path(folder) / path.name
+            module = import_module(f"meshio.{reader}")
             if reader == "abaqus":
-                return module.read(_abaqus_text(path))
-            if reader == "gmsh":
-                gmsh_file.copy_needed(path, copy)
+                found = module.read(_abaqus_text(path))
             else:
-                _copy_med(path, copy, LARGEST)
-            return module.read(copy)
+                copy = Path(folder) / path.name
+                _copy_med(path, copy)
+                found = module.read(copy)
+            return _named_cells(path, found)
     except InputError:
         raise
     except ImportError as error:
-        needed = "MED files need meshio and h5py: python -m pip install meshio h5py"
-        if reader != "med":
-            needed = "mesh files need meshio: python -m pip install meshio"
-        raise InputError("mesh", str(path), needed) from error
-    except Exception as error:  # meshio raises whatever a broken file makes it stumble over
+        needed = "meshio h5py" if reader == "med" else "meshio"
+        remedy = f"these files need {needed.replace(' ', ' and ')}: python -m pip install {needed}"
+        raise _refused(path, remedy) from error
+    except Exception as error:  # whatever a broken file makes a reader stumble over
         told = " ".join(f"{error} {printed.getvalue()}".split()) or type(error).__name__
-        hint = "save the mesh as ASCII, or in format 2.2" if _HALF_NAMED in told else "write the mesh again"
-        raise InputError("mesh", str(path), f"cannot be read as {reader} ({told}): {hint}") from error
+        raise _refused(path, f"cannot be read as {reader} ({told}): write the mesh again") from error
 
 
-def _refuse_strangers(path: Path, points: Any, *joined: Any) -> None:
-    """`InputError` if cells join points that are not there."""
-    for numbers in joined:
-        wrong = numbers[(numbers < 0) | (numbers >= len(points))]
-        if wrong.size:
-            remedy = f"joins nodes that it does not hold (it has {len(points)}): write the mesh again"
-            raise InputError("mesh", str(path), remedy)
-
-
-def _starts(found: Any, kinds: Iterable[str]) -> dict[int, int]:
-    """The number of the first cell of each block among all cells of those kinds."""
-    starts, count = {}, 0
-    for index, block in enumerate(found.cells):
-        if block.type in kinds:
-            starts[index] = count
-            count += len(block.data)
-    return starts
-
-
-def _named(found: Any, kinds: Iterable[str], dimension: int) -> dict[str, list[tuple[int, IntArray]]]:
-    """Named sets of cells of those kinds: pairs (block, rows in it) by name."""
-    sets: dict[str, list[tuple[int, IntArray]]] = {}
-    for name, index, rows in (*_cell_sets(found), *_physical(found, dimension - 1), *_groups(found)):
-        if found.cells[index].type in kinds and len(rows):
-            sets.setdefault(name, []).append((index, rows))
-    return sets
-
-
-def _cell_sets(found: Any) -> Iterator[tuple[str, int, IntArray]]:
-    """Sets that meshio knows by name: ELSET of Abaqus, physical names of Gmsh 4."""
-    for name, members in found.cell_sets.items():
-        if name.split(":")[0] == "gmsh":
-            continue
-        for index, rows in enumerate(members):
-            if rows is not None:
-                yield name, index, np.asarray(rows, dtype=np.int64).ravel()
-
-
-def _physical(found: Any, dimension: int) -> Iterator[tuple[str, int, IntArray]]:
-    """Physical names of Gmsh 2, which are numbers of cells beside a list of names."""
-    tags = found.cell_data.get("gmsh:physical")
-    if tags is None or any(name in found.cell_sets for name in found.field_data):
-        return
-    for name, (tag, of) in found.field_data.items():
-        if of == dimension:
-            for index, values in enumerate(tags):
-                yield name, index, np.flatnonzero(np.asarray(values) == tag)
-
-
-def _groups(found: Any) -> Iterator[tuple[str, int, IntArray]]:
-    """Groups of MED: families of cells, each with the names of its groups."""
-    families, tags = getattr(found, "cell_tags", None), found.cell_data.get("cell_tags")
-    if not families or tags is None:
-        return
+def _named_cells(path: Path, found: Any) -> NamedCells:
+    """What meshio read, by name: its sets of cells (ELSET), and the groups of the families of MED."""
+    kinds = sorted({block.type for block in found.cells} - {*_TRIANGLES, *_LINES, "vertex"})
+    if kinds:
+        raise _refused(path, f"holds cells of kind {kinds[0]!r}: give a mesh of triangles only")
+    sets = [(name, members) for name, members in found.cell_sets.items()]
+    families, tags = getattr(found, "cell_tags", None) or {}, found.cell_data.get("cell_tags", ())
     for family, names in families.items():
-        for name in names:
-            for index, values in enumerate(tags):
-                yield name, index, np.flatnonzero(np.asarray(values) == family)
+        members = [np.flatnonzero(np.asarray(values) == family) for values in tags]
+        sets += [(name, members) for name in names]
+    edge_sets, regions = dict[str, list[Any]](), dict[str, list[Any]]()
+    for name, members in sets:
+        start = 0
+        for block, rows in zip(found.cells, members, strict=False):
+            rows = np.asarray([] if rows is None else rows, dtype=np.int64).ravel()
+            if block.type in _TRIANGLES:
+                regions.setdefault(name, []).append(start + rows)
+                start += len(block.data)
+            elif block.type in _LINES:
+                edge_sets.setdefault(name, []).append(block.data[rows, :2])
+    joined = ({name: np.concatenate(parts) for name, parts in each.items()} for each in (edge_sets, regions))
+    named = [{name: parts for name, parts in each.items() if len(parts)} for each in joined]
+    cells = [block.data[:, :3] for block in found.cells if block.type in _TRIANGLES]
+    points = np.asarray(found.points, dtype=float)
+    return NamedCells(points, np.concatenate([np.empty((0, 3), np.int64), *cells]), *named)
 
 
 def _tidy(points: Any, cells: Any, edge_sets: dict[str, Any], regions: dict[str, Any]) -> MeshParts:
-    """Without the points that no triangle needs."""
+    """The plane mesh without the points that no triangle needs."""
     cells = np.asarray(cells, dtype=np.int64)
     used = np.unique(cells)
     number = np.full(len(points), -1)
     number[used] = np.arange(len(used))
     pairs = {str(name): number[np.asarray(ends, dtype=np.int64)] for name, ends in edge_sets.items()}
-    vertices = np.ascontiguousarray(np.asarray(points, dtype=float)[used])
+    vertices = np.ascontiguousarray(np.asarray(points, dtype=float)[used, :2])
     return MeshParts(vertices, number[cells], pairs, {str(name): chosen for name, chosen in regions.items()})
 
 
@@ -229,8 +184,7 @@ def _abaqus_text(path: Path) -> StringIO:
     generated, numbers, ranges = 0, list[int](), False
     for line in (*text, "*"):
         if line.partition(",")[0].strip().replace("*", "").upper() == "INCLUDE":  # as meshio finds keywords
-            remedy = "reads another file by *INCLUDE: put everything into this one"
-            raise InputError("mesh", str(path), remedy)
+            raise _refused(path, "reads another file by *INCLUDE: put everything into this one")
         if line.startswith("*"):
             if len(numbers) == 3 and numbers[2]:
                 generated += len(range(numbers[0], numbers[1] + 1, numbers[2]))
@@ -238,8 +192,7 @@ def _abaqus_text(path: Path) -> StringIO:
         elif ranges:
             numbers += [int(word) for word in line.split(",") if word.strip().isnumeric()]
     if generated > _MOST_GENERATED:
-        remedy = f"has sets of {generated} members in ranges (GENERATE): give at most {_MOST_GENERATED}"
-        raise InputError("mesh", str(path), remedy)
+        raise _refused(path, f"has sets of {generated} members in ranges (GENERATE): give at most {_MOST_GENERATED}")
     text.seek(0)
     return text
 
@@ -250,50 +203,45 @@ _DEEPEST: Final = 20
 """Groups inside each other; MED needs 6, and a group may lie inside itself."""
 
 
-def _copy_med(path: Path, copy: Path, largest: int) -> None:
-    """Copy meshes and their families, of at most `largest` bytes unfolded.
-
-    Raises
-    ------
-    ImportError
-        If h5py is missing.
-    InputError
-        If the file refers to others, or holds more than the limit.
-    ValueError
-        If it is broken, or claims more than it holds.
-
-    """
+def _copy_med(path: Path, copy: Path) -> None:
+    """Copy meshes and their families, of at most `LARGEST` bytes unfolded; nothing that is outside the file."""
     h5py = load("h5py")
-    with h5py.File(path, "r") as given:
-        _refuse_med(h5py, str(path), given, largest)
-        with h5py.File(copy, "w") as kept:
-            for name in _NEEDED:
-                if name in given:
-                    given.copy(name, kept)
+    with h5py.File(path, "r") as given, h5py.File(copy, "w") as kept:
+        _check_med(h5py, path, given)
+        for name in _NEEDED:
+            if name in given:
+                given.copy(name, kept)
 
 
-def _refuse_med(h5py: Any, path: str, given: Any, largest: int) -> None:
-    """Look at every object on every way to it, as meshio reads what has several names several times."""
+def _check_med(h5py: Any, path: Path, given: Any) -> None:
+    """Look at every object on every way to it, as meshio reads what has several names several times.
+
+    `InputError` if the file refers to others, or holds more than the limit; `ValueError` if it claims more than that.
+    """
     total, items, claimed, count = 0, 0, 0, 0
     places = [(given, name, 1) for name in given if name in _NEEDED]
     while places:
         group, name, depth = places.pop()
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            raise InputError("mesh", path, f"holds a link {name!r} to another place: save the mesh as one file")
+            raise _refused(path, f"holds a link {name!r} to another place: save the mesh as one file")
         item, count = group[name], count + 1
         if isinstance(item, h5py.Group):
             places += [(item, below, depth + 1) for below in item]
         elif isinstance(item, h5py.Dataset):
             if item.external or item.is_virtual:
-                raise InputError("mesh", path, f"keeps {name!r} in another file: save the mesh as one file")
+                raise _refused(path, f"keeps {name!r} in another file: save the mesh as one file")
             if item.dtype.hasobject:
                 raise ValueError(f"{name!r} has entries without a size")
             total, items = total + int(item.nbytes), items + int(item.size or 0)
-        if total > largest:
-            raise InputError("mesh", path, f"unfolds to more than {largest} bytes, the limit: give a coarser mesh")
+        if total > LARGEST:
+            raise _refused(path, f"unfolds to more than {LARGEST} bytes, the limit: give a coarser mesh")
         if count > _MOST_OBJECTS or depth > _DEEPEST:
-            remedy = f"holds more than {_MOST_OBJECTS} objects, or {_DEEPEST} inside each other: give a simpler mesh"
-            raise InputError("mesh", path, remedy)
+            told = f"holds more than {_MOST_OBJECTS} objects, or {_DEEPEST} inside each other"
+            raise _refused(path, f"{told}: give a simpler mesh")
         claimed = max(claimed, int(item.attrs.get("NBR", 0)))
     if claimed > items:
         raise ValueError(f"it claims {claimed} entries where it holds {items}")
+
+
+def _refused(path: Path, remedy: str) -> InputError:
+    return InputError("mesh", str(path), remedy)

@@ -18,8 +18,8 @@ from qvi_contact.basics.checks import (
     whole_number,
 )
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.parts import MeshParts
-from qvi_contact.mesh.triangle_checks import LARGEST
+from qvi_contact.mesh.curves import MeshParts
+from qvi_contact.mesh.flaws import LARGEST
 
 LONGEST: Final = 500.0
 """Length over width of a cell, beyond which it is cut along its length: thinner triangles lose too many digits."""

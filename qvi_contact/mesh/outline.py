@@ -22,7 +22,7 @@ from qvi_contact.basics.checks import (
     true_or_false,
 )
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.triangle_checks import LARGEST
+from qvi_contact.mesh.flaws import LARGEST
 
 Point: TypeAlias = tuple[float, float]
 

@@ -7,49 +7,46 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
-from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import barycentric_of, cross, reference_of, reversed_bends, stretches
-from qvi_contact.mesh.bisection import bisected, divided_at_arcs, halved
-from qvi_contact.mesh.curves import AnyArc, Arc, Curve, CurveFunction, bends_of, fitted, refuse_bad_arcs
+from qvi_contact.mesh.arcs import barycentric_of, reversed_bends, stretches
+from qvi_contact.mesh.bisection import bisected, divided_at_arcs, fanned
+from qvi_contact.mesh.curves import AnyArc, Arc, Curve, CurveFunction, MeshParts, bends_of, fitted, refuse_bad_arcs
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
+from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
+from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
-from qvi_contact.mesh.mesher import meshed
 from qvi_contact.mesh.outline import Line, Outline, Point, polygons
-from qvi_contact.mesh.parts import MeshParts
-from qvi_contact.mesh.topology import Range, Topology, chains, edges_on_segment, outward_normals, triangles_in_box
-from qvi_contact.mesh.triangle_checks import (
-    checked_cells,
+from qvi_contact.mesh.search import PointSearch
+from qvi_contact.mesh.selection import (
+    Range,
+    Where,
     checked_pairs,
     checked_region,
-    checked_vertices,
-    refuse_flaws,
+    chosen_edges,
+    edges_on_segment,
+    new_name,
+    selected,
+    triangles_in_box,
 )
+from qvi_contact.mesh.topology import Topology, chains, outward_normals
 from solvers.basics.names import known_name
 from solvers.basics.types import Stated, load
-
-Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
-"""A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
 
-_INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 _EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
 _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
-_NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
-_TOGETHER: Final = 64  # points that are looked for in all triangles at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,21 +93,21 @@ class TriangleMesh(Stated):
         object.__setattr__(self, "regions", MappingProxyType(regions))
         if not isinstance(self.arcs, Sequence):
             raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Arcs and Curves")
-        object.__setattr__(self, "arcs", tuple(self._checked(number) for number in range(len(self.arcs))))
-        if self.arcs:
+        for number, arc in enumerate(self.arcs):
+            if not isinstance(arc, Arc | Curve):
+                raise InputError(f"TriangleMesh.arcs[{number}]", arc, "give an Arc or a Curve")
+        arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.vertices, self.topology) for k, a in enumerate(self.arcs)]
+        object.__setattr__(self, "arcs", tuple(arcs))
+        if arcs:
             refuse_bad_arcs(self.arcs, self.bends, self.vertices, self.cells, self.topology)
-
-    def _checked(self, number: int) -> AnyArc:
-        """An arc whose edges are edges of the mesh, and whose vertices are on it."""
-        arc, name = self.arcs[number], f"TriangleMesh.arcs[{number}]"
-        if not isinstance(arc, Arc | Curve):
-            raise InputError(name, arc, "give an Arc or a Curve")
-        return arc.checked(name, self.vertices, self.topology)
 
     def __repr__(self) -> str:
         width, height = np.ptp(self.vertices, axis=0).tolist()
-        parts = [("edges", self.edge_names), ("joints", self.joint_names), ("regions", self.region_names)]
-        listed = "".join(f"; {kind} {_some(names)}" for kind, names in parts if names)
+        listed = ""
+        for kind, names in (("edges", self.edge_names), ("joints", self.joint_names), ("regions", self.region_names)):
+            if names:
+                more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+                listed += f"; {kind} {', '.join(names[:_LISTED])}{more}"
         cells = f"{len(self.cells)} triangles with {len(self.vertices)} vertices"
         return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{listed}>"
 
@@ -193,54 +190,40 @@ class TriangleMesh(Stated):
             hang together by whole edges, cells are long both ways, or a place does not fit the lines.
 
         """
-        mesh = cls._made(grid_parts(x, y, active))
+        mesh = cls(*grid_parts(x, y, active))
         sets: dict[str, IntArray] = dict(mesh.edge_sets)
-        for kind, given, among in (("edges", edges, True), ("joints", joints, False)):
+        for kind, given in (("edges", edges), ("joints", joints)):
             for name, place in mapping(kind, given or {}, "names to segments, or to functions of (x, y)").items():
-                _check_name(name)
-                if name in sets:
-                    raise InputError("name", name, "this edge set exists already: choose another name")
-                sets[name] = mesh._placed_edges(name, place, among)
+                new_name(name, sets)
+                if callable(place):
+                    sets[name] = chosen_edges(name, place, kind == "joints", mesh.topology, mesh.vertices)
+                    continue
+                remedy = "give a pair of points ((x, y), (x, y)), or a function of (x, y)"
+                ends = real_array(name, place, remedy)
+                if ends.shape != (2, 2) or not np.isfinite(ends).all():
+                    raise InputError(name, place, remedy)
+                sets[name] = edges_on_segment(mesh.vertices, mesh.topology, *ends.tolist(), inside=kind == "joints")
         named = dict[str, IntArray]()
         for name, ranges in mapping("regions", regions or {}, "names to pairs of ranges").items():
-            _check_name(name)
+            new_name(name)
             if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
                 raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
             named[name] = triangles_in_box(mesh.vertices, mesh.cells, ranges[0], ranges[1])
         return replace(mesh, edge_sets=sets, regions=named) if len(sets) > len(mesh.edge_sets) or named else mesh
 
-    def _placed_edges(self, name: str, place: Place, boundary: bool) -> IntArray:
-        """Vertices of the edges on a segment, or of those a function chooses."""
-        if callable(place):
-            among = self.topology.boundary if boundary else ~self.topology.boundary
-            return self._chosen(name, place, among, "boundary" if boundary else "interior")
-        ends = real_array(name, place, "give a pair of points ((x, y), (x, y)), or a function of (x, y)")
-        if ends.shape != (2, 2) or not np.isfinite(ends).all():
-            raise InputError(name, place, "give a pair of points ((x, y), (x, y)), or a function of (x, y)")
-        start, stop = ends.tolist()
-        return edges_on_segment(self.vertices, self.topology, start, stop, inside=not boundary)
-
-    @classmethod
-    def _made(cls, parts: MeshParts) -> TriangleMesh:
-        return cls(parts.vertices, parts.cells, parts.edge_sets, parts.regions, parts.arcs)
-
-    @property
-    def _parts(self) -> MeshParts:
-        return MeshParts(self.vertices, self.cells, self.edge_sets, self.regions, self.arcs)
-
     @classmethod
     def from_skfem(cls, mesh: object) -> TriangleMesh:
         """A `skfem.MeshTri` with its boundaries (joints where they lie inside the body) and subdomains."""
-        return cls._made(from_skfem(mesh))
+        return cls(*from_skfem(mesh))
 
     @classmethod
     def load(cls, path: str | Path) -> TriangleMesh:
-        """Read a mesh file by meshio: Gmsh (.msh, format 4.1 or 2.2), Abaqus or CalculiX (.inp), MED (.med).
+        """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), and by meshio Abaqus or CalculiX (.inp), MED (.med).
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
         body; names of surfaces become regions. See `mesh.files`.
         """
-        return cls._made(read_mesh(path))
+        return cls(*read_mesh(path))
 
     @classmethod
     def outline(
@@ -280,12 +263,10 @@ class TriangleMesh(Stated):
             would make more than some 200 000 triangles.
 
         """
-        given = {"joints": joints, "regions": regions, "sizes": sizes}
-        named: dict[str, Any] = {kind: found for kind, found in given.items() if found is not None}
-        outline = Outline(corners, size, holes, **named)
+        outline = Outline(corners, size, holes, joints or {}, regions or {}, sizes or {})
         parts = meshed(polygons(outline))
         try:
-            mesh = cls._made(divided_at_arcs(parts))
+            mesh = cls(*divided_at_arcs(parts))
         except InputError as error:
             if not parts.arcs:
                 raise
@@ -358,20 +339,26 @@ class TriangleMesh(Stated):
 
     @cached_property
     def hole_edges(self) -> BoolArray:
-        """Which edges of `boundary` bound a hole rather than the outside, shape (edges,)."""
-        sizes = [abs(self._enclosed(line)) for line in self.outlines]
-        outer = self.outlines[int(np.argmax(sizes))]
-        return ~np.isin(np.flatnonzero(self.topology.boundary), outer)
+        """Which edges of `boundary` bound a hole rather than the outside, shape (edges,): all but the largest line."""
+        place = np.cumsum(self.topology.boundary) - 1
+        sizes = []  # areas that the lines enclose, negative around holes
+        for line in self.outlines:
+            edges = self.boundary.take(place[line])
+            middle = points_along(self.vertices, edges, np.array([0.5]))[:, 0] - self.origin
+            sizes.append(abs(float(((middle * edges.normal).sum(axis=1) * edges.length).sum())))
+        holes = np.ones(len(self.boundary), dtype=bool)
+        holes[place[self.outlines[int(np.argmax(sizes))]]] = False
+        return holes
 
     @cached_property
     def edge_names(self) -> tuple[str, ...]:
         """Names of parts of the boundary."""
-        return tuple(name for name in self.edge_sets if self._on_boundary(name))
+        return tuple(name for name, (_, inside, _) in self._places.items() if not inside)
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of joints."""
-        return tuple(name for name in self.edge_sets if not self._on_boundary(name))
+        return tuple(name for name, (_, inside, _) in self._places.items() if inside)
 
     @property
     def region_names(self) -> tuple[str, ...]:
@@ -379,21 +366,25 @@ class TriangleMesh(Stated):
         return tuple(self.regions)
 
     @cached_property
-    def _sets(self) -> Mapping[str, IntArray]:
-        """Indices of every named edge set into `boundary`, of a joint into `interior`."""
-        boundary, places = self.topology.boundary, {}
-        for name in self.edge_sets:
-            alike = boundary if self._on_boundary(name) else ~boundary
-            places[name] = np.searchsorted(np.flatnonzero(alike), self.numbers(name))
+    def _places(self) -> Mapping[str, tuple[IntArray, bool, IntArray]]:
+        """Of every edge set: numbers in `topology`, whether it is a joint, indices into `boundary` or `interior`."""
+        boundary = self.topology.boundary
+        outer = np.cumsum(boundary) - 1
+        inner = np.arange(len(boundary)) - outer - 1
+        places = {}
+        for name, pairs in self.edge_sets.items():
+            numbers = self.topology.number(pairs)
+            inside = not boundary[numbers[0]]
+            places[name] = numbers, inside, (inner if inside else outer)[numbers]
         return places
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
-        return self._sets[known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")]
+        return self._places[known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")][2]
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
-        return self._sets[known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")]
+        return self._places[known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")][2]
 
     def edges(self, name: str) -> Edges:
         """The edges called `name`, on the boundary or in a joint."""
@@ -425,11 +416,7 @@ class TriangleMesh(Stated):
 
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
-        pairs = self.edge_sets[known_name("name", name, {"edge sets and joints": self.edge_sets})]
-        return self.topology.number(pairs, len(self.vertices))
-
-    def _on_boundary(self, name: str) -> bool:
-        return bool(self.topology.boundary[self.numbers(name)[0]])
+        return self._places[known_name("name", name, {"edge sets and joints": self.edge_sets})][0]
 
     def _edges(self, numbers: IntArray) -> Edges:
         """Edges of `topology` with normals and tangents."""
@@ -448,12 +435,6 @@ class TriangleMesh(Stated):
         length = length * stretches(bend)
         return Edges(np.where(back, second, first), np.where(back, first, second), cells, normal, tangent, length, bend)
 
-    def _enclosed(self, line: IntArray) -> float:
-        """Area that a closed line of boundary edges encloses, negative around a hole [length²]."""
-        edges = self.boundary.take(np.searchsorted(np.flatnonzero(self.topology.boundary), line))
-        middle = points_along(self.vertices, edges, np.array([0.5]))[:, 0] - self.origin
-        return float(((middle * edges.normal).sum(axis=1) * edges.length).sum() / 2.0)
-
     def with_edges(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more named part of the boundary.
 
@@ -465,11 +446,15 @@ class TriangleMesh(Stated):
             Which boundary edges: a function that is given their midpoints, or their vertices.
 
         """
-        return self._with(name, self._chosen(name, where, self.topology.boundary, "boundary"))
+        return self._with(name, where, inside=False)
 
     def with_joint(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a joint: edges inside the body along which a `Contact` may hold; see `with_edges`."""
-        return self._with(name, self._chosen(name, where, ~self.topology.boundary, "interior"))
+        return self._with(name, where, inside=True)
+
+    def _with(self, name: str, where: Where, *, inside: bool) -> TriangleMesh:
+        pairs = chosen_edges(name, where, inside, self.topology, self.vertices)
+        return replace(self, edge_sets={**self.edge_sets, new_name(name, self.edge_sets): pairs})
 
     def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:
         """The same mesh with the edges called `name` as arcs of a circle, on which their vertices lie.
@@ -535,10 +520,8 @@ class TriangleMesh(Stated):
             Which triangles: a function that is given their centres, or their numbers.
 
         """
-        _check_name(name)
-        if name in self.regions:
-            raise InputError("name", name, "this region exists already: choose another name")
-        chosen = _selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
+        new_name(name, self.regions, "region")
+        chosen = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
         return replace(self, regions={**self.regions, name: checked_region(name, chosen, len(self.cells))})
 
     def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
@@ -566,7 +549,7 @@ class TriangleMesh(Stated):
         inside = np.asarray(np.isin(self.topology.cells, taken).any(axis=1))
 
         def here(pairs: IntArray) -> IntArray:
-            chosen: BoolArray = inside[self.topology.number(pairs, len(self.vertices))]
+            chosen: BoolArray = inside[self.topology.number(pairs)]
             return np.asarray(pairs[chosen])
 
         named_edges = self.edge_sets if edge_sets is None else mapping("edge_sets", edge_sets, _EDGE_SETS)
@@ -579,26 +562,6 @@ class TriangleMesh(Stated):
         arcs = [replace(arc, edges=place[arc.edges]) for arc in kept_arcs]
         named = {name: found for name, found in regions.items() if len(found)}
         return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, named, arcs)
-
-    def _with(self, name: str, pairs: IntArray) -> TriangleMesh:
-        _check_name(name)
-        if name in self.edge_sets:
-            raise InputError("name", name, "this edge set exists already: choose another name")
-        return replace(self, edge_sets={**self.edge_sets, name: pairs})
-
-    def _chosen(self, name: str, where: Where, among: BoolArray, kind: str) -> IntArray:
-        """Vertices of the chosen edges, which must be among those."""
-        if isinstance(where, str):  # a side of the grids of version 0.1
-            raise InputError(name, where, "give a function of (x, y), or the edges by their vertices")
-        if not callable(where):
-            pairs = checked_pairs(name, where, self.topology, self.vertices)
-        else:
-            candidates = np.flatnonzero(among)
-            pairs = self.topology.ends[candidates[_selected(name, where, self.midpoints[candidates])]]
-        numbers = self.topology.number(pairs, len(self.vertices))
-        if not len(numbers) or not among[numbers].all():
-            raise InputError(name, where, f"no {kind} edge lies there: check the set")
-        return pairs
 
     @cached_property
     def outlines(self) -> tuple[IntArray, ...]:
@@ -619,16 +582,11 @@ class TriangleMesh(Stated):
         return np.asarray(np.hypot(*(second - first).T))
 
     @cached_property
-    def _centres(self) -> cKDTree:
-        return cKDTree(self.corners.mean(axis=1))
-
-    def barycentric(self, cells: IntArray, points: FloatArray) -> FloatArray:
-        """Barycentric coordinates of points (k, 2) in triangles (k,), shape (k, 3)."""
-        a, b, c = self.corners[cells].swapaxes(0, 1)
-        (ux, uy), (vx, vy), (wx, wy) = (b - a).T, (c - a).T, (points - a).T
-        area = ux * vy - uy * vx
-        second, third = (wx * vy - wy * vx) / area, (ux * wy - uy * wx) / area
-        return np.column_stack([1.0 - second - third, second, third])
+    def _search(self) -> PointSearch:
+        corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
+        lengths = self._edge_lengths * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
+        reach = (1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0)  # arcs stay that near
+        return PointSearch(self.cells, self.corners, self.sides, reach)
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
@@ -638,67 +596,22 @@ class TriangleMesh(Stated):
         points = points.reshape(-1, 2)
         found = np.full(len(points), -1)
         near = (np.abs(points - self.origin) <= _FAR * self.length).all(axis=1)  # neither far away nor not a number
-        found[near] = self._located(points[near])
+        found[near] = self._search.locate(points[near])
         return found
-
-    def _located(self, points: FloatArray) -> IntArray:
-        """The same for points that are not far away."""
-        count = min(_NEIGHBOURS, len(self.cells))
-        near = self._centres.query(points, count)[1].reshape(-1, count)
-        found = self._lowest(points, np.repeat(np.arange(len(points)), count), near.ravel())
-        missing = np.flatnonzero(found < 0)  # in or beside long triangles, or outside
-        for start in range(0, len(missing), _TOGETHER):
-            some = missing[start : start + _TOGETHER]
-            found[some] = self._lowest(points[some], *self._in_reach(points[some]))
-        return found
-
-    def _lowest(self, points: FloatArray, point: IntArray, cell: IntArray) -> IntArray:
-        """The triangle of lowest number that holds each point, among pairs (point (l,), triangle (l,)); −1 if none."""
-        held = self._holds(cell, points[point])
-        found = np.full(len(points), len(self.cells))
-        np.minimum.at(found, point[held], cell[held])
-        return np.where(found < len(self.cells), found, -1)
-
-    def _holds(self, cells: IntArray, points: FloatArray) -> BoolArray:
-        """Whether triangles (l,) hold points (l, 2), on their border too."""
-        return np.asarray(self.reference(cells, points).min(axis=1) >= _INSIDE)
-
-    def _in_reach(self, points: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs (point (l,), triangle (l,)): all whose triangle may hold the point, by a circle around its centre."""
-        found = cKDTree(points).query_ball_point(self._centres.data, self._reach)
-        cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in found])
-        return np.concatenate([np.zeros(0), *found]).astype(np.int64), cell
-
-    @cached_property
-    def _reach(self) -> FloatArray:
-        """Radii (m,) of circles at the centres that hold the triangles; arcs stay within half a length of ends."""
-        corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
-        lengths = self._edge_lengths * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
-        return np.asarray((1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0))
 
     def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
 
         A point on an edge or in a vertex is in a pair with every triangle there, one outside the body in none.
         """
-        first = self.locate(points)
-        inside = np.flatnonzero(first >= 0)
-        near = [self._neighbours[cell] for cell in first[inside].tolist()]
-        point = np.repeat(inside, [len(own) for own in near])
-        cell = np.concatenate([np.zeros(0, dtype=np.int64), *near])
-        held = self._holds(cell, points[point])
-        return point[held], cell[held]
+        return self._search.around(points, self.locate(points))
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
 
         In triangles with arcs they are those of the points of the straight triangle, see `mesh.arcs`.
         """
-        found = self.barycentric(cells, points)
-        bent = self.curved[cells]
-        if bent.any():
-            found[bent] = reference_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
-        return found
+        return self._search.reference(cells, points)
 
     def placed(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Barycentric coordinates of reference points t, (q, 3) or (k, q, 3), in the triangles (k,).
@@ -711,16 +624,6 @@ class TriangleMesh(Stated):
         found = np.array(np.broadcast_to(t, (len(cells), *np.shape(t)[-2:])))
         found[bent] = barycentric_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
         return found
-
-    @cached_property
-    def _neighbours(self) -> list[IntArray]:
-        """The triangles that share a vertex with each, itself among them."""
-        ones = np.ones(self.cells.size)
-        at = (np.repeat(np.arange(len(self.cells)), 3), self.cells.ravel())
-        touching = sparse.csr_array((ones, at), shape=(len(self.cells), len(self.vertices)))
-        shared = sparse.csr_array(touching @ touching.T)
-        shared.sort_indices()
-        return np.split(shared.indices.astype(np.int64), shared.indptr[1:-1])
 
     def same_as(self, other: TriangleMesh) -> bool:
         """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
@@ -746,7 +649,7 @@ class TriangleMesh(Stated):
             Triangles to refine; by default each is divided into four.
 
         """
-        return self._made(bisected(self._parts, marked))
+        return TriangleMesh(*bisected(self._parts, marked))
 
     def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
         """The mesh with fans of thin triangles around vertices, for what turns quickly around a point.
@@ -761,16 +664,11 @@ class TriangleMesh(Stated):
             How often triangles at the vertices are made half as long, at least: before angles are halved they are.
 
         """
-        parts = self._parts
-        for vertex in np.asarray(vertices, dtype=np.int64).tolist():
-            done = 0
-            while done < layers or _angles_at(parts, vertex)[1].max() > angle * (1.0 + _UPRIGHT):
-                ends = np.unique(_angles_at(parts, vertex)[0])
-                parts = halved(parts, np.column_stack([np.full(len(ends), vertex), ends]))
-                opposite, turn = _angles_at(parts, vertex)
-                parts = halved(parts, opposite[turn > angle * (1.0 + _UPRIGHT)])
-                done += 1
-        return self._made(divided_at_arcs(parts))
+        return TriangleMesh(*fanned(self._parts, vertices, angle * (1.0 + _UPRIGHT), layers))
+
+    @property
+    def _parts(self) -> MeshParts:
+        return MeshParts(self.vertices, self.cells, self.edge_sets, self.regions, self.arcs)
 
     def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> TriangleMesh:
         """The same body with the triangles at points refined again and again; names are carried over.
@@ -791,7 +689,12 @@ class TriangleMesh(Stated):
         places = real_array("points", points, "give an array (k, 2) of coordinates")
         if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
             raise InputError("points", points, "give an array (k, 2) of coordinates")
-        depths = _depths(depth, len(places))
+        remedy = f"give a whole number from 0 to {_DEEPEST}, or one for each of the {len(places)} points"
+        given = real_array("depth", depth, remedy)
+        whole = np.asarray(depth).dtype.kind in "iu" and given.min(initial=0) >= 0 and given.max(initial=0) <= _DEEPEST
+        if not whole or given.shape not in ((), (len(places),)):
+            raise InputError("depth", depth, remedy)
+        depths = np.broadcast_to(given.astype(np.int64), len(places))
         outside = self.locate(places) < 0
         if outside.any():
             x, y = places[np.argmax(outside)].tolist()
@@ -799,62 +702,14 @@ class TriangleMesh(Stated):
         mesh = self
         for level in range(int(depths.max(initial=0))):
             try:
-                mesh = mesh.refined(mesh._touching(places[depths > level]))
+                mesh = mesh.refined(mesh._search.touching(places[depths > level]))
             except InputError as error:
                 remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
                 raise InputError("depth", depth, remedy) from error
         return mesh
-
-    def _touching(self, points: FloatArray) -> BoolArray:
-        """Triangles (m,) that hold any of the points (k, 2), on their border too."""
-        found = np.zeros(len(self.cells), dtype=bool)
-        point, cell = self._in_reach(points)
-        found[cell[self._holds(cell, points[point])]] = True
-        return found
-
-
-def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
-    """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
-    cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
-    opposite = cells[cells != vertex].reshape(-1, 2)
-    one, other = (mesh.vertices[opposite[:, end]] - mesh.vertices[vertex] for end in (0, 1))
-    return opposite, np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=1)))
-
-
-def _depths(given: object, count: int) -> IntArray:
-    """How often triangles at each point are halved, (count,)."""
-    remedy = f"give a whole number from 0 to {_DEEPEST}, or one for each of the {count} points"
-    found = real_array("depth", given, remedy)
-    whole = np.asarray(given).dtype.kind in "iu" and found.min(initial=0) >= 0 and found.max(initial=0) <= _DEEPEST
-    if not whole or found.shape not in ((), (count,)):
-        raise InputError("depth", given, remedy)
-    return np.asarray(np.broadcast_to(found.astype(np.int64), count))
 
 
 def _points_back(vectors: FloatArray) -> BoolArray:
     """Whether vectors (n, 2) point to the left, or straight down."""
     upright = np.abs(vectors[:, 0]) <= _UPRIGHT
     return np.asarray(np.where(upright, vectors[:, 1], vectors[:, 0]) < 0.0)
-
-
-def _selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], points: FloatArray) -> IntArray:
-    """Indices of the points (k, 2) that a function of (x, y) chooses."""
-    try:
-        mask = np.broadcast_to(np.asarray(where(*points.T)), len(points))
-    except Exception as error:
-        remedy = f"the function must take two arrays (x, y) and return booleans of their shape ({error})"
-        raise InputError(name, where, remedy) from error
-    if mask.dtype != bool:
-        raise InputError(name, mask.dtype, "the function must return booleans")
-    return np.flatnonzero(mask)
-
-
-def _some(names: tuple[str, ...]) -> str:
-    """The first few names, and how many more."""
-    more = len(names) - _LISTED
-    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
-
-
-def _check_name(name: object) -> None:
-    if not isinstance(name, str) or not name:
-        raise InputError("name", name, "give a non-empty string")

@@ -10,7 +10,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, one_of, positive_number
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.topology import triangles_in_box
+from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.strength import Strength
 

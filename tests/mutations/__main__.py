@@ -23,7 +23,7 @@ CACHE: Final = ROOT / ".mutations"
 PACKAGES: Final = ("qvi_contact", "solvers", "comparisons")
 SEED: Final = 1992
 COUNT: Final = 320
-SECONDS: Final = 30.0  # of tests that are run for a mutation
+SECONDS: Final = 10.0  # of tests that are run for a mutation
 NUMERICAL: Final = (
     "qvi_contact/bracket", "qvi_contact/companion", "qvi_contact/discretization", "qvi_contact/element",
     "qvi_contact/limit", "qvi_contact/mechanism", "qvi_contact/mesh", "qvi_contact/problem", "qvi_contact/refinement",
@@ -203,7 +203,7 @@ def tried(row: Mutation, copy: Path, lines: Lines, seconds: Mapping[str, float])
     target.write_text(code, encoding="utf-8")
     (copy / "chosen.txt").write_text("\n".join(chosen), encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", "@chosen.txt"]
-    limit = round(4.0 * sum(seconds[test] for test in chosen) + 60.0)  # of processor time: the machine may be busy
+    limit = round(3.0 * sum(seconds[test] for test in chosen) + 30.0)  # of processor time: the machine may be busy
     command = ["sh", "-c", f'ulimit -t {limit}; exec "$@"', "sh", *command]
     try:
         environment = os.environ | {"PYTHONPATH": str(copy)}

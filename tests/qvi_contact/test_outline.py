@@ -167,7 +167,7 @@ class TestCorners:
     def test_lines_with_a_name_stay(self):
         cells = divided_corners(self.SQUARES, self.RISING, np.array([[5, 1]]))
         assert self.filled(cells) == 1
-        assert Topology.of(np.sort(cells, axis=1), 9).number(np.array([[1, 5]]), 9) >= 0
+        assert Topology.of(np.sort(cells, axis=1), 9).number(np.array([[1, 5]])) >= 0
 
     def test_no_needles_are_made(self):
         """A sharp corner would become two that are too sharp."""

@@ -1,6 +1,6 @@
 """What a mesh of triangles must be: checks that name the place of the first fault."""
 
-from typing import Any, Final, NoReturn
+from typing import Final, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,12 +8,12 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from qvi_contact.basics.checks import FloatArray, IntArray, real_array
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.selection import numbers_of
 from qvi_contact.mesh.topology import Topology
 
 LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
-_LARGEST: Final = 2.0**53  # whole numbers below it are exact
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
 _SPACE: Final = 0.1  # distance of pieces over the body's length up to which they may be meant to touch
@@ -22,7 +22,7 @@ _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a ve
 
 def checked_vertices(vertices: ArrayLike) -> FloatArray:
     """Finite coordinates (n, 2) that cannot be written to."""
-    found = np.array(_numbers("TriangleMesh.vertices", vertices, float))
+    found = np.array(numbers_of("TriangleMesh.vertices", vertices, float))
     if found.ndim != 2 or found.shape[1] != 2 or len(found) < 3:
         raise InputError("TriangleMesh.vertices", f"shape {found.shape}", "give an array (n, 2), n ≥ 3")
     bad = ~np.isfinite(found).all(axis=1)
@@ -37,7 +37,7 @@ def checked_vertices(vertices: ArrayLike) -> FloatArray:
 
 def checked_cells(cells: ArrayLike, vertices: FloatArray) -> IntArray:
     """Three different vertices a triangle, in ascending order, (m, 3)."""
-    found = _numbers("TriangleMesh.cells", cells, int)
+    found = numbers_of("TriangleMesh.cells", cells, int)
     if found.ndim != 2 or found.shape[1] != 3 or not len(found):
         raise InputError("TriangleMesh.cells", f"shape {found.shape}", "give an array (m, 3), m ≥ 1")
     if found.min() < 0 or found.max() >= len(vertices):
@@ -46,15 +46,6 @@ def checked_cells(cells: ArrayLike, vertices: FloatArray) -> IntArray:
     ordered = np.sort(found, axis=1)
     ordered.flags.writeable = False
     return ordered
-
-
-def _numbers(name: str, value: Any, kind: type) -> Any:
-    """An array of numbers of the kind."""
-    found = real_array(name, value, "give an array of real numbers")
-    whole = kind is not int or bool((np.abs(found) < _LARGEST).all() and (found == np.rint(found)).all())
-    if np.asarray(value).dtype == bool or not whole:
-        raise InputError(name, type(value).__name__, "give whole numbers" if kind is int else "give numbers")
-    return found.astype(np.int64) if kind is int else found
 
 
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
@@ -174,7 +165,7 @@ def _refuse_meeting(
     other = np.full(len(vertices), -1)
     other[twins], other[twins[:, ::-1]] = twins[:, ::-1], twins
     edges = other[topology.ends[topology.boundary]]
-    matching = (topology.number(edges[(edges >= 0).all(axis=1)], len(vertices)) >= 0).any()
+    matching = (topology.number(edges[(edges >= 0).all(axis=1)]) >= 0).any()
     place = f"from ({line[0, 0]:.6g}, {line[0, 1]:.6g}) to ({line[-1, 0]:.6g}, {line[-1, 1]:.6g})"
     if matching and not len(apart):
         remedy = (
@@ -231,42 +222,3 @@ def _nearest(vertices: FloatArray, one: IntArray, other: IntArray) -> tuple[floa
     across = offset - share[:, None] * along[edge]
     at = int(np.argmin(np.hypot(*across.T)))
     return float(np.hypot(*across[at])), points[vertex[at]] - across[at] / 2.0
-
-
-def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray) -> IntArray:
-    """Vertices (k, 2) of the edges of a set, all on the boundary or all inside the body."""
-    _check_name(name)
-    found = _numbers(name, pairs, int)
-    if found.ndim != 2 or found.shape[1] != 2 or not len(found):
-        raise InputError(name, f"shape {found.shape}", "give the vertices of one or more edges as an array (k, 2)")
-    number = topology.number(found, len(vertices))
-    inside = (found >= 0).all() and (found < len(vertices)).all()
-    if not inside or (number < 0).any():
-        wrong = (
-            found[np.argmax(number < 0)] if inside else found[(found < 0).any(1) | (found >= len(vertices)).any(1)][0]
-        )
-        raise InputError(name, wrong.tolist(), "no edge of the mesh joins these vertices")
-    outer = topology.boundary[number]
-    if outer.any() and not outer.all():
-        x, y = vertices[found[np.argmin(outer)]].mean(axis=0)
-        remedy = f"lies partly on the boundary and partly inside, as around ({x:.6g}, {y:.6g}): make two sets of it"
-        raise InputError("TriangleMesh.edge_sets", name, remedy)
-    chosen = topology.ends[np.unique(number)]
-    chosen.flags.writeable = False
-    return chosen
-
-
-def checked_region(name: str, cells: ArrayLike, count: int) -> IntArray:
-    """Numbers (k,) of the triangles of a region, in ascending order."""
-    _check_name(name)
-    found = _numbers(name, cells, int)
-    if found.ndim != 1 or not len(found) or found.min() < 0 or found.max() >= count:
-        raise InputError(name, cells, f"give numbers of triangles, 0 to {count - 1}")
-    chosen = np.unique(found)
-    chosen.flags.writeable = False
-    return np.asarray(chosen)
-
-
-def _check_name(name: object) -> None:
-    if not isinstance(name, str) or not name:
-        raise InputError("name", name, "give a non-empty string")

@@ -10,7 +10,6 @@ would be lost. They are kept.
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from threading import Lock
 from typing import Any, Final
 
@@ -19,9 +18,8 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.curves import Arc
+from qvi_contact.mesh.curves import Arc, MeshParts
 from qvi_contact.mesh.outline import Polygon, Polygons
-from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
 from solvers.basics.foreign import foreign_code
 from solvers.basics.types import load
@@ -62,7 +60,7 @@ def meshed(shape: Polygons) -> MeshParts:
         try:
             made = _mesh(gmsh, shape.scaled(unit))
             arcs = [arc.scaled(1.0 / unit) for arc in made.arcs]
-            return replace(made, vertices=made.vertices / unit, arcs=arcs)
+            return made._replace(vertices=made.vertices / unit, arcs=arcs)
         except Exception as error:
             if type(error) is not Exception:  # gmsh raises bare ones with a text
                 raise
@@ -240,7 +238,7 @@ def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> I
     cells = np.sort(cells, axis=1)
     topology = Topology.of(cells, len(vertices))
     kept = np.zeros(len(topology.ends), dtype=bool)
-    known = topology.number(fixed[(fixed >= 0).all(axis=1)], len(vertices))
+    known = topology.number(fixed[(fixed >= 0).all(axis=1)])
     kept[known[known >= 0]] = True
     changed, touched = cells.copy(), np.zeros(len(cells), dtype=bool)
     in_corners = np.flatnonzero(topology.boundary[topology.of_cells].sum(axis=1) == 2)

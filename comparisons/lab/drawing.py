@@ -1,0 +1,82 @@
+"""Pictures of reports, drawn where matplotlib is installed, and what many of them have in common."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
+from qvi_contact.plots.inline import svg_text
+from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+LOOKS: Final = (
+    (BLUE, "o", "-"), (VERMILLION, "s", "--"), (GREEN, "^", "-."), (ORANGE, "D", ":"), (PURPLE, "v", "-"),
+    (SKY, "P", "--"), (GREY, "X", "-."),
+)  # fmt: skip
+"""Colour, marker and line of curves of no names of their own, in order."""
+
+
+def drawn(name: str, draw: "Callable[[], Figure | None]") -> str:
+    """The figure that `draw` makes, as SVG with `name` in its identifiers.
+
+    Empty where matplotlib is not installed, or there is nothing to draw.
+    """
+    if not has_matplotlib():
+        return ""
+    with settings():
+        figure = draw()
+        return "" if figure is None else svg_text(figure, name)
+
+
+def panelled(number: int, width: float, height: float, beside: float, columns: int = 2) -> "tuple[Figure, list[Axes]]":
+    """A figure with so many panels in rows of so many; it is `beside` higher than its rows of this height [inch]."""
+    columns = max(min(columns, number), 1)
+    rows = max(1, -(-number // columns))
+    figure = new_figure(width, beside + height * rows)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for spare in panels[number:]:
+        spare.set_visible(False)
+    return figure, panels[:number]
+
+
+def legend_below(figure: "Figure", columns: int = 4, size: float = 8) -> None:
+    """One legend for all panels, each label once; none without labels."""
+    handles: dict[str, Artist] = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    if handles:
+        texts = {"ncols": columns, "fontsize": size, "frameon": False}
+        figure.legend(list(handles.values()), list(handles), loc="outside lower center", **texts)
+
+
+def grid(*panels: "Axes", along: Literal["both", "x", "y"] = "both") -> None:
+    """Thin lines at the labelled values."""
+    for axes in panels:
+        axes.grid(visible=True, which="major", axis=along, color="#dddddd", linewidth=0.5)
+
+
+def plain_ticks(*axes: Any) -> None:
+    """Decades as plain numbers: quicker to read, and to draw, than powers of ten."""
+    from matplotlib.ticker import NullFormatter
+
+    for axis in axes:
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+
+
+def powers_of_two(axes: "Axes") -> None:
+    """Numbers of cells along a logarithmic axis."""
+    axes.set_xscale("log", base=2)
+    axes.xaxis.set_major_formatter("{x:g}")
+
+
+def failing_band(axes: "Axes", low: float, high: float) -> None:
+    """The shaded band in which the marks of what fails stand, and a grid."""
+    axes.axhspan(low, high, color=GREY, alpha=0.18, linewidth=0)
+    axes.text(0.01, 0.985, "fails", transform=axes.transAxes, fontsize=7, va="top", color=GREY)
+    grid(axes)

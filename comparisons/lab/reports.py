@@ -1,0 +1,345 @@
+"""Reports: a template that a person writes, filled in, as Markdown with pictures beside it, and as one page of HTML.
+
+    report = render("comparisons.wild", "wild", values, tables, figures, rows)
+    report.show(report.write("results/wild"))
+
+The template of an experiment is `report.md` in its folder, Markdown with numbers, tables and pictures to be filled in:
+
+    1. The condensed method takes {{ fastest | seconds }} ([table](#times)).
+
+    {{ figure("errors", "Error against time") }}
+
+    {{ table("times", {"solver": "solver", "time": "median time"}) }}
+
+    {{ settings }}
+
+The same rows give the same bytes.
+"""
+
+import html
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from comparisons.lab import numbers
+from comparisons.lab.numbers import NOTHING, listing, memory, seconds, span
+from comparisons.lab.studies import Row
+from qvi_contact.basics.page import page_template
+from qvi_contact.basics.writing import writable_folder, write_text
+from qvi_contact.errors import InputError
+from qvi_contact.plots.inline import inline_svg
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Form = Callable[[Any], str]
+
+NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install matplotlib`."
+NO_ROWS: Final = "No rows."
+
+_FILTERS: Final = ("listing", "memory", "percent", "scientific", "seconds", "significant")
+_NAME: Final = re.compile(r"[a-z0-9]+(?:[-_][a-z0-9]+)*")
+_LINK: Final = re.compile(r"\]\(#([^)]*)\)")
+_PICTURE: Final = re.compile(r"!\[[^\]]*\]\(([^)]*)\)")
+_FINDINGS: Final = re.compile(r"^## Findings\n(.*?)(?=^#|\Z)", re.M | re.S)
+_WIDTH: Final = 120
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report as it is written.
+
+    Attributes
+    ----------
+    name : str
+        Stem of its files.
+    text : str
+        Markdown.
+    pictures : Mapping
+        Name of a file → the picture in it, SVG.
+    failed : bool
+        Whether something was found that must not be; the exit status of a command is 1 then.
+
+    """
+
+    name: str
+    text: str
+    pictures: Mapping[str, str]
+    failed: bool = False
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Report":
+        """The report in a file of Markdown, with the pictures beside it; `InputError` if one cannot be read."""
+        file = Path(path)
+        try:
+            text = file.read_text(encoding="utf-8")
+            pictures = {name: (file.parent / name).read_text(encoding="utf-8") for name in _PICTURE.findall(text)}
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError("report", str(path), f"cannot be read: {error}") from error
+        return cls(file.stem, text, pictures)
+
+    @property
+    def title(self) -> str:
+        """The first heading."""
+        return self.text.partition("\n")[0].lstrip("# ")
+
+    @property
+    def findings(self) -> list[str]:
+        """The numbered sentences below the heading "Findings", without links within the report."""
+        (found,) = _FINDINGS.findall(self.text) or [""]
+        sentences = re.split(r"^1?\d\. ", re.sub(r"\s*\(\[[^\]]*\]\(#[^)]*\)\)", "", found), flags=re.M)[1:]
+        return [" ".join(each.partition("\n\n")[0].split()) for each in sentences]
+
+    def html(self) -> str:
+        """The report as a page that loads nothing: tables that scroll and can be sorted, pictures inside."""
+        from markdown_it import MarkdownIt
+
+        body = MarkdownIt("commonmark").enable("table").render(self.text)
+        box = '<div class="box{}" role="region" tabindex="0" aria-label="{}">\n'
+        body = body.replace("<table>", f'{box.format("", "table")}<table class="sortable">')
+        body = body.replace("</table>", "</table>\n</div>")
+
+        def picture(match: re.Match[str]) -> str:
+            file, label = match[1], html.unescape(match[2])
+            name = file.removeprefix(f"{self.name}-").removesuffix(".svg")
+            svg = inline_svg(self.pictures[file], name, label)
+            return f"<figure>\n{box.format(' picture', match[2])}{svg}</div>\n</figure>\n"
+
+        body = re.sub(r'<p><img src="([^"]*)" alt="([^"]*)" /></p>\n', picture, body)
+        return page_template("comparisons.lab").render(title=self.title, body=body)
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write ``<name>.html``, ``<name>.md`` and ``<name>-<figure>.svg``, each whole or not at all; their paths.
+
+        A picture of an earlier report that this one has not is left where it is. `InputError` if the folder or a file
+        cannot be written.
+        """
+        texts = {f"{self.name}.html": self.html(), f"{self.name}.md": self.text, **self.pictures}
+        place = writable_folder(folder)
+        for name, text in reversed(texts.items()):  # pictures first: no text shows one that is not there
+            write_text(place / name, text)
+        return [place / name for name in texts]
+
+    def show(self, written: Sequence[Path] = (), *, tables: bool = True) -> None:
+        """Print what is not folded, or the findings alone, and then the names of the files."""
+        from rich.console import Console
+        from rich.markdown import Markdown
+
+        text = re.sub(r"<details>.*?</details>|^<a id=.*?</a>$|^!\[.*\)$", "", self.text, flags=re.M | re.S)
+        if not tables:
+            text = "".join([f"# {self.title}\n", *(match[0] for match in _FINDINGS.finditer(text))])
+        console = Console(highlight=False, emoji=False)
+        console = console if console.is_terminal else Console(highlight=False, emoji=False, width=_WIDTH)
+        console.print(Markdown(re.sub(r"\s*\(\[[^\]]*\]\(#[^)]*\)\)", "", text), hyperlinks=False))
+        if written:
+            names = ", ".join(path.name for path in written)
+            console.print(f"Written to {written[0].parent}: {names}", soft_wrap=True, markup=False)
+
+
+def render(
+    package: str,
+    name: str,
+    values: Mapping[str, Any],
+    tables: "Mapping[str, DataFrame]",
+    figures: Mapping[str, str],
+    rows: Sequence[Row] = (),
+    settings: "Mapping[str, DataFrame] | None" = None,
+    *,
+    forms: Mapping[str, Form] | None = None,
+    template: str = "report.md",
+    failed: bool = False,
+) -> Report:
+    """The report of an experiment, by a template in the folder of its package.
+
+    Parameters
+    ----------
+    package, template : str
+        Where the template is, and its name, or the template itself if that has several lines. In it Jinja finds
+        `values` by their names, ``table(name, columns)`` with the columns of a frame and their headings (all if none
+        are named), ``figure(name, title)`` and ``settings``. None is printed as "none"; numbers are printed by the
+        filters of `numbers`.
+    name : str
+        Stem of the report's files.
+    values : Mapping
+        Name → number or text.
+    tables : Mapping
+        Name → frame, one line a row.
+    figures : Mapping
+        Name → picture, see `drawing.drawn`; empty where it could not be drawn.
+    rows : sequence of Row
+        Whose environment is told in the settings.
+    settings : Mapping, optional
+        Title → frame of what else it takes to do it again.
+    forms : Mapping, optional
+        Column of a frame → what makes a text of its values.
+    failed : bool
+        See `Report`.
+
+    Raises
+    ------
+    ValueError
+        If a table or figure is shown twice or not at all, a link within the report leads nowhere, or a name is none: a
+        mistake of the program, not of its user.
+
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    shown: Counter[str] = Counter()
+    pictures = {f"{name}-{each}.svg": svg for each, svg in figures.items() if svg}
+
+    def table(which: str, columns: Mapping[str, str] | None = None) -> str:
+        shown[which] += 1
+        return f'<a id="{which}"></a>\n\n{markdown_table(tables[which], columns, forms)}'
+
+    def figure(which: str, title: str) -> str:
+        shown[which] += 1
+        told = f"![{title}]({name}-{which}.svg)" if figures[which] else f"{title}. {NO_PICTURES}"
+        return f'<a id="{which}"></a>\n\n{told}\n'
+
+    environment = Environment(
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
+        finalize=lambda value: NOTHING if value is None else value, autoescape=False,
+    )  # fmt: skip
+    environment.filters |= {each: getattr(numbers, each) for each in _FILTERS}
+    source = template if "\n" in template else files(package).joinpath(template).read_text(encoding="utf-8")
+    more = [f"**{title}**\n\n{markdown_table(frame)}" for title, frame in (settings or {}).items()]
+    told = "\n".join([*more, *([_environment(rows)] if rows else [])])
+    text = environment.from_string(source).render(**values, table=table, figure=figure, settings=told)
+    problems = [f"{each!r} is shown {shown[each]} times" for each in (*tables, *figures) if shown[each] != 1]
+    problems += [f"no table or figure is named {each!r}" for each in _LINK.findall(text) if not shown[each]]
+    problems += [f"{each!r} is no name of lower-case letters, digits, hyphens and underscores"
+                 for each in (name, *shown) if not _NAME.fullmatch(each)]  # fmt: skip
+    if problems:
+        raise ValueError(f"report {name!r}: {'; '.join(problems)}")
+    return Report(name, re.sub(r"\n{3,}", "\n\n", text).strip() + "\n", pictures, failed)
+
+
+# tables
+
+_SPACES: Final = re.compile("[ \t-\r\x1c-\x1f\x85\u2028\u2029]+")  # not those that keep a number and its unit together
+_UNPRINTABLE: Final = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+_ACTIVE: Final = re.compile(
+    r"[\\`*~|]"  # escapes, code, emphasis, strike-through, cells
+    r"|(?<![^\W_])_|_(?![^\W_])"  # emphasis; not within words
+    r"|<(?=[A-Za-z/!?])"  # tags
+    r"|&(?=#?\w+;)"  # entities
+    r"|\](?=[(\[:])"  # links
+)
+_MISSING: Final = frozenset({"", "-", "−", "–", "—", "n/a", "nan", NOTHING})
+_LONGEST: Final = 24  # letters of a cell that is a number and no sentence
+_NUMBER: Final = re.compile(
+    r"[<>≤≥~≈±=]?\s*[-−+]?(?:\d[\d,]*\.?\d*(?:[eE][-−+]?\d+)?|\.\d+|inf(?![A-Za-z])|∞)[²³]?\s*(?:%|[µμA-Za-z]+)?"
+    r"(?![\w.:-]*\w)"  # a version, a date, a time of day, a word that begins with digits
+)
+
+
+def escaped(text: str) -> str:
+    """The text for Markdown, in one line, in which nothing means anything but what it says."""
+    line = _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", _SPACES.sub(" ", text).strip(" "))
+    return _ACTIVE.sub(lambda match: f"\\{match[0]}", line)
+
+
+def markdown_table(
+    frame: "DataFrame", headings: Mapping[str, str] | None = None, forms: Mapping[str, Form] | None = None
+) -> str:
+    """Columns of a frame, by the headings that they get, or all of them; what is missing is `NOTHING`.
+
+    Columns of numbers, whatever stands around them, are on the right.
+    """
+    if not len(frame):
+        return f"{NO_ROWS}\n"
+    names = headings or {name: name for name in frame}
+
+    def told(value: Any) -> str:
+        return NOTHING if value is None or value != value else str(value)
+
+    def numeric(cells: Sequence[str]) -> bool:
+        said = [cell.strip() for cell in cells if cell.strip().lower() not in _MISSING]
+        return bool(said) and all(_NUMBER.match(cell) is not None and len(cell) <= _LONGEST for cell in said)
+
+    columns = [[(forms or {}).get(name, told)(value) for value in frame[name]] for name in names]
+    lines = [names.values(), *zip(*columns, strict=True)]
+    head, *body = [f"| {' | '.join(map(escaped, line))} |" for line in lines]
+    marks = " | ".join("---:" if numeric(column) else "---" for column in columns)
+    return "\n".join([head, f"| {marks} |", *body, ""])
+
+
+def crossed(
+    frame: "DataFrame", row: str, column: str, cell: "Callable[[DataFrame], str]", columns: Sequence[str] = ()
+) -> "DataFrame":
+    """A line for each value of the column `row`, under each value of `column` what `cell` says of the lines with both.
+
+    They stand in the order in which they are met, or in that of `columns`; where there is no line it is `NOTHING`.
+    """
+    from pandas import DataFrame
+
+    texts = {key: cell(found) for key, found in frame.groupby([row, column], sort=False)}
+    names = columns or tuple(frame[column].unique())
+    lines = [[each, *(texts.get((each, name), NOTHING) for name in names)] for each in frame[row].unique()]
+    return DataFrame(lines, columns=[row, *names])
+
+
+def _environment(rows: Sequence[Row]) -> str:
+    """The runs, their machines, the versions of what they used, in Markdown.
+
+    Where rows differ each value stands with the number of its rows. The same rows in another order give the same.
+    """
+    from pandas import DataFrame
+
+    def counts(values: Iterable[Any]) -> list[tuple[Any, int]]:
+        """Values with their numbers: numbers by size, then the others by their text, at last what is not known."""
+        texts = Counter(json.dumps(value, sort_keys=True) for value in values)
+
+        def order(text: str) -> tuple[int, float, str]:
+            value = json.loads(text)
+            if value in (None, "unknown"):
+                return 2, 0.0, text
+            return (0, float(value), text) if isinstance(value, int | float) else (1, 0.0, text)
+
+        return [(json.loads(text), texts[text]) for text in sorted(texts, key=order)]
+
+    def shares(values: Iterable[Any], form: Form) -> str:
+        found = counts(values)
+        return form(found[0][0]) if len(found) == 1 else ", ".join(f"{form(value)} ({n})" for value, n in found)
+
+    given = [row.environment for row in rows]
+    loads = [row.load_average for row in rows if row.load_average is not None]
+    missing = len(rows) - len(loads)
+    unknown = f" (unknown for {missing} row{'s' if missing > 1 else ''})" if missing else ""
+    runs = {
+        "rows": str(len(rows)),
+        "status": shares((row.status for row in rows), str),
+        "threads of a run": shares((each.get("threads") for each in given), str),
+        "time limit of a run": shares((each.get("timeout_seconds") for each in given), seconds),
+        "memory limit of a run": shares((each.get("memory_mib") for each in given),
+                                        lambda value: NOTHING if value is None else f"{value} MiB"),
+        "load average before a run": span(loads) + unknown if loads else "unknown",
+    }  # fmt: skip
+    machines = [
+        {"processor": found.get("processor") or "unknown", "cores": found.get("cores") or "unknown",
+         "memory": memory(found["memory_bytes"]) if found.get("memory_bytes") else "unknown",
+         "system": found.get("system") or "unknown", "Python": found.get("python") or "unknown", "rows": number}
+        for found, number in ((each or {}, number) for each, number in counts(each.get("machine") for each in given))
+    ]  # fmt: skip
+    several = sum(each is not None for each, _ in counts(each.get("machine") for each in given)) > 1
+    used = [each.get("versions") or {} for each in given]
+    packages = sorted({name for each in used for name in each}, key=str.casefold)
+    found = {name: counts(each.get(name, "unknown") for each in used) for name in packages}
+    versions = [{"package": name, "version": "not installed" if version is None else version, "rows": number}
+                for name, each in found.items() for version, number in each]  # fmt: skip
+    mixed = [name for name, each in found.items() if sum(version != "unknown" for version, _ in each) > 1]
+    parts = [
+        ("Runs", DataFrame({"setting": [*runs], "value": [*runs.values()]}),
+         "Where rows differ, the number of rows with a value stands behind it in brackets."),
+        ("Machines" if several else "Machine", DataFrame(machines),
+         "The rows come from several kinds of machine or system: times can be compared only between rows of the same."
+         if several else ""),
+        ("Versions", DataFrame(versions),
+         f"The rows were computed with different versions of {listing(mixed)}." if mixed else ""),
+    ]  # fmt: skip
+    return "\n".join(f"**{title}**\n\n{markdown_table(frame)}\n{note}\n" for title, frame, note in parts)

@@ -1,0 +1,535 @@
+"""Studies: cases, run in processes with limits, one durable row for each, in a store that any study may share.
+
+    from comparisons.lab.studies import Study, run_study
+
+    cases = [{"mesh": mesh, "friction": mu} for mesh in (8, 16) for mu in (0.1, 0.5)]
+    rows = run_study(Study("iterations", 1, "package.module:function", cases), "results/iterations.sqlite", workers=4)
+
+Cases and results are *plain*: None, booleans, integers, floats, texts, and lists and named mappings of these. They mean
+the same in this process, in another one, on a cluster and in a file. A row is found by the study's name, its version
+and the case, so an interrupted study goes on where it stopped, and a larger one takes the rows of a smaller one.
+Whatever happens to a case is a row: its result, or why there is none.
+"""
+
+import csv
+import gzip
+import hashlib
+import io
+import json
+import math
+import os
+import pickle
+import platform
+import sqlite3
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cache, partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from qvi_contact.basics.terminal import Advance, error_console
+from qvi_contact.basics.writing import replacing
+from qvi_contact.errors import InputError
+from qvi_contact.runs.cluster import Workers
+from qvi_contact.runs.database import Database
+from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
+Case = Mapping[str, Any]
+
+PACKAGES: Final = (
+    "qvi-contact", "numpy", "scipy", "mkl", "cvxopt", "cvxpy", "clarabel", "qpsolvers", "scikit-fem", "threadpoolctl",
+)  # fmt: skip
+"""Distributions whose versions rows tell, if a study names no others: what may matter for a time."""
+
+DONE: Final = "done"
+"""Status of a row with a result; all others are in `qvi_contact.runs.FAILURES`."""
+
+_ENVIRONMENT: Final = ("threads", "timeout_seconds", "memory_mib", "machine", "versions")
+_OWN: Final = ("status", "reason", "seconds", "finished", "load_average")
+_IGNORED: Final = ("position", "key", "repeat", "seed", "", "certificate")  # columns that earlier versions wrote
+
+
+# what is run
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Cases, and what is done for each.
+
+    Parameters
+    ----------
+    name : str
+        Name of the study, and of the file of its rows.
+    version : int
+        To be raised when the task changes what it computes: earlier rows are then another study's.
+    task : str
+        A function by its name ``"module:function"``, importable wherever the study runs. It takes a case and returns a
+        mapping of plain values; its entry "certificate", if there is one, is kept apart. What its module imports at the
+        top is loaded before any time is taken.
+    cases : sequence of mappings
+        Factor → plain value; a case that is there twice is done once.
+    packages : tuple of str
+        Distributions whose versions every row tells.
+    fresh : bool
+        Whether each case gets a process of its own, as where peak memory is measured.
+    threads, timeout : int, float, optional
+        Threads of each worker, and seconds a case may take, where the user of the study has no choice.
+
+    Raises
+    ------
+    InputError
+        If a case is not plain, or there is none.
+
+    """
+
+    name: str
+    version: int
+    task: str
+    cases: Sequence[Case]
+    packages: tuple[str, ...] = PACKAGES
+    fresh: bool = False
+    threads: int | None = None
+    timeout: float | None = None
+    keys: Mapping[str, Case] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        try:
+            cases = [plain(dict(case), "case") for case in self.cases]
+            keys = {self.key(case): case for case in cases}
+        except (TypeError, ValueError) as error:
+            raise InputError("Study.cases", self.name, f"give plain and finite values ({error})") from error
+        if not keys:
+            raise InputError("Study.cases", self.name, "no case is left")
+        object.__setattr__(self, "keys", keys)
+        object.__setattr__(self, "cases", tuple(keys.values()))
+
+    def key(self, case: Case) -> str:
+        """The first 128 bits of SHA-256 of the JSON of name, version and case, whatever the order of its entries.
+
+        1, 1.0 and True are different values.
+        """
+        text = _json({"study": self.name, "version": self.version, "case": case}, allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def plain(value: Any, name: str) -> Any:
+    """The same value in `dict`, `list` and Python's own scalars; `name` says where it stands.
+
+    Sequences become lists, NumPy's scalars Python's, members of enumerations their values. `TypeError` if something in
+    it is not plain.
+    """
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, int | float):
+        return int(value) if isinstance(value, int) else float(value)
+    if isinstance(value, str):
+        if any("\ud800" <= letter <= "\udfff" for letter in value):
+            raise TypeError(f"{name} is a text with half a character")
+        return str.__str__(value)
+    if isinstance(value, list | tuple):
+        return [plain(item, f"{name}[{index}]") for index, item in enumerate(value)]
+    if isinstance(value, Mapping):
+        odd = [key for key in value if not isinstance(key, str)]
+        if odd:
+            raise TypeError(f"{name} has a key of type {type(odd[0]).__name__}, not a text")
+        return {plain(key, name): plain(item, f"{name}.{key}") for key, item in value.items()}
+    item = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
+    if type(item) is type(value):
+        raise TypeError(f"{name} is of type {type(value).__name__}, not a plain value")
+    return plain(item, name)
+
+
+def finite_json(value: Any, null: bool = False) -> Any:
+    """The value for JSON, in mappings and sequences too: numbers JSON has not are "nan", "inf" and "-inf", or None."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if null else str(value)
+    if isinstance(value, Mapping):
+        return {name: finite_json(item, null) for name, item in value.items()}
+    return [finite_json(item, null) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _json(value: Any, allow_nan: bool = True) -> str:
+    """JSON that is the same for every order of the entries of mappings."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=allow_nan)
+
+
+# where it is run
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores this process may use, memory [bytes], system, Python; no names of hosts, users or folders."""
+    processor, memory, system = platform.processor() or platform.machine(), None, platform.release()
+    with suppress(OSError, StopIteration):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        processor = next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    with suppress(AttributeError, ValueError, OSError):
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    system = f"{platform.system()} {system}"
+    with suppress(OSError):
+        system = platform.freedesktop_os_release().get("PRETTY_NAME", system)
+    return {
+        "processor": processor,
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        "memory_bytes": memory, "system": f"{system}, {platform.machine()}",
+        "python": f"{platform.python_implementation()} {platform.python_version()}",
+    }  # fmt: skip
+
+
+def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
+    """Package → version, None of those that are not installed."""
+    from importlib.metadata import PackageNotFoundError, version  # as long to load as all else of a worker process
+
+    found: dict[str, str | None] = dict.fromkeys(packages)
+    for package in packages:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+# rows
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of one case, as it is stored.
+
+    Attributes
+    ----------
+    case : Mapping
+        Factor → value.
+    status, reason, seconds, load_average
+        See `qvi_contact.runs.Outcome`.
+    result : Mapping
+        What the task returned, without its entry "certificate"; empty if it failed.
+    certificate : object
+        That entry, None if there was none.
+    finished : str
+        Date and time, UTC.
+    environment : Mapping
+        Threads, timeout_seconds, memory_mib, machine (see `machine`) and versions.
+
+    """
+
+    case: Case
+    status: str
+    reason: str
+    result: Mapping[str, Any]
+    certificate: Any
+    seconds: float
+    finished: str
+    load_average: float | None
+    environment: Mapping[str, Any]
+
+    def flat(self) -> dict[str, Any]:
+        """Column → value; entries of result and certificate are "result.…" and "certificate.…"."""
+        parts = {"result": self.result, "certificate": self.certificate or {}}
+        return {
+            **self.case, **{name: getattr(self, name) for name in _OWN},
+            **{f"{part}.{name}": value for part, entries in parts.items() for name, value in entries.items()},
+            **{name: self.environment[name] for name in _ENVIRONMENT},
+        }  # fmt: skip
+
+
+def frame_of(rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = ()) -> "DataFrame":
+    """One line a row: the factors of the case, and the entries of the result.
+
+    Besides "status", that which the task tells or else the row's, "reason", "spent", its seconds, "has", whether there
+    is a result, and "accuracy", which the certificate confirms. The columns `numbers` and `others` are there in any
+    case, those as numbers, NaN where a row has none.
+    """
+    from pandas import DataFrame, to_numeric
+
+    found = DataFrame([
+        {**row.case, "status": row.status, **row.result, "reason": row.reason, "spent": row.seconds,
+         "has": row.status == DONE, "accuracy": (row.certificate or {}).get("accuracy")}
+        for row in rows
+    ])  # fmt: skip
+    missing = [name for name in ("status", "has", "accuracy", *numbers, *others) if name not in found]
+    found[missing] = DataFrame(float("nan"), found.index, missing, dtype=object)
+    for name in ("accuracy", *numbers):
+        found[name] = to_numeric(found[name])
+    return found
+
+
+def largest_of(values: "Series", frame: "DataFrame") -> dict[Any, Any]:
+    """The line of the frame with the largest of these values, by columns; without any, one that has nothing."""
+    return dict.fromkeys(frame) if values.dropna().empty else frame.loc[values.idxmax()].to_dict()
+
+
+def write_csv(path: str | Path, rows: Sequence[Row]) -> None:
+    """One line for each row, compressed if the name ends in ".gz"; the same bytes for the same rows.
+
+    All but texts is JSON, and so are texts that could be taken for it; a row that has no such entry has nothing there.
+    """
+
+    def cell(value: Any) -> str:
+        if not isinstance(value, str) or not value or "\r" in value:  # a bare "\r" would end the line
+            return json.dumps(value, sort_keys=True)
+        return value if _value(value) is value else json.dumps(value)
+
+    flat = [row.flat() for row in rows]
+    names = list(dict.fromkeys(name for each in flat for name in each))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([cell(each[name]) if name in each else "" for name in names] for each in flat)
+    content = text.getvalue().encode()
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(gzip.compress(content, mtime=0) if Path(path).suffix == ".gz" else content)
+
+
+def read_csv(path: str | Path) -> tuple[Row, ...]:
+    """The rows that `write_csv` wrote; what stands in several of them, as their machine, is one object.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it holds something else.
+
+    """
+    try:
+        content = Path(path).read_bytes()
+        text = (gzip.decompress(content) if Path(path).suffix == ".gz" else content).decode()
+        value, lines = cache(_value), csv.DictReader(io.StringIO(text, newline=""))
+        return tuple(_unflat({name: value(cell) for name, cell in line.items() if cell}) for line in lines)
+    except (OSError, UnicodeDecodeError, TypeError) as error:
+        raise InputError("rows", str(path), f"cannot be read: {error}") from error
+
+
+def _value(cell: str) -> Any:
+    try:
+        return json.loads(cell)
+    except ValueError:
+        return cell
+
+
+def _unflat(flat: Mapping[str, Any]) -> Row:
+    """The row of which this is the `flat`."""
+    parts: dict[str, dict[str, Any]] = {"result": {}, "certificate": {}, "environment": {}, "case": {}}
+    own = {"load_average": None}
+    for name, value in flat.items():
+        part, dot, entry = name.partition(".")
+        if dot:
+            parts[part][entry] = value
+        elif name in _OWN:
+            own[name] = value
+        elif name not in _IGNORED:
+            parts["environment" if name in _ENVIRONMENT else "case"][name] = value
+    return Row(**own, **{**parts, "certificate": parts["certificate"] or None})
+
+
+# the store: an SQLite file, one transaction for each row, see `runs.database`
+
+_STORE: Final = Database(
+    "the store of a study", 0x51564953, 2,  # "QVIS"
+    (
+        "CREATE TABLE environments (number INTEGER PRIMARY KEY, content TEXT NOT NULL UNIQUE)",
+        """CREATE TABLE "rows" (
+            key TEXT PRIMARY KEY, study TEXT NOT NULL, "case" TEXT NOT NULL, status TEXT NOT NULL,
+            reason TEXT NOT NULL, result TEXT NOT NULL, certificate TEXT NOT NULL, seconds REAL NOT NULL,
+            finished TEXT NOT NULL, load_average REAL, environment INTEGER NOT NULL REFERENCES environments
+        )""",
+    ),
+    '"rows"',
+)  # fmt: skip
+_WRITE: Final = """
+    INSERT INTO "rows" SELECT ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, number FROM environments WHERE content = ?
+"""
+_READ: Final = """
+    SELECT key, "case", status, reason, result, certificate, seconds, finished, load_average, content
+    FROM "rows" JOIN environments ON environment = number WHERE study = ?
+"""
+
+
+def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
+    """The rows that a store has of a study, in its order; none if there is no store.
+
+    Raises
+    ------
+    InputError
+        If the store is damaged or of another version.
+
+    """
+    path = Path(store)
+    if not path.exists():
+        return ()
+    with _STORE.opened(path) as connection:
+        try:
+            found = {
+                key: Row(json.loads(case), status, reason, json.loads(result), json.loads(certificate), *others,
+                         json.loads(environment))
+                for key, case, status, reason, result, certificate, *others, environment
+                in connection.execute(_READ, (study.name,))
+            }  # fmt: skip
+        except ValueError as error:
+            raise _STORE.damaged(path) from error
+    return tuple(found[key] for key in study.keys if key in found)
+
+
+class Store:
+    """A store that rows are appended to, see `writing`."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection, study: Study) -> None:
+        self._path, self._connection, self._study = path, connection, study
+
+    def keys(self) -> set[str]:
+        """Keys of the rows that are there."""
+        with _STORE.explained(self._path):
+            return {key for (key,) in self._connection.execute('SELECT key FROM "rows"')}
+
+    def append(self, case: Case, outcome: Outcome, environment: Mapping[str, Any]) -> None:
+        """Write a row; when this returns, it is on disk.
+
+        Raises
+        ------
+        InputError
+            If that fails, or the row was there; the store is as it was.
+
+        """
+        surroundings, result = _json(environment), dict(outcome.value or {})
+        certificate = result.pop("certificate", None)
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        values = (
+            self._study.key(case), self._study.name, json.dumps(case), outcome.status, outcome.reason,
+            json.dumps(result), json.dumps(certificate), outcome.seconds, now, outcome.load_average, surroundings,
+        )  # fmt: skip
+        with _STORE.explained(self._path), self._connection:
+            self._connection.execute("INSERT OR IGNORE INTO environments (content) VALUES (?)", (surroundings,))
+            self._connection.execute(_WRITE, values)
+
+
+@contextmanager
+def writing(path: Path, study: Study) -> Iterator[Store]:
+    """Open a store for appending, made if it is missing, and keep all other runs away from it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, is in use, damaged, or no store.
+
+    """
+    with _STORE.writing(path, lambda _: None) as connection:
+        yield Store(path, connection, study)
+
+
+# runs
+
+
+def run_study(
+    study: Study,
+    store: str | Path,
+    workers: int = 1,
+    dask: str | None = None,
+    timeout: float | None = None,
+    memory: int | None = None,
+    threads: int = 1,
+    shown: bool = True,
+) -> tuple[Row, ...]:
+    """Do the cases that the store has no row of; a failure of a case is a row too, and not done again.
+
+    Parameters
+    ----------
+    study : Study
+        What to run.
+    store : path
+        The store; made if it is missing, with its folder. A store that is complete may be read-only.
+    workers : int
+        Worker processes on this machine.
+    dask : str, optional
+        Address of the scheduler of a Dask cluster to run on instead.
+    timeout : float, optional
+        Seconds a case may take, without the imports of the task's module.
+    memory : int, optional
+        MiB of address space a worker may have, where the system has such a limit (not on Windows).
+    threads : int
+        Threads of the libraries in each worker.
+    shown : bool
+        Whether to show a bar, if standard error is a terminal.
+
+    Returns
+    -------
+    tuple of Row
+        In the order of the study. After an interrupt from the keyboard, which goes through, finished rows are in the
+        store.
+
+    Raises
+    ------
+    InputError
+        If the store cannot be used, the task cannot be loaded in a worker, at all or with so little memory, or the
+        cluster cannot be reached. Rows that were finished are in the store.
+
+    """
+    timeout, threads = study.timeout or timeout, study.threads or threads
+    for name, value in (("workers", workers), ("timeout", timeout), ("memory", memory), ("threads", threads)):
+        if value is not None and not value > 0:
+            raise InputError(name, value, "give a number above 0")
+    path, shared = Path(store), Workers(workers, dask)
+    found = read_rows(study, path)
+    if len(found) == len(study.cases):
+        return found
+    job = pickle.dumps(partial(opened, study.task, study.packages))
+    limits = Limits(timeout, memory, threads, study.fresh)
+    terms = {"threads": threads, "timeout_seconds": timeout, "memory_mib": memory}
+    try:
+        with writing(path, study) as kept:
+            finished = kept.keys()
+            pending = deque((key, dict(case)) for key, case in study.keys.items() if key not in finished)
+            begun = len(study.cases) - len(pending)
+            with (
+                progress(study.name, len(study.cases), begun, shown=shown) as advance,
+                shared.ready(job, limits) as (_, outcomes),
+                closing(outcomes(pending)) as done,
+            ):
+                for (_, case), outcome in done:
+                    about = outcome.about or {"machine": None, "versions": {}}  # of a worker that a cluster has lost
+                    kept.append(case, outcome, {**about, **terms})
+                    advance()
+    except NotLoadedError as error:
+        if error.cramped:
+            raise InputError("memory", memory, f"is too little (MiB) to load {study.task}: give more") from error
+        raise InputError("Study.task", study.task, f"cannot be loaded: {error.reason}") from error
+    return read_rows(study, path)
+
+
+def opened(task: str, packages: tuple[str, ...]) -> tuple[dict[str, Any], Callable[[Any], dict[str, Any]]]:
+    """What a worker process of a study does: machine and versions, and the function that does a case."""
+    module, _, name = task.partition(":")
+    function = getattr(import_module(module), name)
+
+    def done(order: tuple[str, dict[str, Any]]) -> dict[str, Any]:
+        returned = function(order[1])
+        if not isinstance(returned, Mapping):
+            raise TypeError(f"the task returned {type(returned).__name__}, not a mapping")
+        result: dict[str, Any] = plain(returned, "result")
+        return result
+
+    return {"machine": machine(), "versions": versions(packages)}, done
+
+
+@contextmanager
+def progress(title: str, total: int, finished: int = 0, *, shown: bool = True) -> Iterator[Advance]:
+    """A bar on standard error, silent when that is no terminal; what an earlier run finished is not in the rate."""
+    console = error_console()
+    if not (shown and console.is_terminal):  # before release 14.3 of rich even a disabled bar writes an empty line
+        yield lambda *_: None
+        return
+    from rich import progress as rich
+
+    columns = (
+        rich.TextColumn("{task.description}"), rich.BarColumn(), rich.MofNCompleteColumn(), rich.TimeElapsedColumn(),
+        rich.TextColumn("left"), rich.TimeRemainingColumn(),
+    )  # fmt: skip
+    with rich.Progress(*columns, console=console, transient=True, speed_estimate_period=3600.0) as bar:  # long cases
+        task = bar.add_task(title, total=total, completed=finished)
+
+        def advance(description: str = "") -> None:
+            bar.update(task, advance=1, description=f"{title}: {description}" if description else title)
+
+        yield advance

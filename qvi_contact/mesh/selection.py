@@ -1,0 +1,201 @@
+"""Which edges and triangles belong to a name: by number, by a function, on a segment, in a box."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.topology import Topology
+
+Point: TypeAlias = Sequence[float]
+Range: TypeAlias = Sequence[float] | None
+
+Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
+"""A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
+
+_NEAR: Final = 1e-6  # distance over the body's length below which a vertex lies on a line
+_LARGEST: Final = 2.0**53  # whole numbers below it are exact
+
+
+def new_name(name: object, taken: Iterable[str] = (), what: str = "edge set") -> str:
+    """A name that is not taken yet, or `InputError`."""
+    if not isinstance(name, str) or not name:
+        raise InputError("name", name, "give a non-empty string")
+    if name in taken:
+        raise InputError("name", name, f"this {what} exists already: choose another name")
+    return name
+
+
+def numbers_of(name: str, value: Any, kind: type) -> Any:
+    """An array of numbers, whole ones if the kind is int."""
+    found = real_array(name, value, "give an array of real numbers")
+    whole = kind is not int or bool((np.abs(found) < _LARGEST).all() and (found == np.rint(found)).all())
+    if np.asarray(value).dtype == bool or not whole:
+        raise InputError(name, type(value).__name__, "give whole numbers" if kind is int else "give numbers")
+    return found.astype(np.int64) if kind is int else found
+
+
+def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray) -> IntArray:
+    """Vertices (k, 2) of the edges of a set, all on the boundary or all inside the body."""
+    new_name(name)
+    found = numbers_of(name, pairs, int)
+    if found.ndim != 2 or found.shape[1] != 2 or not len(found):
+        raise InputError(name, f"shape {found.shape}", "give the vertices of one or more edges as an array (k, 2)")
+    number = topology.number(found)
+    inside = (found >= 0).all() and (found < len(vertices)).all()
+    if not inside or (number < 0).any():
+        wrong = (
+            found[np.argmax(number < 0)] if inside else found[(found < 0).any(1) | (found >= len(vertices)).any(1)][0]
+        )
+        raise InputError(name, wrong.tolist(), "no edge of the mesh joins these vertices")
+    outer = topology.boundary[number]
+    if outer.any() and not outer.all():
+        x, y = vertices[found[np.argmin(outer)]].mean(axis=0)
+        remedy = f"lies partly on the boundary and partly inside, as around ({x:.6g}, {y:.6g}): make two sets of it"
+        raise InputError("TriangleMesh.edge_sets", name, remedy)
+    chosen = topology.ends[np.unique(number)]
+    chosen.flags.writeable = False
+    return chosen
+
+
+def checked_region(name: str, cells: ArrayLike, count: int) -> IntArray:
+    """Numbers (k,) of the triangles of a region, in ascending order."""
+    new_name(name)
+    found = numbers_of(name, cells, int)
+    if found.ndim != 1 or not len(found) or found.min() < 0 or found.max() >= count:
+        raise InputError(name, cells, f"give numbers of triangles, 0 to {count - 1}")
+    chosen = np.unique(found)
+    chosen.flags.writeable = False
+    return np.asarray(chosen)
+
+
+def chosen_edges(name: str, where: Where, inside: bool, topology: Topology, vertices: FloatArray) -> IntArray:
+    """Vertices (k, 2) of the edges that a function of their midpoints chooses, or of those given by their vertices.
+
+    `InputError` unless all lie on the boundary, or inside the body.
+    """
+    if isinstance(where, str):  # a side of the grids of version 0.1
+        raise InputError(name, where, "give a function of (x, y), or the edges by their vertices")
+    among = topology.boundary != inside
+    if callable(where):
+        candidates: IntArray = topology.ends[among]
+        pairs: IntArray = candidates[selected(name, where, vertices[candidates].mean(axis=1))]
+    else:
+        pairs = checked_pairs(name, where, topology, vertices)
+    if not len(pairs) or not among[topology.number(pairs)].all():
+        raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
+    return pairs
+
+
+def selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], points: FloatArray) -> IntArray:
+    """Indices of the points (k, 2) that a function of (x, y) chooses."""
+    try:
+        mask = np.broadcast_to(np.asarray(where(*points.T)), len(points))
+    except Exception as error:
+        remedy = f"the function must take two arrays (x, y) and return booleans of their shape ({error})"
+        raise InputError(name, where, remedy) from error
+    if mask.dtype != bool:
+        raise InputError(name, mask.dtype, "the function must return booleans")
+    return np.flatnonzero(mask)
+
+
+def edges_on_segment(
+    vertices: FloatArray, topology: Topology, start: Point, stop: Point, *, inside: bool = False
+) -> IntArray:
+    """Edges of the boundary, or inside the body, that lie on a straight line between two points.
+
+    Parameters
+    ----------
+    vertices : (n, 2) array
+        Coordinates [length].
+    topology : Topology
+        The edges of the mesh.
+    start, stop : (x, y)
+        The points [length], which must be vertices of these edges.
+    inside : bool
+        Whether edges between two triangles are meant rather than those of the boundary.
+
+    Returns
+    -------
+    (k, 2) int array
+        The edges by their vertices.
+
+    Raises
+    ------
+    InputError
+        If no edge lies there, or the line ends elsewhere than they do.
+
+    """
+    ends = np.array([start, stop], dtype=float)
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    near = _NEAR * float(np.ptp(vertices, axis=0).max())
+    if not length > near:
+        raise InputError("segment", [list(start), list(stop)], "give two different points")
+    along = (ends[1] - ends[0]) / length
+    offset = vertices - ends[0]
+    t, distance = offset @ along, np.abs(offset @ np.array([-along[1], along[0]]))
+    on = (distance <= near) & (t >= -near) & (t <= length + near)
+    pairs = _pairs(topology, on, inside)
+    run = vertices[pairs[:, 1]] - vertices[pairs[:, 0]]
+    pairs = pairs[np.abs(run @ along) > np.abs(run @ [-along[1], along[0]])]  # shorter ones may leave the line
+    if not len(pairs):
+        where = "inside the body" if inside else "of the boundary"
+        raise InputError("segment", [list(start), list(stop)], f"no edge {where} lies on this line: correct its ends")
+    for end in ends:
+        gaps = np.hypot(*(vertices[np.unique(pairs)] - end).T)
+        if gaps.min() > near:
+            x, y = vertices[np.unique(pairs)[np.argmin(gaps)]]
+            remedy = f"must be a vertex where edges on this line end; the nearest one is ({x:.9g}, {y:.9g})"
+            raise InputError("segment", end.tolist(), remedy)
+    return np.asarray(pairs)
+
+
+def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:
+    """Edges (k, 2) of the boundary whose two ends lie in ranges of x and y [length], by their vertices."""
+    pairs = _pairs(topology, _within(vertices, x, y)[0], False)
+    if not len(pairs):
+        raise InputError("box", {"x": x, "y": y}, "no edge of the boundary lies in this box: make it larger")
+    return pairs
+
+
+def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) -> IntArray:
+    """Numbers (k,) of the triangles in ranges of x and y [length], the borders of which must be edges of the mesh."""
+    given = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
+    closed, open_ = _within(vertices, x, y)
+    inside = closed[cells].all(axis=1)
+    for axis, bounds in ((0, x), (1, y)):
+        if bounds is not None:  # of triangles that are smaller than what counts as near, on which side they lie
+            centres = vertices[cells][..., axis].mean(axis=1)
+            inside &= (centres > bounds[0]) & (centres < bounds[1])
+    cut = open_[cells].any(axis=1) & ~inside
+    if cut.any():
+        px, py = vertices[cells[np.argmax(cut)]].mean(axis=0)
+        remedy = f"cuts the triangle around ({px:.6g}, {py:.6g}): give ranges that end on edges of the mesh"
+        raise InputError("region", given, remedy)
+    if not inside.any():
+        raise InputError("region", given, "no triangle lies in this range: make it larger")
+    return np.flatnonzero(inside)
+
+
+def _pairs(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:
+    """Edges whose two vertices are chosen (v,), on the boundary or inside."""
+    ends = topology.ends
+    return np.asarray(ends[chosen[ends].all(axis=1) & (topology.boundary != inside)])
+
+
+def _within(vertices: FloatArray, x: Range, y: Range) -> tuple[BoolArray, BoolArray]:
+    """Vertices (v,) in ranges, with and without their borders."""
+    near = _NEAR * float(np.ptp(vertices, axis=0).max())
+    closed, open_ = np.ones(len(vertices), dtype=bool), np.ones(len(vertices), dtype=bool)
+    for bounds, values in ((x, vertices[:, 0]), (y, vertices[:, 1])):
+        if bounds is not None:
+            ends = real_array("range", bounds, "give a pair of numbers")
+            if ends.shape != (2,) or not ends[0] < ends[1]:
+                raise InputError("range", bounds, "give two numbers, the smaller end first")
+            low, high = ends
+            closed &= (values >= low - near) & (values <= high + near)
+            open_ &= (values > low + near) & (values < high - near)
+    return closed, open_
