@@ -2,9 +2,8 @@
 
 For large friction the discrete problem may have several certified solutions. They are compared with the displacement
 model on the same mesh, under the same friction law, by the energy of what the strains differ, see `other_solutions`.
-
-The one with the smallest difference comes first. Displacements may have several solutions too: the comparison is an indication
-of the branch, and no proof.
+The one with the smallest difference comes first. Displacements may have several solutions too: the comparison is an
+indication of the branch, and no proof.
 """
 
 from __future__ import annotations
