@@ -26,7 +26,7 @@ from qvi_contact.bracket.parts import Bounds, CellFields, tractions_on
 from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
-from qvi_contact.companion.traces import Trace
+from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
@@ -74,7 +74,7 @@ class _Line:
     """
 
     contact: Contact
-    trace: Trace
+    trace: DisplacementContact
     rows: ContactRows
     share: Share | None
     slipping: FloatArray

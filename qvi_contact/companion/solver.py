@@ -16,8 +16,8 @@ from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.data import PARALLEL, Supports, supports
 from qvi_contact.companion.dual import Contacts, DualProblem, admissible, dual_problem
 from qvi_contact.companion.result import CompanionResult, CompanionState
-from qvi_contact.companion.space import Space, Triangle, triangle
-from qvi_contact.companion.traces import Trace, traces
+from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
+from qvi_contact.companion.traces import DisplacementContact, traces
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -207,13 +207,13 @@ class _Model:
     def of(cls, problem: ContactProblem, cell: Triangle) -> _Model:
         """Loads and supports."""
         scales = Scales.of(problem)
-        space = Space.of(problem, cell, scales.length)
+        space = DisplacementSpace.of(problem, cell, scales.length)
         body = Elasticity(space, moduli(problem, scales))
         return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
 
     def traces(
         self, bounds: Mapping[str, ArrayLike] | None, slip_direction: Mapping[str, FloatArray]
-    ) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
+    ) -> tuple[tuple[DisplacementContact, ...], tuple[str, ...]]:
         """Contacts under a law, with the directions of their slip, and why the energy is not exact."""
         problem = self.problem
         lines, reasons = traces(problem, self.body.space, self.scales, bounds)
@@ -232,7 +232,8 @@ class _Model:
 
     def result(self, dual: DualProblem, solution: QVISolution, reasons: tuple[str, ...]) -> CompanionResult:
         """What a solution of the contact problem says."""
-        state = _state(dual, solution) if _usable(solution) else None
+        usable = solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all()
+        state = _state(dual, solution) if usable else None
         return CompanionResult(
             self.problem, self.body.space.degree, self.scales, self.body.space, self.body, solution.status,
             solution.certificate, solution.message, state, reasons + (state.reasons if state else ()), solution,
@@ -255,17 +256,13 @@ def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
     return np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)
 
 
-def _moves(problem: ContactProblem, trace: Trace, contact: Contact) -> bool:
+def _moves(problem: ContactProblem, trace: DisplacementContact, contact: Contact) -> bool:
     """Whether there is friction at a coefficient, or at a sample between them."""
     found = bool((trace.friction > 0.0).any())
     if found or not callable(contact.friction):
         return found
     x, y = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
     return bool((evaluate("Contact.friction", contact.friction, x, y, minimum=0.0) > 0.0).any())
-
-
-def _usable(solution: QVISolution) -> bool:
-    return solution.status is not Status.INFEASIBLE and bool(np.isfinite(solution.z).all())
 
 
 def _state(dual: DualProblem, solution: QVISolution) -> CompanionState:
