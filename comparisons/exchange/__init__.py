@@ -1,9 +1,8 @@
 """Problems in formats of other programs (`qpbenchmark`, FCLIB, NumPy archives), and their files solved here.
 
     archive        .npz of any `FrictionQVI` and its solution
-    local          the condensed problem (W, q, μ) of contact codes, from a `FrictionQVI` and back
+    local          the condensed problem (W, q, μ) of contact codes, from a `FrictionQVI` and back; Siconos' error of it
     fclib          that problem in the HDF5 layout of FCLIB, the Frictional Contact Library
-    siconos        the error measure of Siconos for it
 
 Algebra only: no mesh is needed. One contact, u = W r + q with r = (r_N, r_T), which has three solutions:
 
@@ -39,8 +38,14 @@ from solvers.basics.front import front
 if TYPE_CHECKING:
     from comparisons.exchange.archive import load_qvi, save_qvi
     from comparisons.exchange.fclib import FCLIBFile, read_fclib, write_fclib
-    from comparisons.exchange.local import ContactState, LocalProblem, local_problem, solve_local, state_of
-    from comparisons.exchange.siconos import siconos_error
+    from comparisons.exchange.local import (
+        ContactState,
+        LocalProblem,
+        local_problem,
+        siconos_error,
+        solve_local,
+        state_of,
+    )
 
 __all__ = [
     "ContactState",
@@ -61,8 +66,9 @@ __getattr__ = front(
     {
         "archive": ("load_qvi", "save_qvi"),
         "fclib": ("FCLIBFile", "read_fclib", "write_fclib"),
-        "local": ("ContactState", "LocalProblem", "local_problem", "solve_local", "state_of"),
+        "local": (
+            "ContactState", "LocalProblem", "local_problem", "project", "siconos_error", "solve_local", "state_of",
+        ),
         "quadratic_programs": ("programs_of", "standard_problems"),
-        "siconos": ("project", "siconos_error"),
     },
-)
+)  # fmt: skip

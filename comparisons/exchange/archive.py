@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
-from comparisons.exchange.files import unreadable
 from solvers.basics.files import open_regular, read_arrays, replacing
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse
@@ -64,7 +63,17 @@ def save_qvi(path: str | Path, qvi: FrictionQVI, solution: QVISolution | None = 
         arrays |= _by_columns("traces_rows", qvi.traces.rows)
         arrays |= _by_columns("traces_interpolation", qvi.traces.interpolation)
     if solution is not None:
-        arrays |= _solution_arrays(qvi, solution)
+        arrays |= {f"solution_{name}": getattr(solution, name) for name in _SOLUTION}
+        if solution.problem is not qvi and not _same(solution.problem, qvi):
+            raise InputError("solution", "of another problem", "give the solution of this one")
+        if solution.farkas is not None:
+            arrays |= {"solution_farkas_G": solution.farkas[0], "solution_farkas_A": solution.farkas[1]}
+        record = {name: getattr(solution, name) for name in _WORDS} | {
+            "status": solution.status.value, "tolerance": solution.certificate.tolerance,
+            "iterations": solution.iterations, "timings": dict(solution.timings), "versions": dict(solution.versions),
+            "corrections": list(solution.corrections),
+        }  # fmt: skip
+        arrays["solution_record"] = np.array(json.dumps(record, sort_keys=True))
     with replacing(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
 
@@ -78,8 +87,19 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
         If the file cannot be read, is of another format or version, or its data are no valid problem.
 
     """
-    arrays = _arrays(path)
-    _check_format(path, arrays)
+    try:
+        with open_regular(path) as stream:  # each array is read to its end, so that nothing truncated goes unnoticed
+            arrays: Arrays = read_arrays("file", str(path), stream)
+    except InputError:
+        raise
+    except (*_BROKEN, AttributeError) as error:  # AttributeError: a single array, which is no archive
+        raise unreadable(path, error, _KIND) from error
+    found, version = str(arrays.get("format", "no format")), arrays.get("version", np.array(0))
+    if found != FORMAT:
+        raise InputError("file", f"{found} in {Path(path).name}", f"give {_KIND}")
+    if version.shape != () or version.dtype.kind != "i" or int(version) != VERSION:
+        found, remedy = f"version {version} of {Path(path).name}", f"give version {VERSION}, or take a newer program"
+        raise InputError("file", found, remedy)
     try:
         fields = {name: _matrix(arrays, name) for name in _MATRICES} | {name: arrays[name] for name in _VECTORS}
         if "traces_rows_data" in arrays:
@@ -92,25 +112,10 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
         raise unreadable(path, error, _KIND) from error
 
 
-def _arrays(path: str | Path) -> Arrays:
-    """All arrays of the file, each read to its end so that nothing truncated goes unnoticed."""
-    try:
-        with open_regular(path) as stream:
-            return read_arrays("file", str(path), stream)
-    except InputError:
-        raise
-    except (*_BROKEN, AttributeError) as error:  # AttributeError: a single array, which is no archive
-        raise unreadable(path, error, _KIND) from error
-
-
-def _check_format(path: str | Path, arrays: Arrays) -> None:
-    found = str(arrays["format"]) if "format" in arrays else "no format"
-    if found != FORMAT:
-        raise InputError("file", f"{found} in {Path(path).name}", f"give {_KIND}")
-    version = arrays.get("version", np.array(0))
-    if version.shape != () or version.dtype.kind != "i" or int(version) != VERSION:
-        found, remedy = f"version {version} of {Path(path).name}", f"give version {VERSION}, or take a newer program"
-        raise InputError("file", found, remedy)
+def unreadable(path: str | Path, error: Exception, kind: str) -> InputError:
+    """The error for a file that is missing, truncated or of another format."""
+    reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
+    return InputError("file", str(path), f"cannot be read ({reason}): give {kind}")
 
 
 def _by_columns(name: str, matrix: Sparse) -> Arrays:
@@ -127,20 +132,6 @@ def _matrix(arrays: Arrays, name: str) -> Sparse:
     except (ValueError, IndexError) as error:
         raise InputError(name, str(error), "give data, indices, indptr and shape that belong together") from error
     return matrix
-
-
-def _solution_arrays(qvi: FrictionQVI, solution: QVISolution) -> Arrays:
-    arrays: Arrays = {f"solution_{name}": getattr(solution, name) for name in _SOLUTION}
-    if solution.problem is not qvi and not _same(solution.problem, qvi):
-        raise InputError("solution", "of another problem", "give the solution of this one")
-    if solution.farkas is not None:
-        arrays |= {"solution_farkas_G": solution.farkas[0], "solution_farkas_A": solution.farkas[1]}
-    record = {name: getattr(solution, name) for name in _WORDS} | {
-        "status": solution.status.value, "tolerance": solution.certificate.tolerance,
-        "iterations": solution.iterations, "timings": dict(solution.timings), "versions": dict(solution.versions),
-        "corrections": list(solution.corrections),
-    }  # fmt: skip
-    return arrays | {"solution_record": np.array(json.dumps(record, sort_keys=True))}
 
 
 def _same(one: FrictionQVI, other: FrictionQVI) -> bool:

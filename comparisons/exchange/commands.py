@@ -2,17 +2,18 @@
 
 import json
 import math
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from qvi_contact.basics.terminal import Command, Group
 
 if TYPE_CHECKING:
+    from comparisons.exchange import ContactState, LocalProblem
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.result import ContactResult
+    from solvers import Certificate
 
 _PROBLEM = click.argument("problem", metavar="PROBLEM")
 _FILE = click.argument("file", metavar="FILE")
@@ -44,7 +45,7 @@ def qpbenchmark(folder: str, problems: tuple[str, ...]) -> None:
         qpbenchmark results/test_set/friction_contact.py --results-path results/test_set/qps.csv run
     """  # noqa: D301
     from comparisons.exchange import quadratic_programs as programs
-    from comparisons.lab.progress import progress
+    from comparisons.lab.studies import progress
     from qvi_contact.basics.writing import writable_folder
     from qvi_contact.errors import InputError
     from qvi_contact.files.problem_file import load_problem
@@ -95,7 +96,12 @@ def fclib(problem: str, file: str, penalty: float | None) -> int:
         local = local.penalised(penalty)
     solved = result.solution.solved and penalty is None
     state = state_of(local, result.solution) if solved else None
-    write_fclib(file, local, state, title=source.title, description=_units(source.description, result))
+    scales = result.discretization.scales
+    units = (
+        f"Dimensionless. Units, in those of the problem: force per thickness {scales.stress * scales.length:.17g}, "
+        f"displacement {scales.displacement:.17g}, stress {scales.stress:.17g}, length {scales.length:.17g}."
+    )
+    write_fclib(file, local, state, title=source.title, description=f"{source.description} {units}".strip())
     return _written(file, result)
 
 
@@ -125,8 +131,8 @@ def npz(problem: str, file: str) -> int:
 @click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
 @click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
-def import_file(file: str, method: str | None, inner: str | None, tolerance: float | None, as_json: bool) -> int:
-    """Solve the problem in FILE, and check the solutions that FILE holds.
+def import_file(file: str, as_json: bool, **given: Any) -> int:
+    """Solve the problem in FILE, and check the solution that FILE holds.
 
     FILE is an archive of "export npz" or a plane FCLIB problem. The output has the status, the certificate, and
     Siconos' error in the file's units and in dimensionless numbers. The exit status is 0 if the problem is solved, 1 if
@@ -138,17 +144,80 @@ def import_file(file: str, method: str | None, inner: str | None, tolerance: flo
     """  # noqa: D301
     import numpy as np
 
-    from comparisons.exchange.reading import solve_file
-    from comparisons.lab.study.rows import finite_json
+    from comparisons.lab.studies import finite_json
 
-    given = {"method": method, "inner": inner, "tolerance": tolerance}
+    options = {name: value for name, value in given.items() if value is not None}
     with np.errstate(all="ignore"):  # what overflows fails its certificate
-        report = solve_file(file, {name: value for name, value in given.items() if value is not None})
+        found = _solved_archive(file, options) if Path(file).suffix.lower() == ".npz" else _solved_fclib(file, options)
     if as_json:
-        click.echo(json.dumps(finite_json(asdict(report), null=True), indent=2, allow_nan=False, ensure_ascii=False))
-    else:
-        click.echo("\n".join(report.lines()))
-    return 0 if report.status == "solved" else 1
+        click.echo(json.dumps(finite_json(found, null=True), indent=2, allow_nan=False, ensure_ascii=False))
+        return 0 if found["status"] == "solved" else 1
+    title = f", “{found['title']}”" if found["title"] else ""
+    head = f"{file}: {found['kind']}{title}, {found['contacts']} contact points, {found['unknowns']} unknowns, "
+    click.echo(f"{head}{found['equations']} equations")
+    for judgement in found["judgements"]:
+        click.echo(f"  {judgement['label']}: {judgement['certificate']}")
+        if judgement["siconos_error"] is not None:
+            own = f"{judgement['siconos_error_dimensionless']:.1e} with dimensionless u and r"
+            click.echo(f"    Siconos error {judgement['siconos_error']:.1e}, {own}")
+    click.echo("".join([f"  {found['note']}\n" if found["note"] else "", f"status: {found['message']}"]))
+    return 0 if found["status"] == "solved" else 1
+
+
+def _solved_fclib(path: str, options: dict[str, Any]) -> dict[str, Any]:
+    """What an FCLIB file holds, how good its solution is and that found here, and how solving went."""
+    from comparisons.exchange import read_fclib, solve_local
+
+    held = read_fclib(path)
+    problem, judgements = held.problem, []
+    if held.solution is not None:
+        certificate = problem.certify(held.solution, options.get("tolerance", 1e-8))
+        judgements.append(_judged("solution", problem, held.solution, certificate))
+    state, solution = solve_local(problem, **options)
+    judgements.append(_judged("solved here", problem, state, solution.certificate))
+    return {
+        "file": path, "kind": "FCLIB", "title": held.title, "contacts": problem.contacts, "unknowns": len(problem.q),
+        "equations": len(problem.s), "judgements": judgements, "status": solution.status.value,
+        "message": solution.message, "note": "",
+    }  # fmt: skip
+
+
+def _solved_archive(path: str, options: dict[str, Any]) -> dict[str, Any]:
+    """The same of an archive; without Siconos' measure where FCLIB has no form for its problem."""
+    from comparisons.exchange import load_qvi, local_problem, state_of
+    from solvers import InputError, solve_qvi
+
+    qvi, known = load_qvi(path)
+    problem, note = None, ""
+    try:
+        problem = local_problem(qvi)
+    except InputError as error:
+        note = f"no Siconos error: {error.field} has no place in FCLIB"
+    solution = solve_qvi(qvi, **options)
+    judgements = [
+        _judged(label, problem, None if problem is None else state_of(problem, each), each.certificate)
+        for label, each in (("solution", known), ("solved here", solution))
+        if each is not None
+    ]
+    return {
+        "file": path, "kind": "NumPy archive", "title": "", "contacts": qvi.m, "unknowns": qvi.n, "equations": qvi.p,
+        "judgements": judgements, "status": solution.status.value, "message": solution.message, "note": note,
+    }  # fmt: skip
+
+
+def _judged(
+    label: str, problem: "LocalProblem | None", state: "ContactState | None", certificate: "Certificate"
+) -> dict[str, Any]:
+    from comparisons.exchange import siconos_error
+
+    errors: tuple[float | None, float | None] = (None, None)
+    if problem is not None and state is not None:
+        own, own_state = problem.dimensionless(state)
+        errors = siconos_error(problem, state.r, state.lam), siconos_error(own, own_state.r, own_state.lam)
+    return {
+        "label": label, "certificate": certificate.summary(), "accuracy": certificate.accuracy,
+        "siconos_error": errors[0], "siconos_error_dimensionless": errors[1],
+    }  # fmt: skip
 
 
 def _check_target(file: str, suffix: str) -> None:
@@ -169,16 +238,6 @@ def _solved(path: str) -> "tuple[ProblemFile, ContactResult]":
     source = load_problem(path)
     with source.named_errors(), np.errstate(all="ignore"):
         return source, solve(source.problem, **source.solve_options)
-
-
-def _units(description: str, result: "ContactResult") -> str:
-    """The description, and what the dimensionless numbers mean."""
-    scales = result.discretization.scales
-    units = (
-        f"Dimensionless. Units, in those of the problem: force per thickness {scales.stress * scales.length:.17g}, "
-        f"displacement {scales.displacement:.17g}, stress {scales.stress:.17g}, length {scales.length:.17g}."
-    )
-    return f"{description} {units}".strip()
 
 
 def _written(file: str, result: "ContactResult") -> int:

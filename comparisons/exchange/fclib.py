@@ -7,7 +7,7 @@
     /fclib_local/vectors/q, mu, s     s only with equations
     /fclib_local/info/title, description, math_info
     /solution/u, r, l                 l only with equations
-    /guesses/number_of_guesses, 1/u, 1/r, 1/l, 2/…
+    /guesses                          starting points of others, which are passed over
     /qvi_contact/weights              this project's: lengths that make forces tractions; other programs pass over it
 
 Integers are 32 bit, numbers 64 bit, all with one dimension. Source: src/fclib.h of FrictionalContactLibrary/fclib, as
@@ -18,7 +18,7 @@ Siconos (`frictionContact_fclib_read`) reads W, q and mu and passes over V, R an
 `LocalProblem.penalised`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from comparisons.exchange.files import finite, unreadable
-from comparisons.exchange.local import LARGEST, ContactState, LocalProblem
+from comparisons.exchange.archive import unreadable
+from comparisons.exchange.local import LARGEST, ContactState, LocalProblem, finite
 from solvers.basics.files import LARGEST as LARGEST_CONTENT
 from solvers.basics.files import replacing
 from solvers.basics.types import Matrix, Module, Sparse, SparseRows, Vector, load
@@ -50,14 +50,12 @@ class FCLIBFile:
     ----------
     problem : LocalProblem
     solution : ContactState or None
-    guesses : tuple of ContactState
     title, description : str, empty if missing
 
     """
 
     problem: LocalProblem
     solution: ContactState | None = None
-    guesses: tuple[ContactState, ...] = ()
     title: str = ""
     description: str = ""
 
@@ -66,11 +64,10 @@ def write_fclib(
     path: str | Path,
     problem: LocalProblem,
     solution: ContactState | None = None,
-    guesses: Sequence[ContactState] = (),
     title: str = "",
     description: str = "",
 ) -> None:
-    """Write a local problem, with a solution and guesses (other solutions, starting points) if there are any.
+    """Write a local problem, with a solution if there is one.
 
     Raises
     ------
@@ -79,7 +76,7 @@ def write_fclib(
 
     """
     h5py = _h5py()
-    states = [_checked(problem, state, "state") for state in (*([solution] if solution else []), *guesses)]
+    state = None if solution is None else _checked(problem, solution, "state")
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         local = file.create_group("fclib_local")
         _integers(local, "spacedim", [2])
@@ -93,13 +90,11 @@ def write_fclib(
         info = local.create_group("info")
         for name, text in (("title", title), ("description", description), ("math_info", _MATH)):
             _write_text(h5py, info, name, text)
-        if solution is not None:
-            _write_state(file.create_group("solution"), states.pop(0))
-        if states:
-            group = file.create_group("guesses")
-            _integers(group, "number_of_guesses", [len(states)])
-            for number, state in enumerate(states, 1):
-                _write_state(group.create_group(str(number)), state)
+        if state is not None:
+            group = file.create_group("solution")
+            group["u"], group["r"] = state.u, state.r
+            if len(state.lam):
+                group["l"] = state.lam
         file.create_group(_OWN)["weights"] = problem.weights
 
 
@@ -125,10 +120,12 @@ def read_fclib(path: str | Path) -> FCLIBFile:
         if dimension != 2:
             raise InputError("fclib_local/spacedim", dimension, "give a problem in the plane: 2, not 3, dimensions")
         problem = _read_problem(local, file.get(f"{_OWN}/weights"))
-        solution = _read_state(file["solution"], problem) if "solution" in file else None
-        guesses = _read_guesses(file["guesses"], problem) if "guesses" in file else ()
+        solution = None
+        if (group := file.get("solution")) is not None:
+            lam = _vector(group, "l") if len(problem.s) else np.zeros(0)
+            solution = _checked(problem, ContactState(_vector(group, "u"), _vector(group, "r"), lam), "solution")
         texts = [_read_text(local, f"info/{name}") for name in ("title", "description")]
-    return FCLIBFile(problem, solution, guesses, *texts)
+    return FCLIBFile(problem, solution, *texts)
 
 
 @contextmanager
@@ -180,12 +177,6 @@ def _write_text(h5py: Module, group: Any, name: str, text: str) -> None:
     place.write(h5py.h5s.ALL, h5py.h5s.ALL, buffer, mtype=kind)
 
 
-def _write_state(group: Any, state: ContactState) -> None:
-    group["u"], group["r"] = state.u, state.r
-    if len(state.lam):
-        group["l"] = state.lam
-
-
 def _read_problem(local: Any, weights: Any) -> LocalProblem:
     """The data of /fclib_local; `LocalProblem` checks the rest."""
     q, mu = _vector(local, "vectors/q"), _vector(local, "vectors/mu")
@@ -222,18 +213,6 @@ def _read_matrix(local: Any, name: str) -> Matrix:
             raise
         raise InputError(field, str(error), "give m, n, nz, p, i and x that belong together") from error
     return np.asarray(matrix.toarray(), dtype=np.float64)
-
-
-def _read_guesses(group: Any, problem: LocalProblem) -> tuple[ContactState, ...]:
-    count = _integer(group, "number_of_guesses")
-    if not 0 <= count <= len(group):
-        raise InputError("guesses/number_of_guesses", count, "give the number of groups 1, 2, … there")
-    return tuple(_read_state(_item(group, str(number)), problem) for number in range(1, count + 1))
-
-
-def _read_state(group: Any, problem: LocalProblem) -> ContactState:
-    lam = _vector(group, "l") if len(problem.s) else np.zeros(0)
-    return _checked(problem, ContactState(_vector(group, "u"), _vector(group, "r"), lam), str(group.name))
 
 
 def _checked(problem: LocalProblem, state: ContactState, field: str) -> ContactState:

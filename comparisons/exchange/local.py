@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csc_array
 
-from comparisons.exchange.files import finite
+from solvers.basics.checks import real_array
 from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import Certificate, certify
 from solvers.errors import InputError
@@ -53,6 +53,16 @@ _INCONSISTENT = 1e-8  # relative part of s that no r and λ can balance
 _REGULARISATION = 1e-6  # compliance added, as a share of the diagonal of W, where W is singular
 _PROXIMAL_STEPS = 20
 _SETTLED = 1e-13  # what is left of the added compliance's displacement, relative to q, that is not worth another step
+
+
+def finite(field: str, values: np.ndarray, *, infinite: bool = False) -> np.ndarray:
+    """The numbers as float64; `InputError` for anything that is no number, NaN, or (unless allowed) infinite."""
+    if values.dtype.kind not in "fiu":
+        raise InputError(field, f"type {values.dtype}", "give real numbers")
+    numbers = np.asarray(values, dtype=np.float64)
+    if np.isnan(numbers).any() or not (infinite or np.isfinite(numbers).all()):
+        raise InputError(field, "NaN or infinity", "give finite numbers")
+    return numbers
 
 
 class ContactState(NamedTuple):
@@ -107,15 +117,6 @@ class LocalProblem:
         for name in ("W", "q", "mu", "V", "R", "s", "weights"):
             value = getattr(self, name)
             object.__setattr__(self, name, finite(name, np.asarray(empty[name] if value is None else value)))
-        self._check_shapes(size)
-        if (self.mu < 0).any():
-            raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
-        if not (self.weights > 0).all():
-            raise InputError("weights", float(self.weights.min()), "give lengths > 0")
-        for name in ("W", "R"):
-            _check_definite(name, getattr(self, name))
-
-    def _check_shapes(self, size: int) -> None:
         if size % 2 or not 0 < size <= LARGEST:
             raise InputError("q", f"{size} entries", f"give two for each contact, at most {LARGEST} in all")
         c, p = size // 2, np.size(self.s)
@@ -126,6 +127,12 @@ class LocalProblem:
             found = getattr(self, name).shape
             if found != shape:
                 raise InputError(name, f"shape {found}", f"give shape {shape}, as q and s say")
+        if (self.mu < 0).any():
+            raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
+        if not (self.weights > 0).all():
+            raise InputError("weights", float(self.weights.min()), "give lengths > 0")
+        for name in ("W", "R"):
+            _check_definite(name, getattr(self, name))
 
     @property
     def contacts(self) -> int:
@@ -183,7 +190,14 @@ class LocalProblem:
     def state(self, solution: QVISolution) -> ContactState:
         """r, λ, and u = W r + V λ + q computed from them, of a solution of `qvi` (NaN where it has none)."""
         r = self.force_unit * self._scale * solution.z
-        return self._state(r, self._compliance * self.force_unit * solution.equality_multiplier)
+        held = self._compliance * self.force_unit * solution.equality_multiplier  # what the equations push with
+        values, vectors = np.linalg.eigh(self.R)
+        large = values > _SINGULAR * values.max(initial=0.0)
+        soft, rigid = vectors[:, large], vectors[:, ~large]
+        lam = -soft @ ((soft.T @ (self.V.T @ r + self.s)) / values[large])
+        pushed = self._reduced.U @ held  # d V λ
+        lam = lam + rigid @ np.linalg.lstsq(self._scale[:, None] * (self.V @ rigid), pushed, rcond=None)[0]
+        return ContactState(self.displacements(r, lam), r, lam)
 
     def certify(self, state: ContactState, tolerance: float = 1e-8) -> Certificate:
         """The certificate of a state (see `solvers.certificate`), on `qvi` about it: from r, λ and u as given.
@@ -231,16 +245,6 @@ class LocalProblem:
         """The matrix d W d / ω + U Uᵀ of `qvi`."""
         W, _, U, _ = self._reduced
         return np.asarray(W * self._scale * self._scale[:, None] / self._compliance + U @ U.T)
-
-    def _state(self, r: Vector, held: Vector) -> ContactState:
-        """The state whose equations push with U held."""
-        values, vectors = np.linalg.eigh(self.R)
-        large = values > _SINGULAR * values.max(initial=0.0)
-        soft, rigid = vectors[:, large], vectors[:, ~large]
-        lam = -soft @ ((soft.T @ (self.V.T @ r + self.s)) / values[large])
-        pushed = self._reduced.U @ held  # d V λ
-        lam = lam + rigid @ np.linalg.lstsq(self._scale[:, None] * (self.V @ rigid), pushed, rcond=None)[0]
-        return ContactState(self.displacements(r, lam), r, lam)
 
     @cached_property
     def _reduced(self) -> _Reduced:
@@ -298,7 +302,15 @@ def local_problem(qvi: FrictionQVI) -> LocalProblem:
         friction stress, points where the sign of the normal traction is free.
 
     """
-    _check_expressible(qvi)
+    remedy = "write it as .npz: a local friction problem can hold μ only"
+    if not 0 < 2 * qvi.m <= LARGEST:
+        raise InputError("contact points", qvi.m, f"give a problem with 1 to {LARGEST // 2} of them")
+    if qvi.bilateral.any():
+        raise InputError("bilateral", f"{int(qvi.bilateral.sum())} points", remedy)
+    if qvi.cohesion.any():
+        raise InputError("cohesion", float(qvi.cohesion.max()), remedy)
+    if np.isfinite(qvi.cap).any():
+        raise InputError("cap", float(qvi.cap.min()), remedy)
     if qvi.root is not None and qvi.n <= _ROOTED:
         qvi = replace(qvi)  # with an operator of its own: that of the caller's problem is left as it is
         qvi.operator.use_root()
@@ -335,18 +347,6 @@ def state_of(problem: LocalProblem, solution: QVISolution) -> ContactState:
     return ContactState(u, r, lam)
 
 
-def _check_expressible(qvi: FrictionQVI) -> None:
-    remedy = "write it as .npz: a local friction problem can hold μ only"
-    if not 0 < 2 * qvi.m <= LARGEST:
-        raise InputError("contact points", qvi.m, f"give a problem with 1 to {LARGEST // 2} of them")
-    if qvi.bilateral.any():
-        raise InputError("bilateral", f"{int(qvi.bilateral.sum())} points", remedy)
-    if qvi.cohesion.any():
-        raise InputError("cohesion", float(qvi.cohesion.max()), remedy)
-    if np.isfinite(qvi.cap).any():
-        raise InputError("cap", float(qvi.cap.min()), remedy)
-
-
 def _check_definite(name: str, matrix: Matrix) -> None:
     """Symmetric and positive semi-definite, up to rounding."""
     size = float(np.abs(matrix).max(initial=0.0))
@@ -356,3 +356,55 @@ def _check_definite(name: str, matrix: Matrix) -> None:
     values = np.linalg.eigvalsh(matrix)
     if len(values) and values[0] < -_NEGATIVE * max(values[-1], 0.0) - np.finfo(float).tiny:
         raise InputError(name, f"eigenvalue {values[0]:.1e}", "give a positive semi-definite matrix")
+
+
+def siconos_error(problem: LocalProblem, r: Vector, lam: Vector | None = None) -> float:
+    """How far forces r (2c,) and multipliers λ (p,) of the equations are from a solution, as Siconos measures it; ≥ 0.
+
+    De Saxcé's form of Coulomb's law, K the cone |r_T| ≤ μ r_N and K* its dual:  K* ∋ u + μ |u_T| e_N ⊥ r ∈ K  at each
+    contact, is the fixed point r = P_K(r − (u + μ |u_T| e_N)). Its residual is the natural map F, and the error
+
+        |F(r)|₂ / max(|r|₂, |u|₂, |q|₂),    u = W r + V λ + q,
+
+    the denominator being left out where it is below the machine epsilon; infinite for NaN. It compares displacements
+    with forces (ρ = 1 in r − ρ u), so that it depends on their units: it means most where both are dimensionless.
+    Where the problem has equations, |Vᵀ r + R λ + s|₂ / (1 + |s|₂) is added, as FCLIB's own merit function does
+    (`fclib_merit_local`, MERIT_1); λ is then needed.
+
+    Source: `fc2d_compute_error` of Siconos/Numerics (numerics/src/FrictionContact/fc2d_compute_error.c, as of 2021);
+    Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems, 2008, p. 528; De Saxcé and Feng, Math.
+    Comput. Modelling 28 (1998).
+
+    Raises
+    ------
+    InputError
+        For wrong shapes, or a missing λ.
+
+    """
+    given = {"r": (r, len(problem.q)), "lam": (np.zeros(0) if lam is None else lam, len(problem.s))}
+    for name, (value, size) in given.items():
+        if np.shape(value) != (size,):
+            raise InputError(name, f"shape {np.shape(value)}", f"give shape ({size},)")
+    r, lam = (real_array(name, value) for name, (value, _) in given.items())
+    u = problem.displacements(r, lam)
+    if not np.isfinite(u).all():
+        return np.inf
+    (r_N, r_T), (u_N, u_T) = r.reshape(-1, 2).T, u.reshape(-1, 2).T
+    p_N, p_T = project(problem.mu, r_N - u_N - problem.mu * np.abs(u_T), r_T - u_T)
+    error = float(np.hypot(np.linalg.norm(r_N - p_N), np.linalg.norm(r_T - p_T)))
+    scale = max(float(np.linalg.norm(each)) for each in (r, u, problem.q))
+    if scale > np.finfo(float).eps:
+        error /= scale
+    equations = problem.V.T @ r + problem.R @ lam + problem.s
+    return error + float(np.linalg.norm(equations)) / (1.0 + float(np.linalg.norm(problem.s)))
+
+
+def project(mu: Vector, x_N: Vector, x_T: Vector) -> tuple[Vector, Vector]:
+    """Euclidean projection on |x_T| ≤ μ x_N, contact by contact: itself, the apex, or a point on the nearer edge."""
+    size = np.abs(x_T)
+    inside = size <= mu * x_N
+    below = mu * size <= -x_N
+    on_edge = (mu * size + x_N) / (1.0 + mu**2)
+    p_N = np.where(below, 0.0, np.where(inside, x_N, on_edge))  # in this order: at μ = 0 "inside" is x_N of any sign
+    p_T = np.where(below, 0.0, np.where(inside, x_T, mu * on_edge * np.sign(x_T)))
+    return p_N, p_T

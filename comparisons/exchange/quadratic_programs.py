@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
-from qvi_contact import ContactProblem, ContactResult, solve
+from qvi_contact import ContactProblem, solve
 from qvi_contact.basics.writing import replacing, write_text
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers.basics.types import Sparse, Vector
@@ -113,16 +113,11 @@ def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: C
     target.mkdir(exist_ok=True)
     written = []
     for name, problem in problems.items():
-        qvi, pressure = _solved(solve(problem, contact_rows="gauss"))
+        solution = solve(problem, contact_rows="gauss").solution
+        qvi, pressure = solution.problem, solution.problem.pressure(solution.z) if solution.solved else None
         written += [program.save(target) for program in programs_of(name, qvi, pressure)]
         advance(name)
     with replacing(folder / TEST_SET) as temporary:
         shutil.copyfile(Path(__file__).with_name(TEST_SET), temporary)
     write_text(folder / SPARSE_TEST_SET, _SPARSE)
     return written
-
-
-def _solved(result: ContactResult) -> tuple[FrictionQVI, Vector | None]:
-    """The algebraic problem, and the pressure if it is solved."""
-    qvi = result.solution.problem
-    return qvi, qvi.pressure(result.solution.z) if result.solution.solved else None

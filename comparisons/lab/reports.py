@@ -130,7 +130,7 @@ class Report:
         from rich.console import Console
         from rich.markdown import Markdown
 
-        text = re.sub(r"<details>.*?</details>|^<a id=.*?</a>$|^!\[.*\)$", "", self.text, flags=re.M | re.S)
+        text = re.sub(r"<details>.*?</details>|^<a id=.*?</a>$|^!\[[^\n]*\)$", "", self.text, flags=re.M | re.S)
         if not tables:
             text = "".join([f"# {self.title}\n", *(match[0] for match in _FINDINGS.finditer(text))])
         console = Console(highlight=False, emoji=False)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import ListCommand, folder_option
+from comparisons.lab.commands import ListCommand, folder_option
 
 
 @click.command(cls=ListCommand)
@@ -24,26 +24,21 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
         python -m comparisons verify --out comparisons/reports/verification
         python -m comparisons verify --only ssnv128 limits --quick
     """  # noqa: D301
-    from comparisons.lab.progress import progress
-    from comparisons.lab.report import show, write_report
-    from comparisons.verification import study
-    from comparisons.verification.exhibits import pictures, results
-    from comparisons.verification.report import as_json as json_of
-    from comparisons.verification.report import report
+    from comparisons.lab.studies import progress
+    from comparisons.verification import report as manual
     from qvi_contact.basics.writing import writable_folder
 
-    chapters = study.choose(only)
+    chapters = manual.choose(only)
     folder = None if out is None else writable_folder(out)
     # drawn first, so that a picture that fails costs no rows
-    names = [name for problems in chapters.values() for name in problems] if folder else []
-    drawings, graphs = pictures(names), results(names, quick)
-    with progress("verify", study.step_count(chapters)) as advance:
-        document = study.run(chapters, quick, advance, only)
+    drawings = manual.drawings([name for problems in chapters.values() for name in problems], quick) if folder else {}
+    with progress("verify", sum(map(len, chapters.values()))) as advance:
+        document = manual.run(chapters, quick, advance, only)
     if as_json:
-        click.echo(json_of(document))
+        click.echo(manual.as_json(document))
     if folder or not as_json:
-        manual = report(document, drawings, graphs)
-        written = write_report(manual, folder) if folder else []
+        report = manual.report(document, drawings)
+        written = report.write(folder) if folder else []
         if not as_json:
-            show(manual, written, tables=verbose)
+            report.show(written, tables=verbose)
     return 0 if document["passed"] else 1

@@ -1,15 +1,15 @@
 """What is known of the problem files in the folder examples without this package: the one table of it.
 
-The chapter on these files, the gallery of the documentation and the tests read it. A line has a quantity with its unit,
-how it is measured, its known value, the tolerance, and the source. A tolerance is relative to the known value, and in
-units of the quantity where that is zero, or where the comparison is another one (`Known.compare`).
+The chapter on these files below, the gallery of the documentation and the tests read it. A line has a quantity with
+its unit, how it is measured, its known value, the tolerance, and the source. A tolerance is relative to the known
+value, and in units of the quantity where that is zero, or where the comparison is another one (`Known.compare`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import atan, pi, sqrt, tan
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -18,14 +18,24 @@ import numpy as np
 
 from comparisons.settled import SETTLED
 from comparisons.settled import SOURCE as DISPLACEMENT_CODES
-from comparisons.verification.chapters.ssnv128 import SOURCE as CODE_ASTER
-from comparisons.verification.chapters.ssnv128 import TANGENTIAL_FORCE
-from comparisons.verification.elements import QUINTIC, TRIANGLES, Element
-from comparisons.verification.measures import edge_states, ellipse, runs, value_at
-from comparisons.verification.proof import Proof, both, bounded, certified, infeasible
-from comparisons.verification.row import Kind, Row, Value, absolute, at_least, at_most, relative, word
+from comparisons.verification.measures import edge_states, ellipse, runs, two_models, value_at
+from comparisons.verification.rows import (
+    Chapter,
+    Check,
+    Kind,
+    Proof,
+    Row,
+    Value,
+    both,
+    bounded,
+    by_hand,
+    certified,
+    certified_companion,
+    infeasible,
+)
 from qvi_contact import (
     ContactLine,
+    ContactProblem,
     ContactResult,
     ContactState,
     History,
@@ -33,11 +43,19 @@ from qvi_contact import (
     ProblemFile,
     load_problem,
     loop_area,
+    solve,
+    solve_history,
 )
+from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.limit import LimitLoad
+from qvi_contact.limit.load_factor import limit_load
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
+
+SSNV128: Final = "Code_Aster, V6.04.128 (SSNV128)"
+TANGENTIAL_FORCE: Final = -1.40535e6
+"""Of SSNV128 [N/m], by biquadratic displacement elements with nodal contact; ± 5."""
 
 
 def read_example(name: str) -> ProblemFile:
@@ -54,20 +72,25 @@ class Answer:
     ----------
     name : str
         Name of the file.
-    element : Element
-        What it is solved with; the file's other options hold.
+    degree : int
+        Degree of the triangles; the file's other options hold.
 
     """
 
-    def __init__(self, name: str, element: Element) -> None:
-        self.file, self.element = read_example(name), element
-        self._options = {key: value for key, value in self.file.solve_options.items() if key != "degree"}
+    def __init__(self, name: str, degree: int) -> None:
+        self.file = read_example(name)
+        self.options = {**self.file.solve_options, "degree": degree}
         self._limits: dict[str, LimitLoad] = {}
+
+    @property
+    def problem(self) -> ContactProblem:
+        """Of the file."""
+        return self.file.problem
 
     @cached_property
     def result(self) -> ContactResult:
         """Of `solve`."""
-        return self.element.solve(self.file.problem, **self._options)
+        return solve(self.problem, **self.options)
 
     @cached_property
     def history(self) -> History:
@@ -76,12 +99,12 @@ class Answer:
         At Gauss points: nothing opens there in the files there are. A Bernstein coefficient in a toe does, and then
         pressure does work between steps.
         """
-        return self.element.solve_history(self.file.problems, contact_rows="gauss", **self._options)
+        return solve_history(self.file.problems, contact_rows="gauss", **self.options)
 
     def limit(self, load: str) -> LimitLoad:
         """Of `limit_load`, for the load of this name."""
         if load not in self._limits:
-            self._limits[load] = self.element.limit_load(self.file.problem, [load])
+            self._limits[load] = limit_load(self.problem, [load], degree=self.options["degree"])
         return self._limits[load]
 
 
@@ -95,8 +118,8 @@ class Known:
 
     Attributes
     ----------
-    compare : callable, optional
-        `relative`, `absolute`, `at_most` or `at_least` of the rows of the manual; by default one of the first two.
+    compare : str, optional
+        The comparison of `Check` that it is; by default "relative", or "absolute" where the value is zero.
 
     """
 
@@ -106,15 +129,16 @@ class Known:
     tolerance: float
     source: str
     kind: Kind = Kind.ANALYTIC
-    compare: Callable[[str, float, float, float, str, Proof, Kind], Row] | None = None
+    compare: str = ""
 
     def row(self, answer: Answer) -> Row:
         """The known value beside the computed one."""
         ours, proof = self.measure(answer)
+        rows = Check(proof, self.source, self.tolerance, self.kind)
         if isinstance(self.value, str):
-            return word(self.quantity, str(ours), self.value, self.source, proof, self.kind)
-        compare = self.compare or (relative if self.value else absolute)
-        return compare(self.quantity, float(ours), self.value, self.tolerance, self.source, proof, self.kind)
+            return rows.word(self.quantity, str(ours), self.value)
+        compare = getattr(rows, self.compare or ("relative" if self.value else "absolute"))
+        return compare(self.quantity, float(ours), self.value)  # type: ignore[no-any-return]
 
 
 def _of(value: Callable[[ContactResult], Value]) -> Measure:
@@ -146,12 +170,9 @@ def _centre(contact: str, axis: str) -> Measure:
                  / line.normal_force)  # fmt: skip
 
 
-def _peak(contact: str) -> Measure:
-    return _line(contact, lambda line: ellipse(line.x, -line.normal_stress)[0])
-
-
-def _half_width(contact: str) -> Measure:
-    return _line(contact, lambda line: ellipse(line.x, -line.normal_stress)[1])
+def _ellipse(contact: str, part: int) -> Measure:
+    """Height (0) or half-width (1) of the ellipse through the pressure."""
+    return _line(contact, lambda line: ellipse(line.x, -line.normal_stress)[part])
 
 
 def _edges(edges: str, axis: str) -> Measure:
@@ -169,12 +190,8 @@ def _beside(edges: str, axis: str, contact: str, sign: float = 1.0) -> Measure:
     return _of(unbalanced)
 
 
-def _below(load: str) -> Measure:
-    return lambda answer: (answer.limit(load).lower, bounded(answer.limit(load)))
-
-
-def _above(load: str) -> Measure:
-    return lambda answer: (answer.limit(load).upper, bounded(answer.limit(load)))
+def _limit(load: str, value: Callable[[LimitLoad], float]) -> Measure:
+    return lambda answer: (value(answer.limit(load)), bounded(answer.limit(load)))
 
 
 def _bound(quantity: str, side: str) -> Measure:
@@ -215,18 +232,18 @@ def _lost_and_around(history: History) -> float:
 def _both_sides(load: str, factor: float, source: str) -> tuple[Known, Known]:
     """The limit load factor, by the stresses of the mesh and by a mechanism."""
     return (
-        Known("limit load factor, from below", _below(load), factor, 1e-6, source),
-        Known("limit load factor, from above", _above(load), factor, 1e-9, source),
+        Known("limit load factor, from below", _limit(load, lambda limit: limit.lower), factor, 1e-6, source),
+        Known("limit load factor, from above", _limit(load, lambda limit: limit.upper), factor, 1e-9, source),
     )
 
 
 @dataclass(frozen=True)
 class Table:
-    """What a problem file is about, in one sentence, and the lines known of it."""
+    """What a problem file is about, in one sentence, the lines known of it, and the degree it is solved with."""
 
     about: str
     lines: Sequence[Known]
-    element: Element = TRIANGLES
+    degree: int = 4
 
 
 _HERTZ: Final = "Hertz; half planes, a/R = "
@@ -240,7 +257,7 @@ KNOWN: Final[dict[str, Table]] = {
         Known("N less the force on the bottom, over N", _beside("block bottom", "y", "plate"), 0.0, 1e-9, "balance"),
         Known("T over N", _slope("plate"), 0.0, 1e-8, "symmetry in x"),
         Known("N [N/mm]", _normal("plate"), 3e4 / (1.0 - 0.25**2) * 1e-3, 0.0,
-              "E U/(1 − ν²), the whole block held sideways; a hole makes it softer", compare=at_most),
+              "E U/(1 − ν²), the whole block held sideways; a hole makes it softer", compare="at_most"),
     ]),
     "bolted_angle": Table("An angle bolted to a wall: forces, centre of pressure, and the load at which it slides.", [
         Known("N [N/mm]", _normal("wall"), 400.0, 1e-9, "force of the bolt"),
@@ -266,24 +283,24 @@ KNOWN: Final[dict[str, Table]] = {
         Known("N [N/mm]", _normal("plate"), SETTLED[0.2], 1e-3, f"{DISPLACEMENT_CODES}; the mesh is coarse", _EXTERNAL),
     ]),
     "cyclic_shear": Table("A block sheared to and fro: the second cycle repeats the first and loses the loop's area.", [
-        Known("largest |T| − μN over N", _of_history(_excess), 0.0, 1e-9, "|T| ≤ μN", compare=at_most),
+        Known("largest |T| − μN over N", _of_history(_excess), 0.0, 1e-9, "|T| ≤ μN", compare="at_most"),
         Known("largest difference of T between the cycles, over N", _of_history(_between_cycles), 0.0, 1e-6,
               "a cyclic state repeats itself after the first loading"),
         Known("work of friction in the second cycle over the loop's area", _of_history(_lost_and_around), 1.0, 1e-6,
               "∮T dw, balance of energy"),
     ]),
     "cylinder_on_block": Table("A cylinder on a block: NAFEMS R0094-1 with a hundredth of its force, against Hertz.", [
-        Known("peak pressure [MPa]", _peak("contact"), 358.536, 2e-4, f"{_HERTZ}0.012"),
-        Known("half-width [mm]", _half_width("contact"), 0.62146, 2e-4, f"{_HERTZ}0.012"),
+        Known("peak pressure [MPa]", _ellipse("contact", 0), 358.536, 2e-4, f"{_HERTZ}0.012"),
+        Known("half-width [mm]", _ellipse("contact", 1), 0.62146, 2e-4, f"{_HERTZ}0.012"),
     ]),
     "dragged_block_holds": Table("A block at 0.99 of what friction can carry: balance, and the limit load factor.", [
         Known("N [MN/m]", _normal("base"), 20.0, 1e-9, "p w, balance"),
         Known("T [MN/m]", _tangential("base"), -9.9, 1e-9, "−T w, balance"),
-        Known("limit load factor", _below("drag"), 1.0 / 0.99, 1e-6, "μp/T"),
+        Known("limit load factor", _limit("drag", lambda limit: limit.lower), 1.0 / 0.99, 1e-6, "μp/T"),
     ]),
     "dragged_block_slides": Table("The same block at 1.01 of the limit: infeasible, with a proof.", [
         Known("status", lambda a: (a.result.status.value, infeasible(a.result)), "infeasible", 0.0, "T > μp"),
-        Known("limit load factor", _below("drag"), 1.0 / 1.01, 1e-6, "μp/T"),
+        Known("limit load factor", _limit("drag", lambda limit: limit.lower), 1.0 / 1.01, 1e-6, "μp/T"),
     ]),
     "dry_stone_wall": Table("A wall of three courses: every bed carries load and weight above it.", [
         line
@@ -308,8 +325,8 @@ KNOWN: Final[dict[str, Table]] = {
         *_both_sides("thrust", 0.75 * (_DAM[0] - _DAM[1]) / _DAM[2], "μ (W - U)/H, factor of sliding"),
     ]),
     "half_discs": Table("Two half discs with partial slip, against Hertz and Cattaneo.", [
-        Known("peak pressure [MPa]", _peak("contact"), 9.351351, 0.01, f"{_HERTZ}0.085"),
-        Known("half-width [mm]", _half_width("contact"), 0.680778, 0.01, f"{_HERTZ}0.085"),
+        Known("peak pressure [MPa]", _ellipse("contact", 0), 9.351351, 0.01, f"{_HERTZ}0.085"),
+        Known("half-width [mm]", _ellipse("contact", 1), 0.680778, 0.01, f"{_HERTZ}0.085"),
         Known("half-width that sticks [mm]",
               _line("contact", lambda line: float(np.abs(line.x[line.state == ContactState.STICK]).max())),
               0.496511, 0.05, "Cattaneo, a √(1 - Q/(μP)); to one point of the mesh"),
@@ -333,9 +350,9 @@ KNOWN: Final[dict[str, Table]] = {
               "weight, balance"),
         Known("T of ground [kN/m]", _tangential("ground"), -2.0 * 2.0, 1e-9, "p h, balance"),
         *(Known("limit load factor, from below over from above",
-                lambda answer: (answer.limit("wind").lower / answer.limit("wind").upper, bounded(answer.limit("wind"))),
+                _limit("wind", lambda limit: limit.lower / limit.upper),
                 value, 0.0, "motion of rigid blocks on the same joints", _METHODS, compare)
-          for value, compare in ((1.0, at_most), (0.92, at_least))),
+          for value, compare in ((1.0, "at_most"), (0.92, "at_least"))),
     ]),
     "punch": Table("A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure.", [
         Known("N [N/mm]", _normal("punch"), 100.0, 1e-9, "force on the punch"),
@@ -345,14 +362,15 @@ KNOWN: Final[dict[str, Table]] = {
               100.0 / pi, 0.08, "P/(π a), Johnson, Contact Mechanics, section 2.8; "
               "frictionless half-plane, 8 % for a block 20 times as wide"),
         Known("share that sticks", _share("punch", "stick"), 0.775, 0.05,
-              "displacements on lines 0.01 apart; an element of 0.05 to 0.2 has the end of stick", _METHODS, absolute),
+              "displacements on lines 0.01 apart; an element of 0.05 to 0.2 has the end of stick", _METHODS,
+              "absolute"),
     ]),
     "ssnv128": Table("SSNV128 on 32 × 32 cells.", [
         Known("N [Pa m]", _normal("base"), 2e6, 1e-9, "p a, balance"),
         Known("T [Pa m]", _tangential("base"), TANGENTIAL_FORCE, 2e-3, "biquadratic displacement elements; ± 5 N/m",
               _EXTERNAL),
         Known("u_x at point A [m]", _line("base", lambda line: value_at(line, line.slip, 0.0)), 2.86e-5, 0.05,
-              f"{CODE_ASTER}; ± 5 %", _PUBLISHED),
+              f"{SSNV128}; ± 5 %", _PUBLISHED),
         Known("zones from the left", _line("base", lambda line: runs(edge_states(line))), "open, slip, stick", 0.0,
               "biquadratic displacement elements", _EXTERNAL),
     ]),
@@ -369,10 +387,110 @@ KNOWN: Final[dict[str, Table]] = {
     "trapezoid": Table("A trapezoid on a plane that holds it: bounds around the force of a displacement code.", [
         *(Known(f"P, {side} bound [MN/m]", _bound("base.normal_force", side), 14.0483793, 0.0,
                 "NGSolve, degree 12, mesh graded to the corners", _EXTERNAL, compare)
-          for side, compare in (("lower", at_most), ("upper", at_least))),
+          for side, compare in (("lower", "at_most"), ("upper", "at_least"))),
         Known("share of the base that sticks", _share("base", "stick"), 1.0, 0.0, "rough enough"),
-    ], QUINTIC),
+    ], 5),
     "wedge": Table("A block pushed up a slope: NAFEMS CGS-4.",
                    _both_sides("push", 1.0 / 0.99, "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied")),
 }  # fmt: skip
 """Name of a problem file → what is known of it."""
+
+EXAMPLES: Final = Chapter()
+
+_Check: TypeAlias = Callable[[Answer, bool], Iterator[Row]]
+
+
+def _by_another_method(answer: Answer, quick: bool, contact: str, form: str = "full") -> Iterator[Row]:
+    """The fixed point with quadratic programs against the condensed interior point.
+
+    They are in the full unknowns, unless the mesh is graded too strongly for the back end: `form`.
+    """
+    if quick:
+        return
+    result = answer.result
+    other = solve(answer.problem, degree=answer.options["degree"], inner="qp:clarabel", form=form)
+    one, two = result.contacts[contact], other.contacts[contact]
+    pairs = (one.normal_stress, two.normal_stress), (one.tangential_stress, two.tangential_stress)
+    unit = float(np.abs(two.normal_stress).max())
+    difference = max(float(np.abs(ours - theirs).max()) for ours, theirs in pairs) / unit
+    unknowns = "the full unknowns" if form == "full" else "the tractions alone"
+    rows = Check(
+        certified(result, other), f"fixed point, qp:clarabel in {unknowns}; ours: condensed", 1e-5, Kind.METHODS
+    )
+    yield rows.absolute(f"largest difference of tractions on {contact} over the largest pressure", difference, 0.0)
+
+
+def _displacements(answer: Answer, quick: bool, tolerance: float) -> tuple[CompanionResult, Check]:
+    """Displacements on the same mesh, of the degree that goes with the stresses; in quick runs of degree 2."""
+    companion = solve_companion(answer.problem, degree=2 if quick else None)
+    proof = both(certified(answer.result), certified_companion(companion))
+    return companion, Check(proof, "displacement model on the same mesh", tolerance, Kind.METHODS)
+
+
+def _by_displacements(
+    answer: Answer, quick: bool, contact: str, tolerance: float, shear: bool = False
+) -> Iterator[Row]:
+    """Forces of displacements on the same mesh; the tolerance is what both models leave open."""
+    companion, rows = _displacements(answer, quick, tolerance)
+    ours, theirs = answer.result.contacts[contact], companion.contacts[contact]
+    for letter, name in (("N", "normal_force"), ("T", "tangential_force"))[: 2 if shear else 1]:
+        quantity = f"{letter} of {contact}, stress against displacement model"
+        yield rows.relative(quantity, getattr(ours, name), getattr(theirs, name))
+
+
+def _motions(answer: Answer, quick: bool, plate: str, axis: str, tolerance: float) -> Iterator[Row]:
+    """How far a plate or pin moves, of stresses and of displacements on the same mesh."""
+    companion, rows = _displacements(answer, quick, tolerance)
+    ours, theirs = (getattr(each.plates[plate], axis) for each in (answer.result, companion))
+    yield rows.relative(f"motion of {plate} [mm]", ours, theirs)
+
+
+def _bounds(answer: Answer, quick: bool, contact: str, tolerance: float, apart: float) -> Iterator[Row]:
+    yield from two_models(quick, answer.result, contact, tolerance, apart)
+
+
+_OTHERWISE: Final[dict[str, tuple[_Check, ...]]] = {
+    "block_with_hole": (
+        partial(_by_another_method, contact="plate"), partial(_by_displacements, contact="plate", tolerance=0.02),
+    ),
+    "bracket": (partial(_by_another_method, contact="ground"),),
+    "compressed_plate": (
+        partial(_by_another_method, contact="plate"), partial(_by_displacements, contact="plate", tolerance=1e-3),
+    ),
+    "dry_stone_wall": (partial(_by_displacements, contact="head 1", tolerance=5e-3),),
+    "gravity_column": (partial(_by_another_method, contact="ground"),),
+    "gravity_dam": (partial(_bounds, contact="base", tolerance=1e-9, apart=1e-4),),
+    "lug": (partial(_motions, plate="bore", axis="x", tolerance=1e-3),),
+    "punch": (
+        partial(_by_another_method, contact="punch", form="condensed"),
+        partial(_motions, plate="punch", axis="y", tolerance=0.02),
+    ),
+    "ssnv128": (partial(_by_displacements, contact="base", tolerance=1e-3, shear=True),),
+    "stacked_blocks": (
+        partial(_by_another_method, contact="lower"),
+        partial(_by_displacements, contact="lower", tolerance=5e-3, shear=True),
+    ),
+}  # fmt: skip
+"""Name of a problem file → what another method, or another model on the same mesh, is compared in."""
+
+
+def _rows(p: int, quick: bool, name: str) -> Iterator[Row]:
+    answer = Answer(name, p)
+    for line in KNOWN[name].lines:
+        yield line.row(answer)
+    for check in _OTHERWISE.get(name, ()):
+        yield from check(answer, quick)
+
+
+for _name, _table in KNOWN.items():
+    _problem = partial(_rows, name=_name)
+    _problem.__doc__ = _table.about
+    EXAMPLES(f"examples/{_name}", _table.degree)(_problem)
+
+
+@EXAMPLES("examples/all")
+def every_file(_: bool) -> Iterator[Row]:
+    """No problem file is left out of this chapter."""
+    found = sorted(path.stem for path in FOLDER.glob("*.toml"))
+    rows = Check(by_hand(bool(found), "folder read"))
+    yield rows.word("files", ", ".join(found), ", ".join(KNOWN), "the folder examples")

@@ -1,28 +1,64 @@
-"""Quantities that several chapters compare."""
+"""Quantities that several chapters compare, and what both models say of the same problem.
 
-from collections.abc import Callable
+How far the stresses of a model leave bodies out of balance is measured by the tractions all around each of them, and by
+its own weight: a body force −∇φ has the resultant −∮ φ n ds, and its moment likewise.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from qvi_contact import ContactLine, ContactResult, ContactState, TriangleMesh
-from qvi_contact.basics.checks import FloatArray, IntArray
+from comparisons.verification.rows import Check, Kind, Row, both, certified, certified_companion
+from qvi_contact import Contact, ContactLine, ContactProblem, ContactResult, ContactState, TriangleMesh
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import CellFields
-from qvi_contact.companion import CompanionContact
+from qvi_contact.companion import CompanionContact, CompanionResult, solve_companion
+from qvi_contact.discretization.loads import EdgePoints
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.exact import ExactState
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.mechanism.bodies import Bodies
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.solution.stress import cell_stresses
+from qvi_contact.solution.work import traction
 from qvi_contact.units import Units
 
-_ENGINEERING: Final = Units(length="mm", stress="MPa")
-FORCE: Final = _ENGINEERING.engineering_force
-ENERGY: Final = _ENGINEERING.engineering_energy
+MM: Final = Units(length="mm", stress="MPa")
+FORCE, ENERGY = MM.engineering_force, MM.engineering_energy
 
 Stress = Callable[[FloatArray, FloatArray], FloatArray]
 """σ_xx, σ_yy, σ_xy (…, 3) at points x, y (…)."""
 
-_POINTS = 60
+_Forces = Callable[[Edges, int], tuple[FloatArray, FloatArray, FloatArray]]
+"""Edges, and on which side of them a body is → points (n, q, 2), σn ds there, and n ds out of the body."""
+
 _MEASURED: Final = 0.3  # part of the peak above which pressures are compared with an ellipse
+_POINTS: Final = 12  # of Gauss an edge: exact for tractions of triangles, far more than displacements need
+
+
+def plate_under(contact: Contact, cells: int, grading: float = 1.0) -> ContactProblem:
+    """The compressed plate with this contact on its top."""
+    plate = compressed_plate(1.0, (cells, cells), grading=grading)
+    rest = [condition for condition in plate.conditions if not isinstance(condition, Contact)]
+    return replace(plate, conditions=[*rest, contact])
+
+
+def halved(mesh: TriangleMesh) -> TriangleMesh:
+    """Every triangle cut into four."""
+    for _ in range(2):
+        mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
+    return mesh
+
+
+def scattered(result: ContactResult) -> tuple[FloatArray, FloatArray]:
+    """60 points of the rectangle around the body, the same in every run."""
+    vertices = result.problem.mesh.vertices
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    shares = np.random.default_rng(7).uniform(0.02, 0.98, size=(2, 60))
+    x, y = low[:, None] + shares * (high - low)[:, None]
+    return x, y
 
 
 def stress_error(result: ContactResult, state: ExactState) -> float:
@@ -52,41 +88,9 @@ def energy_apart(one: ContactResult, other: ContactResult) -> float:
     return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, c, apart)))
 
 
-def halved(mesh: TriangleMesh) -> TriangleMesh:
-    """Every triangle cut into four."""
-    for _ in range(2):
-        mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
-    return mesh
-
-
-def scattered(result: ContactResult, count: int = _POINTS) -> tuple[FloatArray, FloatArray]:
-    """Points of the rectangle around the body, the same in every run."""
-    vertices = result.problem.mesh.vertices
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    shares = np.random.default_rng(7).uniform(0.02, 0.98, size=(2, count))
-    x, y = low[:, None] + shares * (high - low)[:, None]
-    return x, y
-
-
-def traction_difference(ours: ContactLine, theirs: ContactLine, unit: float) -> float:
-    """Largest difference of σ_N or σ_T at the points of a contact, in this unit [stress]."""
-    pairs = ((ours.normal_stress, theirs.normal_stress), (ours.tangential_stress, theirs.tangential_stress))
-    return max(float(np.abs(one - other).max()) for one, other in pairs) / unit
-
-
-def angles(line: ContactLine | CompanionContact) -> FloatArray:
-    """Directions of the points from the origin [rad]."""
-    return np.asarray(np.arctan2(line.y, line.x))
-
-
 def degrees(line: ContactLine | CompanionContact) -> FloatArray:
-    """The same [°]."""
-    return np.asarray(np.rad2deg(angles(line)))
-
-
-def mean_pressure(line: ContactLine | CompanionContact) -> float:
-    """Normal force over length [stress]."""
-    return float(line.normal_force / line.weights.sum())
+    """Directions of the points from the origin [°]."""
+    return np.asarray(np.rad2deg(np.arctan2(line.y, line.x)))
 
 
 def ellipse(x: FloatArray, values: FloatArray) -> tuple[float, float]:
@@ -102,8 +106,7 @@ def value_at(line: ContactLine, values: FloatArray, x: float) -> float:
     The edge whose middle is nearest counts; its polynomial is carried on to its ends.
     """
     count = line.points_per_edge
-    middles = line.x.reshape(-1, count).mean(axis=1)
-    edge = int(np.argmin(np.abs(middles - x)))
+    edge = int(np.argmin(np.abs(line.x.reshape(-1, count).mean(axis=1) - x)))
     points = slice(count * edge, count * edge + count)
     return float(np.polynomial.Polynomial.fit(line.x[points], values[points], count - 1)(x))
 
@@ -136,12 +139,79 @@ def zone_ends(line: ContactLine) -> FloatArray:
     return np.asarray(line.path.starts[1 + np.flatnonzero(np.diff(edge_states(line)))])
 
 
-def between_points(values: FloatArray, points: int, count: int = 1000) -> FloatArray:
-    """Values at places on every edge, ends included, of a polynomial given at its Gauss points, (edges, count).
+def two_models(quick: bool, result: ContactResult, contact: str, tolerance: float, apart: float) -> Iterator[Row]:
+    """The mean pressure against displacements on the same mesh, and energies from both sides; nothing in quick runs."""
+    if quick:
+        return
+    companion, found = solve_companion(result.problem), result.bracket
+    rows = Check(both(certified(result), certified_companion(companion)), kind=Kind.METHODS)
+    ours, theirs = (
+        float(line.normal_force / line.weights.sum())
+        for line in (result.contacts[contact], companion.contacts[contact])
+    )
+    source = "displacement model on the same mesh"
+    yield rows.relative("mean pressure, both models", ours, theirs, source, tolerance=tolerance)
+    width, source = (found.upper - found.lower) / found.strain, f"bracket for {found.kind.value}"
+    yield rows.at_most("gap of the energies over the strain energy", width, apart, source)
+    if not found.reasons:
+        name = "the same, upper not below lower"
+        yield rows.at_least(name, width, 0.0, source, tolerance=1e-9, kind=Kind.ANALYTIC)
 
-    `values` has the shape (points edges,); the polynomial goes through those of an edge.
-    """
-    gauss = gauss_legendre(points)[0]
-    t = np.linspace(0.0, 1.0, count)
-    coefficients = np.polynomial.polynomial.polyfit(gauss, values.reshape(-1, points).T, points - 1)
-    return np.asarray(np.polynomial.polynomial.polyval(t, coefficients))
+
+def left_by_stresses(result: ContactResult) -> float:
+    """The largest resultant force or moment on a body over the sum of the forces on its edges."""
+    discretization, length = result.discretization, result.discretization.scales.length
+
+    def forces(edges: Edges, side: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        points = EdgePoints(discretization.space, edges, _POINTS)
+        place = np.stack(result.problem.mesh.points_along(edges, points.reference), axis=-1)
+        weights = (-length if side else length) * points.weights[:, None]
+        force, normal = weights * traction(discretization, result.dofs, points).T, weights * points.normals
+        return place, force.reshape(place.shape), normal.reshape(place.shape)
+
+    return _imbalance(result.problem, forces)
+
+
+def left_by_displacements(companion: CompanionResult) -> float:
+    """The same of the stresses C ε(v) of displacements, taken inside each body."""
+    mesh, (t, weights) = companion.problem.mesh, gauss_legendre(_POINTS)
+    lines = np.stack([[1.0 - t, t], [0.0 * t, t], [t, 0.0 * t]])  # opposite to the first, second and third corner
+    stresses = np.stack([companion.cell_stress(*line) for line in lines])
+    places = np.stack([companion.cell_points(*line) for line in lines])
+    # derivatives along a line through points at t: Legendre polynomials are well-conditioned on [−1, 1] only
+    legendre, s = np.polynomial.legendre, 2.0 * t - 1.0
+    along = 2.0 * legendre.legvander(s, len(s) - 2) @ legendre.legder(np.linalg.inv(legendre.legvander(s, len(s) - 1)))
+
+    def forces(edges: Edges, side: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        cells = edges.cells[:, side]
+        corners = mesh.cells[cells]
+        opposite = np.argmin((corners == edges.first[:, None]) | (corners == edges.second[:, None]), axis=1)
+        place, (xx, yy, xy) = places[opposite, cells], np.moveaxis(stresses[opposite, cells], -1, 0)
+        tangent = np.einsum("pq,nqd->npd", along, place)
+        normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
+        outwards = np.sign((normal * edges.normal[:, None]).sum(axis=-1, keepdims=True)) * (-1.0 if side else 1.0)
+        normal = normal * outwards * weights[:, None]
+        x, y = np.moveaxis(normal, -1, 0)
+        return place, np.stack([xx * x + xy * y, xy * x + yy * y], axis=-1), normal
+
+    return _imbalance(companion.problem, forces)
+
+
+def _imbalance(problem: ContactProblem, forces: _Forces) -> float:
+    """The largest of all bodies, from the forces on the first or second side of edges."""
+    bodies, mesh, largest = Bodies.of(problem), problem.mesh, 0.0
+    first, second = bodies.of_cells[mesh.interior.cells].T
+    between = mesh.interior.take(first != second)  # normals point out of the body on the first side
+    around = ((mesh.boundary, 0), (between, 0), (between, 1))
+    sides = [(bodies.of_cells[edges.cells[:, side]], *forces(edges, side)) for edges, side in around]
+    for body in range(bodies.blocks):
+        total, size = np.zeros(3), 0.0
+        for owner, *values in sides:
+            place, force, normal = (value[owner == body] for value in values)
+            potential = evaluate("body_potential", problem.body_potential, *np.moveaxis(place, -1, 0))
+            arm, carried = (place - bodies.centre[body]) / bodies.size[body], force - potential[..., None] * normal
+            moment = (arm[..., 0] * carried[..., 1] - arm[..., 1] * carried[..., 0]).sum()
+            total += np.array([*carried.sum(axis=(0, 1)), moment])
+            size += float(np.hypot(*force.sum(axis=1).T).sum())
+        largest = max(largest, float(np.abs(total).max()) / size if size else 0.0)
+    return largest

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
 
 _FORCES: Final = {
@@ -25,9 +26,9 @@ class Units:
     Parameters
     ----------
     length : str
-        Unit of coordinates and displacements, such as "m" or "mm".
+        Unit of coordinates and displacements, such as "m" or "mm": `length = "mm"`.
     stress : str
-        Unit of stresses and moduli, such as "Pa" or "MPa".
+        Unit of stresses and moduli, such as "Pa" or "MPa": `stress = "MPa"`.
 
     Raises
     ------
@@ -36,8 +37,8 @@ class Units:
 
     """
 
-    length: str = "length"
-    stress: str = "stress"
+    length: Name = "length"
+    stress: Name = "stress"
 
     @classmethod
     def labels(cls, units: object, quantities: Mapping[str, str]) -> dict[str, str]:

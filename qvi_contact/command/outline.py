@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact.basics.schema import Varying, keys_of
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.files.export import element_of
-from qvi_contact.files.problem_builder import FIELDS, TABLES
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -92,7 +92,8 @@ def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
         if condition.plate is not None:
             drives = {name: getattr(condition.plate, name) for pair in DRIVES.items() for name in pair}
             found["plate"] = {name: value for name, value in drives.items() if value is not None}
-    return found | {key: _value(getattr(condition, key)) for key in FIELDS[TABLES[type(condition)]]}
+    fields = [name for name, each in keys_of(type(condition)).items() if isinstance(each.kind, Varying)]
+    return found | {name: _value(getattr(condition, name)) for name in fields}
 
 
 def _value(field: object) -> object:

@@ -7,8 +7,8 @@ __getattr__ = front(
     {
         "archive": ("Archive", "FORMAT_VERSION", "OWN", "digest", "write_archive"),
         "export": ("field_arrays", "summary", "write_json", "write_npz"),
-        "problem_document": ("SolveTable",),
-        "problem_file": ("ELEMENT_OPTIONS", "load_problem", "problem_from_toml"),
+        "options": ("RefineOptions", "SolveOptions"),
+        "problem_file": ("ELEMENT_OPTIONS", "FileReader", "load_problem", "problem_from_toml"),
         "problem_writer": ("problem_to_toml",),
         "stored": ("answer_from_archive", "load_result"),
         "vtu": ("write_companion_vtu", "write_contacts_vtu", "write_vtu"),

@@ -1,37 +1,314 @@
 """Problem files: contact problems as TOML, which people can write and programs can keep.
 
-A file can never run code: functions are numbers, polynomials or expressions of `qvi_contact.problem.fields`.
+A file can never run code: functions are numbers, polynomials or expressions of `qvi_contact.problem.fields`. Paths in
+errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts]]``.
 """
 
-from collections.abc import Iterator, Mapping
+import tomllib
+import unicodedata
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 
+from qvi_contact.basics.checks import Field, evaluate
+from qvi_contact.basics.schema import (
+    FINITE,
+    LARGEST,
+    MOST,
+    TEXT,
+    Kind,
+    Listed,
+    Options,
+    Reader,
+    Tables,
+    Varying,
+    Whole,
+    in_toml,
+    joined,
+    key,
+    keys_of,
+    located,
+    quoted,
+    read_table,
+    within,
+)
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import given_path
+from qvi_contact.discretization.loads import LOAD_POINTS
+from qvi_contact.element import bernstein
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.located import in_toml
-from qvi_contact.files.problem_builder import Reader, file_path
-from qvi_contact.files.problem_document import Document, TimeRange, parse
-from qvi_contact.files.problem_size import LARGEST, check_length
+from qvi_contact.files.mesh_tables import EdgesTable, JointTable, MeshTable, Parts, RegionTable, built_mesh
+from qvi_contact.files.options import RefineOptions, SolveOptions
+from qvi_contact.files.problem_size import LONGEST, check_length, check_size
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
+from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
+from qvi_contact.problem.material import Material, cell_materials
 from qvi_contact.problem.problem import ContactProblem
+
+VERSION: Final = 1
 
 ELEMENT_OPTIONS: Final = ("degree", "contact_rows")
 """Arguments of `solve` that choose the element rather than the method."""
+
+TABLES: Final[dict[str, type[Condition]]] = {
+    "symmetry": Symmetry,
+    "displacements": Displacement,
+    "tractions": Traction,
+    "contacts": Contact,
+}
+"""Which table states which condition, in the order in which a problem gets them."""
+
+_MOST_STEPS: Final = 10_000
+_OF_MESH: Final = ("mesh", "edges", "joints")  # tables that say nothing at other times
+_RENAMED: Final = {
+    "ContactProblem.body_potential": "body_potential",
+    "ContactProblem.mesh": "mesh",
+    "ContactProblem.conditions": "boundary conditions",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeRange:
+    """Times, or values of a sweep, from `start` to `stop`, both included, in equal steps."""
+
+    start: float = 0.0
+    """The first: `start = 0.0`."""
+    stop: float
+    """The last: `stop = 6.3`."""
+    steps: Annotated[int, Whole(1, _MOST_STEPS)]
+    """Number of steps: `steps = 20`."""
+
+
+@dataclass(frozen=True)
+class Values(Kind):
+    """Numbers, at least one, as a list or a range."""
+
+    what: str
+
+    def read(self, value: Any, reader: Reader) -> tuple[float, ...]:
+        """All of them."""
+        if isinstance(value, dict):
+            given = read_table(TimeRange, value, reader)
+            return tuple(np.linspace(given.start, given.stop, given.steps + 1).tolist())
+        if not isinstance(value, list):
+            raise InputError("", value, f"give a list of {self.what}s, or {{ start = 0.0, stop = 1.0, steps = 10 }}")
+        if not value:
+            raise InputError("", value, f"give at least one {self.what}")
+        return Listed(FINITE, 0, _MOST_STEPS).read(value, reader)
+
+
+@dataclass(frozen=True)
+class PolynomialTable:
+    """Σ_ij c_ij xⁱ yʲ, as ``{ polynomial = [[c00, c01], [c10]] }``."""
+
+    polynomial: tuple[tuple[float, ...], ...]
+    """Coefficients c_ij of Σ c_ij xⁱ yʲ, a list for each power of x: `polynomial = [[0.0, 1.0], [2.0]]`."""
+
+
+@dataclass(frozen=True)
+class HistoryTable:
+    """Load steps: the values that t takes."""
+
+    times: Annotated[tuple[float, ...], Values("time")]
+    """Values that t takes, a list or a range; friction remembers from one to the next: `times = { start = 0.0, stop
+    = 6.3, steps = 20 }`."""
 
 
 @dataclass(frozen=True)
 class SweepPlan:
     """Arguments for `qvi_contact.solve_sweep`: parameter, values, and names of what is changed, by default all."""
 
-    parameter: Any  # checked by solve_sweep
-    values: tuple[float, ...]
-    of: tuple[str, ...] | None = None
+    parameter: Literal["friction", "load", "gap", "offset"]
+    """friction: μ of contacts; load: a factor of loads; gap, offset: what is added to these of contacts [length]:
+    `parameter = "friction"`."""
+    values: Annotated[tuple[float, ...], Values("value")]
+    """Its values, a list or a range: `values = { start = 0.1, stop = 0.5, steps = 4 }`."""
+    of: Annotated[tuple[str, ...], Listed(TEXT, 0, MOST)] | None = None
+    """Names of the contacts, or of the loads, that are changed; all by default: `of = ["base"]`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Document:
+    """A whole problem file."""
+
+    version: Literal[1]
+    """Version of this format: `version = 1`."""
+    title: str = ""
+    """Heading of pictures and reports: `title = "Dam on rock"`."""
+    description: str = ""
+    """Anything else worth keeping: `description = "Water at 40 m"`."""
+    body_potential: Field = 0.0
+    """Field φ with the body force −∇φ; ρ g y under gravity: `body_potential = "0.024 * y"`."""
+    body_forces: dict[str, Field] | None = None
+    """Several such fields by name instead, each of which `limit` and sweeps can multiply: `body_forces = { weight =
+    "24.0 * y", earthquake = "-24.0 * x" }`."""
+    units: Units = field(default_factory=Units)
+    """Labels of units, see `[units]`: `units = { length = "mm", stress = "MPa" }`."""
+    constants: dict[str, float] | None = None
+    """Numbers that expressions may name: `constants = { mu = 0.3, p = 10.0 }`."""
+    mesh: MeshTable | None = field(default=None, metadata=key(needed=True))
+    """The body, see `[mesh]`: `mesh = { x = [0.0, 1.0], y = [0.0, 1.0] }`."""
+    edges: tuple[EdgesTable, ...] = ()
+    """Named parts of the boundary, see `[[edges]]`: `edges = [{ name = "base", side = "bottom", stop = 0.5 }]`."""
+    joints: tuple[JointTable, ...] = ()
+    """Lines inside the body, see `[[joints]]`; each needs a contact: `joints = [{ name = "joint", direction =
+    "horizontal", at = 1.0 }]`."""
+    material: Material
+    """The body's material, see `[material]`: `material = { young = 2.1e5, poisson = 0.3 }`."""
+    regions: Annotated[tuple[RegionTable, ...], Tables(RegionTable, None)] = ()
+    """Parts of another material, see `[[regions]]`: `regions = [{ y = [0.0, 0.5], young = 7e4, poisson = 0.3
+    }]`."""
+    symmetry: Annotated[tuple[Symmetry, ...], Tables(Symmetry, None)] = ()
+    """Lines of symmetry, see `[[symmetry]]`: `symmetry = [{ edges = "left" }]`."""
+    displacements: Annotated[tuple[Displacement, ...], Tables(Displacement, None)] = ()
+    """Prescribed displacements, see `[[displacements]]`: `displacements = [{ edges = "top", x = 0.0, y = -1e-3
+    }]`."""
+    tractions: Annotated[tuple[Traction, ...], Tables(Traction, None)] = ()
+    """Prescribed tractions, see `[[tractions]]`: `tractions = [{ edges = "right", x = 0.0, y = 0.0 }]`."""
+    contacts: Annotated[tuple[Contact, ...], Tables(Contact, None)] = ()
+    """Contacts, see `[[contacts]]`: `contacts = [{ edges = "bottom", friction = 0.3 }]`."""
+    solve: Annotated[Mapping[str, Any], Options(SolveOptions)] = field(default_factory=dict)
+    """How to solve it, see `[solve]`: `solve = { degree = 5 }`."""
+    refine: Annotated[Mapping[str, Any], Options(RefineOptions)] = field(default_factory=dict)
+    """How to refine it, see `[refine]`: `refine = { target = 1e-4 }`."""
+    history: HistoryTable | None = None
+    """Load steps, see `[history]`: `history = { times = [0.0, 1.0, 2.0] }`."""
+    sweep: SweepPlan | None = None
+    """Values of a parameter, see `[sweep]`: `sweep = { parameter = "friction", values = [0.1, 0.2] }`."""
+
+    def __post_init__(self) -> None:
+        if self.body_forces and self.body_potential != 0.0:
+            raise InputError("body_potential", self.body_potential, "body_forces are given: leave one of them out")
+        if self.sweep is not None and self.history is not None:
+            raise InputError("sweep", self.sweep.parameter, "a file with a [history] cannot be swept: leave one out")
+
+    def problem(self, mesh: TriangleMesh, given: Mapping[str, Any]) -> ContactProblem:
+        """The problem on that mesh, its fields checked where they count; `given` are the tables as they were read."""
+        forces: Field = self.body_potential
+        if self.body_forces:
+            with located("body_forces"):
+                forces = BodyForces(self.body_forces)
+        regions = []
+        for index, table in enumerate(self.regions):
+            with located(f"regions[{index}]", keys_of(RegionTable)):
+                if table.name is None and table.x is None and table.y is None and "x" not in given["mesh"]:
+                    remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
+                    raise InputError("name", None, remedy)
+                regions.append(table.region(self.material.plane))
+                cell_materials(mesh, regions[-1:])
+        placed = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
+        for path, each in placed:
+            with located(path, ("edges",)):
+                _ = mesh.edges(each.edges) if isinstance(each, Contact) else mesh.edge_set(each.edges)
+        used = {contact.edges for contact in self.contacts}
+        for index, joint in enumerate(given.get("joints", ())):
+            if joint["name"] not in used:
+                remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
+                raise InputError(f"joints[{index}]", joint["name"], remedy)
+        try:
+            problem = ContactProblem(mesh, self.material, [each for _, each in placed], forces, regions)
+        except InputError as error:
+            name, found = error.field.split(".")[-1], _RENAMED.get(error.field, error.field)
+            for path, each in placed:  # the last table that the error can mean, by the edges or name that it names
+                if error.value in (each.edges, getattr(each, "name", None)):
+                    found = f"{path}.{name}" if name in keys_of(type(each)) else path
+            with located(found):
+                raise
+        _check_values(placed, mesh)
+        return problem
+
+
+def _check_values(placed: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -> None:
+    """Evaluate functions where the discretisation will, so that errors name the place in the file."""
+    for path, condition in placed:
+        samples = bernstein.SAMPLES if isinstance(condition, Traction) else np.zeros(0)
+        t = np.concatenate([[0.0, 1.0], gauss_legendre(LOAD_POINTS)[0], samples])
+        x, y = (points.ravel() for points in mesh.points_along(mesh.edges(condition.edges), t))
+        for name, own in keys_of(type(condition)).items():
+            value = getattr(condition, name)
+            if isinstance(own.kind, Varying) and callable(value):
+                with np.errstate(all="ignore"):
+                    evaluate(f"{path}.{name}", value, x, y, minimum=own.kind.least)
+
+
+@dataclass(frozen=True)
+class FileReader:
+    """Makes objects out of the tables of a file.
+
+    Attributes
+    ----------
+    data : mapping
+        The tables, as TOML has them.
+    constants : mapping
+        Numbers that expressions may name.
+    t : float or None
+        Value of t in expressions; None where there is no history, and t means nothing.
+
+    """
+
+    data: Mapping[str, Any]
+    constants: Mapping[str, float]
+    t: float | None = None
+    top = tuple(keys_of(Document))
+
+    def field(self, value: Any) -> Field:
+        """A number, an expression or a polynomial."""
+        if isinstance(value, dict):
+            table = read_table(PolynomialTable, value, self)
+            with located(""):
+                return Polynomial(table.polynomial)
+        if isinstance(value, str):
+            with located(""):
+                return self._expression(value)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            remedy = "give a number, an expression in quotes, or { polynomial = [[c00, c01], [c10]] }"
+            raise InputError("", value, remedy)
+        return float(value)
+
+    def scalar(self, value: str) -> float:
+        """An expression of constants and t: one number."""
+        with located(""):
+            expression = self._expression(value)
+            here, there = (evaluate("", expression, np.array([x]), np.array([y])) for x, y in ((0.0, 0.0), (0.7, 0.3)))
+            if here != there:
+                raise InputError("", value, "this is one number: it cannot depend on x and y")
+        return float(here[0])
+
+    def _expression(self, text: str) -> Expression:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of Python's parser, about texts that are refused anyway
+            words = set("".join(c if c.isalnum() or c == "_" else " " for c in text).split())
+            used = {name: value for name, value in self.constants.items() if name in words}
+            try:
+                expression = Expression(text, used)
+            except InputError:
+                expression = Expression(text, self.constants)  # the same error, which names all constants
+            if not expression.uses_time:
+                return expression
+            if self.t is None:
+                raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
+            return expression.at_time(self.t)
+
+    def document(self) -> Document:
+        """All tables."""
+        return self._read(self.data, partly=False)
+
+    def problem(self, mesh: TriangleMesh) -> ContactProblem:
+        """The problem at this time, on the mesh of the file."""
+        rest = {name: value for name, value in self.data.items() if name not in _OF_MESH}
+        return self._read(rest, partly=True).problem(mesh, self.data)
+
+    def _read(self, data: Mapping[str, Any], *, partly: bool) -> Document:
+        document: Document = read_table(Document, data, self, partly=partly)
+        return document
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +331,8 @@ class ProblemFile:
         Times of the load steps; empty without a history.
     sweep : SweepPlan or None
         Values for which the problem is to be solved, if there is a sweep.
+    is_grid : bool
+        Whether the file gives its mesh by grid lines.
 
     """
 
@@ -65,17 +344,13 @@ class ProblemFile:
     refine_options: Mapping[str, Any]
     times: tuple[float, ...]
     sweep: SweepPlan | None
-    _document: Document = field(repr=False)
+    is_grid: bool
+    _reader: FileReader = field(repr=False)
 
     @property
     def element(self) -> dict[str, Any]:
         """What the file says of the element: arguments for `qvi_contact.discretize`."""
         return {name: value for name, value in self.solve_options.items() if name in ELEMENT_OPTIONS}
-
-    @property
-    def is_grid(self) -> bool:
-        """Whether the file gives its mesh by grid lines."""
-        return self._document.mesh.is_grid
 
     def problem_at(self, t: float) -> ContactProblem:
         """The problem with another value of t in its expressions, on the same mesh.
@@ -87,14 +362,14 @@ class ProblemFile:
 
         """
         try:
-            return Reader(self._document, t).problem(self.problem.mesh)
+            return FileReader(self._reader.data, self._reader.constants, t).problem(self.problem.mesh)
         except InputError as error:
             raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
 
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
         """The problems of all load steps; without a history the one there is."""
-        return tuple(self.problem_at(t) for t in self.times) or (self.problem,)
+        return (self.problem, *(self.problem_at(t) for t in self.times[1:]))
 
     @contextmanager
     def named_errors(self) -> Iterator[None]:
@@ -102,10 +377,26 @@ class ProblemFile:
         try:
             yield
         except InputError as error:
-            path, remedy = file_path(self._document, error), in_toml(error.remedy)
+            path, remedy = self._path(error), in_toml(error.remedy)
             if (path, remedy) == (error.field, error.remedy):
                 raise
             raise type(error)(path, error.value, remedy) from error
+
+    def _path(self, error: InputError) -> str:
+        """Path in the file of what an error met after reading is about."""
+        first, _, name = error.field.partition(".")
+        if first == RigidPlate.__name__:
+            driven = [
+                f"contacts[{i}].{kind}.{name}"
+                for i, table in enumerate(self._reader.data["contacts"])
+                for kind in ("plate", "pin")
+                if name in table.get(kind, ())
+            ]
+            return driven[0] if len(driven) == 1 else f"contacts.plate.{name}"
+        for kind, options in (("solve", self.solve_options), ("refine", self.refine_options)):
+            if error.value is not None and options.get(error.field) == error.value:
+                return f"{kind}.{error.field}"
+        return _RENAMED.get(error.field, error.field)
 
 
 def load_problem(path: str | Path) -> ProblemFile:
@@ -126,7 +417,7 @@ def load_problem(path: str | Path) -> ProblemFile:
     path = given_path("file", path)
     try:
         with path.open("rb") as stream:
-            content = stream.read(LARGEST + 1)
+            content = stream.read(LONGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a name no file can have
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError("file", str(path), f"cannot be read ({reason}): give the name of a problem file") from error
@@ -144,41 +435,77 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
 
     A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
     """
-    document = parse(text.replace("\r\n", "\n"))
-    times = _times(document)
-    reader = Reader(document, times[0] if times else None, None if folder is None else Path(folder))
+    data = _parsed(text.replace("\r\n", "\n"))
+    keys, plain = keys_of(Document), FileReader(data, {})
+    first: dict[str, Any] = {}
+    for name in ("constants", "history"):  # what expressions mean depends on them
+        with within(name):
+            first[name] = keys[name].kind.read(data[name], plain) if name in data else None
+    constants, times = first["constants"] or {}, () if first["history"] is None else first["history"].times
+    for name, value in constants.items():
+        with located(f"constants.{quoted(name)}"):
+            if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
+                raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
+            Expression(name, {name: value})
+    reader = FileReader(data, constants, times[0] if times else None)
+    document = reader.document()
+    assert document.mesh is not None  # it is needed
+    parts = Parts(document.edges, document.joints, document.regions)
+    mesh = built_mesh(document.mesh, parts, None if folder is None else Path(folder))
     found = ProblemFile(
-        problem=reader.problem(reader.mesh()),
+        problem=document.problem(mesh, data),
         title=document.title,
         description=document.description,
-        units=Units(document.units.length, document.units.stress),
-        solve_options=document.solve.model_dump(exclude_none=True),
-        refine_options=document.refine.model_dump(exclude_none=True),
+        units=document.units,
+        solve_options=document.solve,
+        refine_options=document.refine,
         times=times,
-        sweep=_sweep(document),
-        _document=document,
+        sweep=document.sweep,
+        is_grid=document.mesh.x is not None,
+        _reader=reader,
     )
     _ = found.problems  # checks the other times
     return found
 
 
-def _sweep(document: Document) -> SweepPlan | None:
-    if document.sweep is None:
-        return None
-    if document.history is not None:
-        raise InputError("sweep", document.sweep.parameter, "a file with a [history] cannot be swept: leave one out")
-    values, of = _listed("sweep.values", document.sweep.values, "value"), document.sweep.of
-    return SweepPlan(document.sweep.parameter, values, None if of is None else tuple(of))
+def _parsed(text: str) -> dict[str, Any]:
+    """The tables in a TOML text.
+
+    Raises
+    ------
+    InputError
+        If the text is no TOML, or has values that no table wants; it is named by its path.
+
+    """
+    check_size(text)
+    try:
+        data = tomllib.loads(text)
+        _check_scalars(data, "")
+    except InputError:
+        raise
+    except ValueError as error:  # also whole numbers of too many digits
+        _, found, rest = str(error).partition("at line ")  # the line that the parser complains about, if it says which
+        number, lines = rest.split(",")[0], text.splitlines()
+        line = lines[int(number) - 1] if found and number.isdigit() and 0 < int(number) <= len(lines) else ""
+        raise InputError("TOML", line, f"correct the syntax: {error}") from error
+    except RecursionError as error:
+        raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
+    return data
 
 
-def _times(document: Document) -> tuple[float, ...]:
-    return () if document.history is None else _listed("history.times", document.history.times, "time")
-
-
-def _listed(path: str, given: list[float] | TimeRange, what: str) -> tuple[float, ...]:
-    """The numbers of a list or range, at least one."""
-    if isinstance(given, TimeRange):
-        return tuple(np.linspace(given.start, given.stop, given.steps + 1).tolist())
-    if not given:
-        raise InputError(path, given, f"give at least one {what}")
-    return tuple(given)
+def _check_scalars(value: object, path: str) -> None:
+    """Refuse values that TOML knows and no table wants."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _check_scalars(item, joined(path, quoted(name)))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            _check_scalars(item, f"{path}[{index}]")
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # TOML's whole numbers have 64 bits
+        raise InputError(path, f"a number of {value.bit_length()} bits", "give a whole number of at most 64 bits")
+    elif isinstance(value, float) and not abs(value) <= LARGEST:
+        remedy = f"give a finite number, of at most {LARGEST:g}: take other units if you need more"
+        raise InputError(path, value, remedy)
+    elif not isinstance(value, int | float | str):
+        remedy = "give a number, a text in quotes, a list or a table; dates are not used here"
+        raise InputError(path, str(value), remedy)

@@ -9,7 +9,7 @@ from typing import Final
 
 from qvi_contact.errors import InputError
 
-LARGEST: Final = 20_000_000
+LONGEST: Final = 20_000_000
 """Bytes of a problem file, characters of its text."""
 
 _MOST_SEPARATORS: Final = 400_000  # a number in a list has two: a comma and a point
@@ -32,8 +32,8 @@ _SHORTER: Final = (
 
 def check_length(field: str, value: str, length: int) -> None:
     """`InputError` about a file or text that is too long."""
-    if length > LARGEST:
-        remedy = f"has more than {LARGEST} bytes, the limit of a problem file: {_SHORTER}"
+    if length > LONGEST:
+        remedy = f"has more than {LONGEST} bytes, the limit of a problem file: {_SHORTER}"
         raise InputError(field, value, remedy)
 
 

@@ -2,30 +2,24 @@
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import real_array
+from qvi_contact.basics.schema import write_table
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import write_text
 from qvi_contact.errors import InputError
-from qvi_contact.files.problem_builder import FIELDS, TABLES
-from qvi_contact.files.problem_document import VERSION
-from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.files.problem_file import TABLES, VERSION, problem_from_toml
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
-from qvi_contact.problem.material import Region
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.problem.strength import Strength
 from solvers.basics.types import load
 from solvers.errors import plain
 
 _WIDTH: Final = 110  # characters in a line of numbers
-_ABSENT: Final = {"gap": 0.0, "offset": 0.0, "cohesion": 0.0, "pore_pressure": 0.0}  # need not be written
 
 
 def save_problem(path: str | Path, problem: ContactProblem, **details: Any) -> None:
@@ -100,20 +94,15 @@ def _text(
     document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
     document["constants"] = writer.constants  # filled by what follows
     document["mesh"] = _mesh(problem.mesh)
-    material = problem.material
-    document["material"] = {"young": material.young, "poisson": material.poisson, "plane": material.plane}
-    document["material"] |= writer.strength("material", material.strength)
-    document["regions"] = [
-        _region(region) | writer.strength(f"regions[{i}]", region.material.strength)
-        for i, region in enumerate(problem.regions)
-    ]
-    for kind, name in TABLES.items():
-        chosen = [condition for condition in problem.conditions if isinstance(condition, kind)]
-        document[name] = [writer.condition(name, i, condition) for i, condition in enumerate(chosen)]
+    document["material"] = write_table("material", problem.material, writer)
+    stated = {"regions": problem.regions}
+    stated |= {name: [each for each in problem.conditions if isinstance(each, kind)] for name, kind in TABLES.items()}
+    for name, parts in stated.items():
+        document[name] = [write_table(f"{name}[{i}]", part, writer) for i, part in enumerate(parts)]
     document |= {name: dict(given or {}) for name, given in options.items()}
     if len(times) or writer.time is not None:
         document["history"] = {"times": list(times) if len(times) else [writer.time]}
-    return _toml({key: value for key, value in document.items() if value not in ({}, [], "")})
+    return _toml({name: value for name, value in document.items() if value not in ({}, [], "")})
 
 
 def _check_details(problem: object, title: object, description: object, units: object, times: object) -> None:
@@ -168,33 +157,6 @@ class _Writer:
             if self.time not in (None, value.t):
                 raise InputError(path, value.text, f"t is {plain(self.time)} elsewhere: give all expressions one time")
             self.time = value.t
-
-    def strength(self, path: str, strength: Strength | None) -> dict[str, Any]:
-        """The entry `strength` of a material, if it has one."""
-        if strength is None:
-            return {}
-        values = {each.name: getattr(strength, each.name) for each in fields(strength)}
-        table = {name: self.field(f"{path}.strength.{name}", value) for name, value in values.items()}
-        return {
-            "strength": {"law": strength.kind} | {name: value for name, value in table.items() if value is not None}
-        }
-
-    def condition(self, name: str, index: int, condition: Condition) -> dict[str, Any]:
-        """The table of a condition, without what goes without saying."""
-        table: dict[str, Any] = {"edges": condition.edges}
-        for key in FIELDS[name]:
-            value = self.field(f"{name}[{index}].{key}", getattr(condition, key))
-            if value is not None and value != _ABSENT.get(key):
-                table[key] = value
-        if isinstance(condition, Traction | Contact) and condition.name != condition.edges:
-            table["name"] = condition.name
-        if isinstance(condition, Contact):
-            if condition.law != "unilateral":
-                table["law"] = condition.law
-            if condition.plate is not None:
-                plate = {field.name: getattr(condition.plate, field.name) for field in fields(condition.plate)}
-                table["plate"] = {key: value for key, value in plate.items() if value is not None}
-        return table
 
 
 def _toml(document: Mapping[str, Any]) -> str:
@@ -252,14 +214,3 @@ def _mesh(mesh: TriangleMesh) -> dict[str, Any]:
     regions = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
     arcs = [{**arc.stated(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
     return {key: value for key, value in {**table, "edges": edges, "regions": regions, "arcs": arcs}.items() if value}
-
-
-def _region(region: Region) -> dict[str, Any]:
-    table = {
-        "name": region.name,
-        "x": region.x,
-        "y": region.y,
-        "young": region.material.young,
-        "poisson": region.material.poisson,
-    }
-    return {key: value for key, value in table.items() if value is not None}

@@ -21,6 +21,7 @@ from qvi_contact.basics.checks import (
     positive_number,
     true_or_false,
 )
+from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.flaws import LARGEST
 
@@ -44,21 +45,22 @@ class Corner:
     Parameters
     ----------
     at : (float, float)
-        Coordinates [length].
+        Coordinates [length]: `at = [2.0, 0.0]`.
     name : str, optional
-        What the line from here to the next corner is called: edges of one name are one edge set.
+        What the line from here to the next corner is called: edges of one name are one edge set:
+        `name = "base"`.
     centre : (float, float), optional
         Centre of the circle that the line follows [length]; a straight line by default. Both ends must be at one
-        distance from it.
+        distance from it: `centre = [1.0, 1.0]`.
     clockwise : bool
-        Which way an arc goes around its centre.
+        Which way an arc goes around its centre: `clockwise = true`.
     size : float, optional
-        Size of the triangles at this corner, and along an arc that begins here [length].
+        Size of the triangles at this corner, and along an arc that begins here [length]: `size = 0.02`.
 
     """
 
     at: Point
-    name: str = ""
+    name: Name = ""
     centre: Point | None = None
     clockwise: bool = False
     size: float | None = None

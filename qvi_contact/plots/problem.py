@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
+from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.basics.units import Units
 from qvi_contact.plots.labels import Spot, Written, alignment, merged, spread, value_range, wrapped
 from qvi_contact.plots.style import (
@@ -387,33 +388,25 @@ class _Sketch:
         """The contact's data, without those that do nothing."""
         if contact.law != "unilateral":
             yield contact.law
-        data = [
-            ("μ", contact.friction, "", contact.law != "tied"),
-            ("c", contact.cohesion, self.units.stress, False),
-            ("t_max", contact.shear_limit, self.units.stress, contact.shear_limit is not None),
-            ("gap", contact.gap, self.units.length, False),
-            ("offset", contact.offset, self.units.length, False),
-            ("p_w", contact.pore_pressure, self.units.stress, False),
-        ]
-        for name, value, unit, always in data:
-            values = self._samples(f"Contact.{name}", value, pieces)
-            if always or values.any():
-                yield value_range(name, values, unit)
+        for name, each in keys_of(Contact).items():
+            value = getattr(contact, name)
+            if each.symbol and (each.tied or contact.law != "tied"):
+                values = self._samples(f"Contact.{name}", value, pieces)
+                if values.any() or (value is not None and defaults_of(Contact).get(name) is None):
+                    yield value_range(each.symbol, values, getattr(self.units, each.unit, ""))
         plate = contact.plate
         if plate is not None:
-            for name, value in (("F_x", plate.force_x), ("F_y", plate.force_y)):
-                if value is not None:
-                    yield value_range(name, np.array([value]), self.units.engineering_force)
-            if plate.moment is not None:
-                around = "({:.4g}, {:.4g})".format(*plate.pivot)
-                yield f"{value_range('M', np.array([plate.moment]), self.units.engineering_moment)} about\xa0{around}"
             for name, value, unit in (
+                ("F_x", plate.force_x, self.units.engineering_force),
+                ("F_y", plate.force_y, self.units.engineering_force),
+                ("M", plate.moment, self.units.engineering_moment),
                 ("u_x", plate.x, self.units.displacement),
                 ("u_y", plate.y, self.units.displacement),
                 ("θ", plate.rotation, "rad"),
             ):
                 if value is not None:
-                    yield value_range(name, np.array([value]), unit)
+                    about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if name == "M" else ""
+                    yield value_range(name, np.array([value]), unit) + about
 
     def _potential(self) -> None:
         vertices = self.problem.mesh.vertices

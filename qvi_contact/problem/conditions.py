@@ -14,17 +14,33 @@ the tangential component of the traction σn, u_N and u_T are the components of 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, check_field, finite_number, one_of, positive_number
+from qvi_contact.basics.checks import Field, FloatArray, finite_number, positive_number
+from qvi_contact.basics.schema import (
+    NO_KEY,
+    Key,
+    Name,
+    Positive,
+    Scalar,
+    Table,
+    Varying,
+    check_keys,
+    defaults_of,
+    key,
+    keys_of,
+)
 from qvi_contact.errors import InputError
 from qvi_contact.problem.fields import Expression
 
 Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
 """What a contact does across its line: it may open, it keeps its distance, or it does not move at all."""
 
+NotNegative: TypeAlias = Annotated[Field, Varying(0.0)]
+Driven: TypeAlias = Annotated[float, Scalar()]
+"""A number, which files may write as an expression of constants and t."""
 
 CARTESIAN: Final = ("x", "y")
 LOCAL: Final = ("normal", "tangential")
@@ -36,31 +52,15 @@ def components(condition: Traction | Displacement) -> dict[str, Field]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _check_edges(condition: Condition) -> None:
-    edges: object = condition.edges
-    if not isinstance(edges, str):
-        raise InputError(f"{type(condition).__name__}.edges", edges, "give the name of an edge set of the mesh")
-
-
 def _check_components(condition: Traction | Displacement) -> None:
+    check_keys(condition)
     kind, given = type(condition).__name__, components(condition)
     if not given:
         raise InputError(f"{kind}.x", None, "give at least one of the components x and y, or normal and tangential")
     if given.keys() & set(CARTESIAN) and given.keys() & set(LOCAL):
         mixed = " and ".join(given)
-        raise InputError(
-            f"{kind}.{next(iter(given))}", mixed, "give x and y, or normal and tangential, not one of each"
-        )
-    for name, value in given.items():
-        check_field(f"{kind}.{name}", value)
-
-
-def _name_after_edges(condition: Traction | Contact, kind: str) -> None:
-    """Check the name, and take that of the edge set if there is none."""
-    if not isinstance(condition.name, str):
-        raise InputError(f"{kind}.name", condition.name, "give a string")
-    if not condition.name:
-        object.__setattr__(condition, "name", condition.edges)
+        remedy = "give x and y, or normal and tangential, not one of each"
+        raise InputError(f"{kind}.{next(iter(given))}", mixed, remedy)
 
 
 @dataclass(frozen=True)
@@ -70,14 +70,14 @@ class Traction:
     Parameters
     ----------
     edges : str
-        Name of an edge set of the mesh.
+        Name of an edge set of the mesh: `edges = "right"`.
     x, y : float or function of (x, y), optional
-        Cartesian components of the traction that acts on the body [stress]; None leaves a component to another
-        condition.
+        Cartesian component of the traction that acts on the body [stress]; without it another condition has to give
+        the component: `x = 0.0`.
     name : str, optional
-        What a limit analysis calls this load; the edge set's name by default.
+        What a limit analysis calls this load; the edge set's name by default: `name = "thrust"`.
     normal, tangential : float or function of (x, y), optional
-        The components σ_N and σ_T instead [stress]: a pressure p is normal=−p.
+        Component σ_N or σ_T instead [stress], where a pressure p is normal = −p: `normal = -10.0`.
 
     Notes
     -----
@@ -91,14 +91,12 @@ class Traction:
     edges: str
     x: Field | None = None
     y: Field | None = None
-    name: str = ""
+    name: Name = field(default="", metadata=key(like="edges"))
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_edges(self)
         _check_components(self)
-        _name_after_edges(self, "Traction")
 
 
 @dataclass(frozen=True)
@@ -108,11 +106,13 @@ class Displacement:
     Parameters
     ----------
     edges : str
-        Name of an edge set of the mesh.
+        Name of an edge set of the mesh: `edges = "top"`.
     x, y : float or function of (x, y), optional
-        Cartesian components of the displacement [length]; None leaves a component to another condition.
+        Cartesian component of the displacement [length]; without it another condition has to give the component:
+        `x = "-1e-3 *
+        t"`.
     normal, tangential : float or function of (x, y), optional
-        The components u_N and u_T instead [length].
+        Component u_N or u_T instead [length]: `normal = 0.0`.
 
     """
 
@@ -123,7 +123,6 @@ class Displacement:
     tangential: Field | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_edges(self)
         _check_components(self)
 
 
@@ -134,14 +133,14 @@ class Symmetry:
     Parameters
     ----------
     edges : str
-        Name of an edge set of the mesh.
+        Name of an edge set of the mesh: `edges = "left"`.
 
     """
 
     edges: str
 
     def __post_init__(self) -> None:
-        _check_edges(self)
+        check_keys(self)
 
 
 DRIVES: Final = {"force_x": "x", "force_y": "y", "moment": "rotation"}
@@ -167,39 +166,38 @@ class RigidPlate:
     Parameters
     ----------
     force_x, force_y : float, optional
-        Force on the body a unit of thickness [stress × length]; a plate that presses down on the top has force_y < 0.
+        Force on the body along x or y a unit of thickness [stress × length]; what presses down has force_y < 0:
+        `force_x = -10.0`.
     moment : float, optional
-        Moment on the body about the pivot, counterclockwise [stress × length²].
+        Moment on the body about the pivot, counterclockwise [stress × length²]: `moment = 0.0`.
     pivot : (float, float)
-        The point (x₀, y₀) that the moment and the plate's rotation refer to [length].
+        The point (x₀, y₀) that the moment and the plate's rotation refer to [length]: `pivot = [0.5, 2.0]`.
     x, y : float, optional
-        Displacement of the pivot [length], instead of the force.
+        Displacement of the pivot along x or y [length], instead of the force: `x = "1e-3 * t"`.
     rotation : float, optional
-        Rotation about the pivot, counterclockwise [rad], instead of the moment.
+        Rotation about the pivot, counterclockwise [rad], instead of the moment: `rotation = 0.0`.
 
     """
 
-    force_x: float | None = None
-    force_y: float | None = None
-    moment: float | None = None
+    force_x: Driven | None = None
+    force_y: Driven | None = None
+    moment: Driven | None = None
     pivot: tuple[float, float] = (0.0, 0.0)
-    x: float | None = field(default=None, kw_only=True)
-    y: float | None = field(default=None, kw_only=True)
-    rotation: float | None = field(default=None, kw_only=True)
+    x: Driven | None = field(default=None, kw_only=True)
+    y: Driven | None = field(default=None, kw_only=True)
+    rotation: Driven | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         names = [name for pair in DRIVES.items() for name in pair if getattr(self, name) is not None]
         if not names:
             remedy = "give at least one of force_x, force_y, moment, x, y and rotation: x = 0 if it stands still"
             raise InputError("RigidPlate", None, remedy)
+        check_keys(self)
         for name in names:
-            finite_number(f"RigidPlate.{name}", getattr(self, name))
             if DRIVES.get(name) in names:
                 remedy = f"{DRIVES[name]} is given too: what moves a plate is a force or a motion, leave one out"
                 raise InputError(f"RigidPlate.{name}", getattr(self, name), remedy)
-        if not isinstance(self.pivot, (tuple, list)) or len(self.pivot) != 2:
-            raise InputError("RigidPlate.pivot", self.pivot, "give a pair (x, y)")
-        object.__setattr__(self, "pivot", tuple(finite_number("RigidPlate.pivot", value) for value in self.pivot))
+        object.__setattr__(self, "pivot", tuple(map(float, self.pivot)))
 
     @property
     def driven(self) -> bool:
@@ -232,6 +230,24 @@ def disc_gap(centre: tuple[float, float], radius: float) -> Expression:
     return Expression(f"hypot({away}) - {positive_number('radius', radius)!r}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Pin(RigidPlate):
+    """A rigid round pin or disc in a problem file, its motion as `RigidPlate`: `Contact.pin` makes gap and plate of it.
+
+    Parameters
+    ----------
+    centre : (float, float)
+        Centre, before it moves [length]: `centre = [0.0, 0.0]`.
+    radius : float
+        Radius [length]: `radius = 9.95`.
+
+    """
+
+    pivot: tuple[float, float] = field(default=(0.0, 0.0), metadata=NO_KEY)  # the centre
+    centre: tuple[float, float]
+    radius: Positive
+
+
 @dataclass(frozen=True)
 class Contact:
     """Contact with dry friction, against a rigid obstacle (1.6) or between two blocks of the body.
@@ -253,61 +269,72 @@ class Contact:
     Parameters
     ----------
     edges : str
-        Name of an edge set or joint of the mesh.
+        Name of an edge set or joint of the mesh: `edges = "bottom"`.
     friction : float or function of (x, y)
-        Coefficient of friction μ ≥ 0. With μ = 0 and a cohesion the law is Tresca's.
+        Coefficient of friction μ ≥ 0, which files may leave out of tied contacts. With μ = 0 and a cohesion the law is
+        Tresca's: `friction = 0.3`.
     gap : float or function of (x, y)
         Position g of the obstacle along the outward normal [length]: positive where it stands away from the body,
-        negative where a rigid plate is pushed into it.
+        negative where a rigid plate is pushed into it: `gap = -1e-3`.
     offset : float or function of (x, y)
-        Tangential displacement w of the obstacle along the tangent [length].
+        Tangential displacement w of the obstacle along the tangent [length]: `offset = "1e-3 * sin(t)"`.
     name : str, optional
-        Key of this contact in the result; the edge set's name by default.
+        Key of this contact in the result; the edge set's name by default: `name = "base"`.
     cohesion : float or function of (x, y)
-        Cohesion c ≥ 0 [stress]. It acts wherever the law does, also where the contact is open.
+        Cohesion c ≥ 0 [stress]. It acts wherever the law does, also where the contact is open: `cohesion = 0.1`.
     shear_limit : float or function of (x, y), optional
-        Cap t_max ≥ 0 of |σ_T| [stress].
+        Largest shear stress t_max ≥ 0 [stress]: `shear_limit = 5.0`.
     law : "unilateral", "bilateral" or "tied"
         Whether the contact may open and slip, slip only, or neither. A tied contact takes no friction, cohesion or
-        limit.
+        limit: `law = "bilateral"`.
     plate : RigidPlate, optional
         Moves the obstacle as a rigid body, by force and moment or by a motion; not on joints. Forces are the resultants
-        of the total stress, of the obstacle's own pressure and the fluid's.
+        of the total stress, of the obstacle's own pressure and the fluid's: `plate = { force_y = -10.0 }`.
     pore_pressure : float or function of (x, y)
         Pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It is given, not computed, and
-        acts whether the contact is open or closed. A tied contact takes none.
+        acts whether the contact is open or closed. A tied contact takes none: `pore_pressure = "0.01 * (40 - y)"`.
 
     """
 
     edges: str
-    friction: Field
-    gap: Field = 0.0
-    offset: Field = 0.0
-    name: str = ""
-    cohesion: Field = 0.0
-    shear_limit: Field | None = None
+    friction: NotNegative = field(metadata=key(needed=False, tied=False, symbol="μ"))
+    gap: Field = field(default=0.0, metadata=key(symbol="gap", unit="length"))
+    offset: Field = field(default=0.0, metadata=key(symbol="offset", unit="length"))
+    name: Name = field(default="", metadata=key(like="edges"))
+    cohesion: NotNegative = field(default=0.0, metadata=key(tied=False, symbol="c", unit="stress"))
+    shear_limit: NotNegative | None = field(default=None, metadata=key(tied=False, symbol="t_max", unit="stress"))
     law: Law = "unilateral"
     plate: RigidPlate | None = None
-    pore_pressure: Field = 0.0
+    pore_pressure: NotNegative = field(default=0.0, metadata=key(tied=False, symbol="p_w", unit="stress"))
+
+    in_files: ClassVar[dict[str, Key]] = {"pin": Key(Table(Pin), needed=False)}
+    """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""
 
     def __post_init__(self) -> None:
-        _check_edges(self)
-        check_field("Contact.friction", self.friction, minimum=0.0)
-        check_field("Contact.gap", self.gap)
-        check_field("Contact.offset", self.offset)
-        check_field("Contact.cohesion", self.cohesion, minimum=0.0)
-        if self.shear_limit is not None:
-            check_field("Contact.shear_limit", self.shear_limit, minimum=0.0)
-        check_field("Contact.pore_pressure", self.pore_pressure, minimum=0.0)
-        _name_after_edges(self, "Contact")
-        one_of("Contact.law", self.law, get_args(Law))
-        if self.plate is not None and not isinstance(self.plate, RigidPlate):
-            raise InputError("Contact.plate", self.plate, "give a RigidPlate")
-        limiting: dict[str, Any] = {"friction": 0.0, "cohesion": 0.0, "shear_limit": None, "pore_pressure": 0.0}
-        for name, absent in limiting.items():
+        check_keys(self)
+        for name, each in keys_of(Contact).items():
             value = getattr(self, name)
-            if self.law == "tied" and (callable(value) or value != absent):
+            if (
+                self.law == "tied"
+                and not each.tied
+                and (callable(value) or value != defaults_of(Contact).get(name, 0.0))
+            ):
                 raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
+
+    @classmethod
+    def from_file(cls, *, pin: Pin | None = None, **values: Any) -> Contact:
+        """The contact that the table of a problem file states, in which a pin may give gap and plate."""
+        if values.get("law") == "tied":
+            values.setdefault("friction", 0.0)
+        if "friction" not in values:
+            raise InputError("friction", None, "give the coefficient of friction, 0.0 if there is none")
+        if pin is not None:
+            if "plate" in values or values.get("gap", 0.0) != 0.0:
+                remedy = "a pin gives the gap and what moves it: leave out gap and plate, or the pin"
+                raise InputError("pin", None, remedy)
+            drives = {name: getattr(pin, name) for pair in DRIVES.items() for name in pair}
+            values |= {"gap": disc_gap(pin.centre, pin.radius), "plate": RigidPlate(**drives, pivot=pin.centre)}
+        return cls(**values)
 
     @property
     def has_fluid(self) -> bool:

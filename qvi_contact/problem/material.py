@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, one_of, positive_number
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.schema import Inline, Name, Positive, Tagged, check_keys
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.strength import Strength
+from qvi_contact.problem.strength import STRENGTHS, Strength
 
 Plane: TypeAlias = Literal["stress", "strain"]
 """Whether σ_zz or ε_zz is zero."""
@@ -25,14 +26,15 @@ class Material:
     Parameters
     ----------
     young : float
-        Young's modulus E > 0 [stress].
+        Young's modulus E > 0 [stress]: `young = 2.1e5`.
     poisson : float
         Poisson's ratio ν: −1 < ν ≤ 0.5. In plane strain ν = 0.5 is an incompressible material: its compliance is
-        singular, and a constant pressure must be determined by tractions, see `ContactProblem`.
+        singular, and a constant pressure must be determined by tractions, see `ContactProblem`: `poisson = 0.3`.
     plane : "stress" or "strain"
-        The plane state; κ = 0 or 1 in the compliance below.
+        Plane stress or plane strain, κ = 0 or 1 in the compliance: `plane = "strain"`.
     strength : Tresca, Mises, MohrCoulomb or NoTension, optional
-        What the material can carry in a limit analysis; without it any stress. `solve` stays elastic.
+        What the material can carry in a limit analysis; without it any stress. `solve` stays elastic: `strength = { law
+        = "tresca", c = 1.0 }`.
 
     Raises
     ------
@@ -41,21 +43,15 @@ class Material:
 
     """
 
-    young: float
+    young: Positive
     poisson: float
     plane: Plane = "stress"
-    strength: Strength | None = None
+    strength: Annotated[Strength, Tagged(STRENGTHS)] | None = None
 
     def __post_init__(self) -> None:
-        positive_number("Material.young", self.young)
-        poisson = finite_number("Material.poisson", self.poisson)
-        one_of("Material.plane", self.plane, ("stress", "strain"), "give 'stress' or 'strain'")
-        given: object = self.strength
-        if given is not None and not isinstance(given, Strength):
-            remedy = "give a Tresca, Mises, MohrCoulomb or NoTension, or leave it out"
-            raise InputError("Material.strength", self.strength, remedy)
-        if not -1.0 < poisson <= 0.5:
-            raise InputError("Material.poisson", poisson, "give a number above -1 and at most 0.5")
+        check_keys(self)
+        if not -1.0 < self.poisson <= 0.5:
+            raise InputError("Material.poisson", self.poisson, "give a number above -1 and at most 0.5")
         with np.errstate(over="ignore"):
             if not np.isfinite(self.compliance).all() or not self.compliance[0, 0] > 0.0:
                 raise InputError("Material.young", self.young, "is beyond double precision: take other units")
@@ -90,9 +86,10 @@ class Region:
     material : Material
         Its material, in the plane state of the rest of the body.
     x, y : (float, float), optional
-        Ranges [length] that end on edges of the mesh; None reaches across all of it.
+        Range along x or y [length] that ends on edges of the mesh; without it all of the mesh: `x = [0.0, 0.5]`.
     name : str, optional
-        Name of a region of the mesh, instead of ranges.
+        Name of a region of the mesh, instead of ranges; in files, beside ranges, a new name for them:
+        `name = "inclusion"`.
 
     Notes
     -----
@@ -100,19 +97,15 @@ class Region:
 
     """
 
-    material: Material
+    material: Annotated[Material, Inline(Material, ("plane",))]
     x: tuple[float, float] | None = None
     y: tuple[float, float] | None = None
-    name: str | None = None
+    name: Name | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.material, Material):
-            raise InputError("Region.material", self.material, "give a Material")
-        if self.name is not None and not (self.x is self.y is None and isinstance(self.name, str)):
+        check_keys(self)
+        if self.name is not None and not self.x is self.y is None:
             raise InputError("Region.name", self.name, "give the name of a region of the mesh, or ranges x and y")
-        for name, bounds in (("x", self.x), ("y", self.y)):
-            if bounds is not None and not (isinstance(bounds, Sequence) and len(bounds) == 2):
-                raise InputError(f"Region.{name}", bounds, "give a pair (start, stop), or nothing")
 
 
 def cell_materials(mesh: TriangleMesh, regions: Sequence[Region]) -> IntArray:

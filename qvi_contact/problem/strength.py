@@ -22,10 +22,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
-from qvi_contact.basics.checks import Field, check_field, finite_number
+from qvi_contact.basics.checks import Field
+from qvi_contact.basics.schema import Scalar, Varying, check_keys
 from qvi_contact.errors import InputError
+
+Strong: TypeAlias = Annotated[Field, Varying(0.0, positive=True)]
 
 
 class YieldCone(NamedTuple):
@@ -60,15 +63,15 @@ class Tresca:
     Parameters
     ----------
     c : float or function of (x, y)
-        Strength in shear, positive [stress]; half the yield stress in tension.
+        Strength in shear, positive [stress]; half the yield stress in tension: `c = 20.0`.
 
     """
 
-    c: Field
+    c: Strong
     kind: ClassVar[str] = "tresca"
 
     def __post_init__(self) -> None:
-        _check_strength("Tresca.c", self.c, positive=True)
+        check_keys(self)
 
     def cones(self, plane: Literal["stress", "strain"]) -> Iterator[YieldCone]:
         """Its cones in that plane state."""
@@ -85,15 +88,15 @@ class Mises:
     Parameters
     ----------
     yield_stress : float or function of (x, y)
-        Yield stress σ_0 in tension, positive [stress].
+        Yield stress σ_0 in tension, positive [stress]: `yield_stress = 235.0`.
 
     """
 
-    yield_stress: Field
+    yield_stress: Strong
     kind: ClassVar[str] = "mises"
 
     def __post_init__(self) -> None:
-        _check_strength("Mises.yield_stress", self.yield_stress, positive=True)
+        check_keys(self)
 
     def cones(self, plane: Literal["stress", "strain"]) -> Iterator[YieldCone]:
         """Its cone in that plane state."""
@@ -108,27 +111,27 @@ class MohrCoulomb:
     Parameters
     ----------
     c : float or function of (x, y)
-        Cohesion, at least 0 [stress].
+        Cohesion, at least 0 [stress]: `c = 20.0`.
     phi : float
-        Angle of friction φ, from 0 to below π/2 [rad].
+        Angle of friction φ, from 0 to below π/2 [rad]: `phi = "30 * pi / 180"`.
     tension : float or function of (x, y), optional
-        Largest tensile stress t, at least 0 [stress]; without it c cot φ is.
+        Largest tensile stress t, at least 0 [stress]; without it c cot φ is: `tension = 0.0`.
 
     """
 
-    c: Field
-    phi: float
-    tension: Field | None = None
+    c: Annotated[Field, Varying(0.0)]
+    phi: Annotated[float, Scalar()]
+    tension: Annotated[Field, Varying(0.0)] | None = None
     kind: ClassVar[str] = "mohr-coulomb"
 
     def __post_init__(self) -> None:
-        phi = finite_number("MohrCoulomb.phi", self.phi)
+        check_keys(self)
+        phi = float(self.phi)
         if not 0.0 <= phi < math.pi / 2.0:
             remedy = "give the angle of friction in radians, from 0 to below pi/2: 30 degrees are 0.5236"
             raise InputError("MohrCoulomb.phi", phi, remedy)
-        _check_strength("MohrCoulomb.c", self.c, positive=phi == 0.0)
-        if self.tension is not None:
-            _check_strength("MohrCoulomb.tension", self.tension)
+        if phi == 0.0:
+            Varying(0.0, positive=True).check("MohrCoulomb.c", self.c)
 
     def cones(self, plane: Literal["stress", "strain"]) -> Iterator[YieldCone]:
         """Its cones in that plane state."""
@@ -148,16 +151,15 @@ class NoTension:
     Parameters
     ----------
     crushing : float or function of (x, y), optional
-        Strength f in compression, positive [stress]; without it there is no limit.
+        Strength f in compression, positive [stress]; without it there is no limit: `crushing = 4.0`.
 
     """
 
-    crushing: Field | None = None
+    crushing: Strong | None = None
     kind: ClassVar[str] = "no-tension"
 
     def __post_init__(self) -> None:
-        if self.crushing is not None:
-            _check_strength("NoTension.crushing", self.crushing, positive=True)
+        check_keys(self)
 
     def cones(self, plane: Literal["stress", "strain"]) -> Iterator[YieldCone]:  # noqa: ARG002  # as in all of them
         """Its cones, the same in both plane states."""
@@ -169,12 +171,4 @@ class NoTension:
 Strength: TypeAlias = Tresca | Mises | MohrCoulomb | NoTension
 """What a material can carry."""
 
-STRENGTHS = {kind.kind: kind for kind in (Tresca, Mises, MohrCoulomb, NoTension)}
-"""The criteria by what problem files call them."""
-
-
-def _check_strength(name: str, value: object, *, positive: bool = False) -> None:
-    """A field of stresses of at least 0; a constant that is to be positive is."""
-    check_field(name, value, minimum=0.0)
-    if positive and not callable(value) and value == 0.0:
-        raise InputError(name, value, "give a positive number: leave the strength out if the body does not yield")
+STRENGTHS: Final[tuple[type, ...]] = (Tresca, Mises, MohrCoulomb, NoTension)

@@ -26,7 +26,7 @@ from qvi_contact import (
     save_problem,
     solve,
 )
-from qvi_contact.files import ELEMENT_OPTIONS, SolveTable, problem_from_toml, problem_to_toml
+from qvi_contact.files import ELEMENT_OPTIONS, SolveOptions, problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from solvers.condensed import CondensedOptions
@@ -286,7 +286,7 @@ def test_solve_takes_all_options_a_file_can_hold():
     options = {f.name for kind in kinds for f in dataclasses.fields(kind)}
     general = {"method", "inner", "tolerance", "factorisation", "threads", "time_limit", *ELEMENT_OPTIONS}
     not_stored = {"initial", "callback", "inner_options"}  # the last: settings of a back end, no part of a problem
-    assert set(SolveTable.model_fields) - general == options - not_stored
+    assert {each.name for each in dataclasses.fields(SolveOptions)} - general == options - not_stored
 
 
 def test_a_joint_that_no_contact_uses_is_named():

@@ -5,7 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "bodies": ("half_disc", "half_discs", "sheared_layer"),
+        "bounds": ("half_disc", "half_discs", "sheared_layer"),
         "curves": (
             "M",
             "NU",
@@ -19,6 +19,6 @@ __getattr__ = front(
             "stretched",
             "zeta_of",
         ),
-        "not_unique": ("STATES", "law_violation"),
+        "limits": ("STATES", "law_violation"),
     },
 )

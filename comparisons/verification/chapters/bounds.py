@@ -1,48 +1,48 @@
-"""Chapter on the bounds of the energy, and of the force of the plate."""
+"""Chapter on bounds of the energy and of the force, and on bounds under Coulomb friction: errors, bad stresses."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE
-from comparisons.verification.chapters import slip
-from comparisons.verification.chapters.bodies import plate_under
-from comparisons.verification.elements import QUINTIC, TRIANGLES, Chapter, Element
-from comparisons.verification.measures import FORCE
-from comparisons.verification.proof import Proof, both, by_hand, certified
-from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, enclosed
+from comparisons.verification.measures import FORCE, energy_apart, halved, plate_under
+from comparisons.verification.rows import Chapter, Check, Kind, Proof, Row, both, by_hand, certified
 from qvi_contact import (
     Contact,
     ContactProblem,
+    ContactResult,
     Displacement,
     Material,
+    Region,
     Symmetry,
     Traction,
     TriangleMesh,
     refine,
+    solve,
 )
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket import Bounds, Bracket, bracket
+from qvi_contact.bracket.coulomb import CoulombBounds
+from qvi_contact.companion import solve_companion
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem.conditions import Condition
+from qvi_contact.refinement.outcome import Refinement
+from qvi_contact.refinement.rounds import bulk
 
-PROBLEMS: Final = Chapter()
+BOUNDS: Final = Chapter()
 
 _PUSH: Final = 1e-3
-_MESHES: Final = (
-    *((cells, 1.0) for cells in (2, 4, 8, 16)), (8, 0.6), (16, 0.75)
-)  # fmt: skip
-_FEW: Final = ((2, 1.0), (4, 0.6))
-_FORCES: Final = ((4, 0.6), (8, 0.6), (16, 0.75))
-
-_CUBIC: Final = Element("triangles of degree 3", 3)
-_REFINED: Final = {_CUBIC: (1e-3, 3e-5), TRIANGLES: (1e-4, 1e-6), QUINTIC: (1e-4, 1e-6)}
-"""Relative bounds between which the order is taken."""
-
+_MESHES: Final = (*((cells, 1.0) for cells in (2, 4, 8, 16)), (8, 0.6), (16, 0.75))
 _SYNGE: Final = "(D20): −J*(τ) ≤ J(u) ≤ J(v)"
 _ROUNDING: Final = 1e-12
+
+
+def _free(*names: str) -> list[Condition]:
+    return [Traction(name, x=0.0, y=0.0) for name in names]
 
 
 def _tresca(cells: int, grading: float) -> ContactProblem:
@@ -57,125 +57,47 @@ def _curved(cells: int, grading: float) -> ContactProblem:
     conditions: list[Condition] = [
         Contact.frictionless("bottom", gap=lambda x, y: 2e-3 * x**2 + 0.0 * y, name="ground"),
         Symmetry("left"),
-        Traction("right", x=0.0, y=0.0),
         Displacement("top", x=0.0, y=-_PUSH),
     ]
     mesh = TriangleMesh.rectangle((cells, cells), grading=grading)
-    return ContactProblem(mesh, Material(2.09e5, 0.3), conditions)
+    return ContactProblem(mesh, Material(2.09e5, 0.3), [*conditions, *_free("right")])
 
 
-_PROBLEMS: Final = {"Tresca": _tresca, "full stick": _sticking, "frictionless, curved ground": _curved}
-_RATES: Final = {"Tresca": (1.5, "h^1.5 or better: σ_T may jump at corners"), "full stick": (1.4, "h^1.517: Williams"),
-                 "frictionless, curved ground": (1.5, "h^1.5 or better")}  # fmt: skip
+_PROBLEMS: Final = {
+    "Tresca": (_tresca, 1.5, "h^1.5 or better: σ_T may jump at corners"),
+    "full stick": (_sticking, 1.4, "h^1.517: Williams"),
+    "frictionless, curved ground": (_curved, 1.5, "h^1.5 or better"),
+}
+"""Name → problem, least order of the gap in h, and why."""
 
 
-@PROBLEMS.on("bounds-energy", TRIANGLES)
-def energy_brackets(element: Element, quick: bool) -> Iterator[Row]:
+@BOUNDS("bounds-energy", 4)
+def energy_brackets(p: int, quick: bool) -> Iterator[Row]:
     """Energies of an admissible stress and an admissible displacement, on uniform and graded meshes of 2² to 16² cells.
 
     On every mesh the lower bound must not be above the upper one, and the bounds of all meshes must have a number in
     common: the energy of the solution.
     """
-    for name, problem in _PROBLEMS.items():
-        found = [element.solve(problem(cells, grading)).bracket for cells, grading in (_FEW if quick else _MESHES)]
-        proof = _guaranteed(*found)
+    meshes = ((2, 1.0), (4, 0.6)) if quick else _MESHES
+    for name, (problem, _, _) in _PROBLEMS.items():
+        found = [solve(problem(cells, grading), degree=p).bracket for cells, grading in meshes]
+        rows = Check(_guaranteed(*found), _SYNGE, _ROUNDING)
         apart = max((b.lower - b.upper) / b.strain for b in found)
-        quantity = f"{name}: lower − upper on each mesh, over the strain energy"
-        yield at_most(quantity, apart, 0.0, _ROUNDING, _SYNGE, proof)
+        yield rows.at_most(f"{name}: lower − upper on each mesh, over the strain energy", apart, 0.0)
         crossed = (max(b.lower for b in found) - min(b.upper for b in found)) / found[-1].strain
-        quantity = f"{name}: largest lower − smallest upper of all meshes, over the strain energy"
-        yield at_most(quantity, crossed, 0.0, _ROUNDING, _SYNGE, proof)
+        yield rows.at_most(
+            f"{name}: largest lower − smallest upper of all meshes, over the strain energy", crossed, 0.0
+        )
 
 
-@PROBLEMS.on("bounds-rates", TRIANGLES)
-def rates_of_the_gap(element: Element, quick: bool) -> Iterator[Row]:
+@BOUNDS("bounds-rates", 4)
+def rates_of_the_gap(p: int, quick: bool) -> Iterator[Row]:
     """How fast the bounds close on uniform meshes, between 8² and 32² cells."""
     sizes = (4, 8) if quick else (8, 32)
-    for name, problem in _PROBLEMS.items():
-        found = [element.solve(problem(cells, 1.0)).bracket for cells in sizes]
+    for name, (problem, least, source) in _PROBLEMS.items():
+        found = [solve(problem(cells, 1.0), degree=p).bracket for cells in sizes]
         rate = float(np.log(found[0].gap / found[1].gap) / np.log(sizes[1] / sizes[0]))
-        least, source = _RATES[name]
-        yield at_least(f"{name}: order of the gap in h", rate, least, 0.0, source, _guaranteed(*found))
-
-
-@PROBLEMS.on("bounds-refined", _CUBIC, TRIANGLES, QUINTIC)
-def orders_of_refined_bounds(element: Element, quick: bool) -> Iterator[Row]:
-    """How fast guaranteed bounds close by `refine` in the number of unknowns, whatever corners the body has.
-
-    Meshes of the best grading have order p − 1 in the end. While a mesh still grows into corners it may be more.
-    """
-    start, end = (1e-3, 1e-4) if quick else _REFINED[element]
-    for name, (problem, quantity, least) in list(_CORNERED.items())[: 1 if quick else None]:
-        outcome = refine(problem(), None, end, quantity, degree=element.degree)
-        rounds = [each for each in outcome.rounds if each.estimate <= start]
-        order = np.log(rounds[0].estimate / outcome.estimate) / np.log(rounds[-1].unknowns / rounds[0].unknowns)
-        quantity = f"{name}: order of the bound in unknowns, {start:.0e} to {end:.0e}"
-        proof = both(certified(outcome.result), by_hand(outcome.certainty != "estimate", "a guaranteed bound"))
-        yield at_least(quantity, float(order), least[element], 0.0, f"p = {element.degree}", proof)
-
-
-def _exact() -> Iterator[tuple[str, ContactProblem, int]]:
-    plane, strained = Material(1000.0, 0.3), Material(1000.0, 0.2, "strain")
-    block = TriangleMesh.rectangle((3, 2), 2.0, 1.0, grading=0.7)
-    beam = TriangleMesh.grid([0.0, 1.0, 2.5, 4.0], [-0.5, 0.1, 0.5])
-    free = {"bottom": "tt", "right": "tt", "top": "tt", "left": "tt"}
-    sides = {"bottom": "uu", "right": "tt", "top": "tu", "left": "ut"}
-    yield "uniform stress", problem_from_state(uniform(plane, 3.0, -7.0, 2.0), block, plane, sides), 2
-    bending = problem_from_state(pure_bending(strained, 5.0), beam, strained, free | {"left": "uu"})
-    yield "pure bending", bending, 2
-    bent = problem_from_state(cantilever(plane, 8.0, -1.0), beam, plane, free | {"right": "uu"})
-    yield "Timoshenko's cantilever", bent, 3
-    column = problem_from_state(gravity_column(strained, 2.0, 1.0), block, strained, free | {"bottom": "uu"})
-    yield "column under its weight", column, 2
-    yield "plate without friction", compressed_plate(0.0, (3, 2), grading=0.8), 2
-    yield "SSNV128 without friction", ssnv128((4, 3), friction=0.0), 2
-
-
-@PROBLEMS.on("bounds-exact", TRIANGLES, QUINTIC)
-def exact_states_close_the_gap(element: Element, quick: bool) -> Iterator[Row]:  # noqa: ARG001  # all are coarse
-    """States that both models hold exactly: stresses from a bicubic Φ, displacements of degree 2 or 3."""
-    for name, problem, degree in _exact():
-        found = bracket(element.solve(problem), degree=degree)
-        quantity, source = f"{name}: (upper − lower) / strain energy", "closed form in both spaces"
-        yield absolute(quantity, found.gap / found.strain, 0.0, 1e-10, source, _guaranteed(found))
-
-
-@PROBLEMS.on("bounds-force", TRIANGLES)
-def force_between_bounds(element: Element, quick: bool) -> Iterator[Row]:
-    """Guaranteed bounds of P/2 at full stick enclose the settled value of displacement codes, and close on it."""
-    for cells, grading in _FORCES[: 1 if quick else None]:
-        found = element.solve(_sticking(cells, grading)).bracket
-        force, proof = found.forces["plate.normal_force"], _guaranteed(found)
-        limit, uncertainty = LIMITS[1.0]
-        mesh = f"{cells}² cells graded by {grading:g}"
-        quantity = f"{{}} of P/2, {mesh} [{FORCE}]"
-        yield from enclosed(quantity, force, limit, uncertainty, LIMITS_SOURCE, proof, Kind.EXTERNAL)
-        apart = (force.upper - force.lower) / limit
-        yield at_most(f"distance of the bounds, {mesh}, over P/2", apart, 0.0, 1e-3, "(D21)", proof)
-
-
-@PROBLEMS.on("bounds-slip", QUINTIC)
-def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
-    """The paper's plate with slip, refined until guaranteed bounds of its force are within 1e-6 of it.
-
-    The bounds of every mesh on the way must hold the settled force.
-    """
-    target = 1e-3 if quick else 1e-6
-    for friction in (0.2,) if quick else (0.05, 0.1, 0.2):
-        limit, uncertainty = LIMITS[friction]
-        problem = compressed_plate(friction, (1, 1))
-        outcome = refine(problem, None, target, "plate.normal_force", guaranteed=True, degree=element.degree)
-        proof = both(certified(outcome.result), by_hand(outcome.certainty != "estimate", "a guaranteed bound"))
-        bounds = outcome.result.bracket.coulomb
-        force = Bounds(-np.inf, np.inf) if bounds is None else bounds.forces["plate.normal_force"]
-        where = f"μ = {friction:g}"
-        quantity = f"{where}: {{}} of P/2 [{FORCE}]"
-        yield from enclosed(quantity, force, limit, uncertainty, LIMITS_SOURCE, proof, Kind.EXTERNAL)
-        beyond = max(abs(each.value / limit - 1.0) - each.estimate for each in outcome.rounds if each.guaranteed)
-        quantity = f"{where}: largest error − bound of all meshes, over P/2"
-        yield at_most(quantity, beyond, 0.0, uncertainty / limit, LIMITS_SOURCE, proof, Kind.EXTERNAL)
-        quantity, unknowns = f"{where}: unknowns for a guaranteed error of {target:g}", outcome.rounds[-1].unknowns
-        yield at_most(quantity, float(unknowns), 5000.0, 0.0, "what it may take", proof)
+        yield Check(_guaranteed(*found), source).at_least(f"{name}: order of the gap in h", rate, least)
 
 
 def _trapezoid() -> ContactProblem:
@@ -196,15 +118,91 @@ def _l_shape() -> ContactProblem:
     return ContactProblem(mesh, Material(2.1e5, 0.3, "strain"), [*conditions, *_free("left", "right", "step")])
 
 
-def _free(*names: str) -> list[Condition]:
-    return [Traction(name, x=0.0, y=0.0) for name in names]
-
-
 _CORNERED: Final = {
-    "trapezoid": (_trapezoid, "bottom.normal_force", {_CUBIC: 1.8, TRIANGLES: 3.0, QUINTIC: 4.3}),
-    "L": (_l_shape, "energy", {_CUBIC: 1.8, TRIANGLES: 3.0, QUINTIC: 3.4}),
+    "trapezoid": (_trapezoid, "bottom.normal_force", {3: 1.8, 4: 3.0, 5: 4.3}),
+    "L": (_l_shape, "energy", {3: 1.8, 4: 3.0, 5: 3.4}),
 }
-"""Bodies with corners, what is refined, and the least order."""
+"""Bodies with corners, what is refined, and the least order by degree."""
+
+
+@BOUNDS("bounds-refined", 3, 4, 5)
+def orders_of_refined_bounds(p: int, quick: bool) -> Iterator[Row]:
+    """How fast guaranteed bounds close by `refine` in the number of unknowns, whatever corners the body has.
+
+    Meshes of the best grading have order p − 1 in the end. While a mesh still grows into corners it may be more.
+    """
+    start, end = (1e-3, 1e-4) if quick else (1e-3, 3e-5) if p == 3 else (1e-4, 1e-6)
+    for name, (problem, quantity, least) in list(_CORNERED.items())[: 1 if quick else None]:
+        outcome = refine(problem(), None, end, quantity, degree=p)
+        rounds = [each for each in outcome.rounds if each.estimate <= start]
+        order = np.log(rounds[0].estimate / outcome.estimate) / np.log(rounds[-1].unknowns / rounds[0].unknowns)
+        quantity = f"{name}: order of the bound in unknowns, {start:.0e} to {end:.0e}"
+        yield Check(_refined(outcome), f"p = {p}").at_least(quantity, float(order), least[p])
+
+
+def _exact() -> Iterator[tuple[str, ContactProblem, int]]:
+    plane, strained = Material(1000.0, 0.3), Material(1000.0, 0.2, "strain")
+    block = TriangleMesh.rectangle((3, 2), 2.0, 1.0, grading=0.7)
+    beam = TriangleMesh.grid([0.0, 1.0, 2.5, 4.0], [-0.5, 0.1, 0.5])
+    free = {"bottom": "tt", "right": "tt", "top": "tt", "left": "tt"}
+    sides = {"bottom": "uu", "right": "tt", "top": "tu", "left": "ut"}
+    yield "uniform stress", problem_from_state(uniform(plane, 3.0, -7.0, 2.0), block, plane, sides), 2
+    bending = problem_from_state(pure_bending(strained, 5.0), beam, strained, free | {"left": "uu"})
+    yield "pure bending", bending, 2
+    bent = problem_from_state(cantilever(plane, 8.0, -1.0), beam, plane, free | {"right": "uu"})
+    yield "Timoshenko's cantilever", bent, 3
+    column = problem_from_state(gravity_column(strained, 2.0, 1.0), block, strained, free | {"bottom": "uu"})
+    yield "column under its weight", column, 2
+    yield "plate without friction", compressed_plate(0.0, (3, 2), grading=0.8), 2
+    yield "SSNV128 without friction", ssnv128((4, 3), friction=0.0), 2
+
+
+@BOUNDS("bounds-exact", 4, 5)
+def exact_states_close_the_gap(p: int, _: bool) -> Iterator[Row]:
+    """States that both models hold exactly: stresses from a bicubic Φ, displacements of degree 2 or 3."""
+    for name, problem, degree in _exact():
+        found = bracket(solve(problem, degree=p), degree=degree)
+        rows = Check(_guaranteed(found), "closed form in both spaces", 1e-10)
+        yield rows.absolute(f"{name}: (upper − lower) / strain energy", found.gap / found.strain, 0.0)
+
+
+@BOUNDS("bounds-force", 4)
+def force_between_bounds(p: int, quick: bool) -> Iterator[Row]:
+    """Guaranteed bounds of P/2 at full stick enclose the settled value of displacement codes, and close on it."""
+    limit, uncertainty = LIMITS[1.0]
+    for cells, grading in ((4, 0.6), (8, 0.6), (16, 0.75))[: 1 if quick else None]:
+        found = solve(_sticking(cells, grading), degree=p).bracket
+        force, mesh = found.forces["plate.normal_force"], f"{cells}² cells graded by {grading:g}"
+        rows = Check(_guaranteed(found), LIMITS_SOURCE, uncertainty, Kind.EXTERNAL)
+        yield from rows.enclosed(f"{{}} of P/2, {mesh} [{FORCE}]", force, limit)
+        rows = Check(_guaranteed(found), "(D21)", 1e-3)
+        yield rows.at_most(f"distance of the bounds, {mesh}, over P/2", (force.upper - force.lower) / limit, 0.0)
+
+
+@BOUNDS("bounds-slip", 5)
+def forces_under_slip(p: int, quick: bool) -> Iterator[Row]:
+    """The paper's plate with slip, refined until guaranteed bounds of its force are within 1e-6 of it.
+
+    The bounds of every mesh on the way must hold the settled force.
+    """
+    target = 1e-3 if quick else 1e-6
+    for friction in (0.2,) if quick else (0.05, 0.1, 0.2):
+        limit, uncertainty = LIMITS[friction]
+        problem, where = compressed_plate(friction, (1, 1)), f"μ = {friction:g}"
+        outcome = refine(problem, None, target, "plate.normal_force", guaranteed=True, degree=p)
+        bounds = outcome.result.bracket.coulomb
+        force = Bounds(-np.inf, np.inf) if bounds is None else bounds.forces["plate.normal_force"]
+        rows = Check(_refined(outcome), LIMITS_SOURCE, uncertainty, Kind.EXTERNAL)
+        yield from rows.enclosed(f"{where}: {{}} of P/2 [{FORCE}]", force, limit)
+        beyond = max(abs(each.value / limit - 1.0) - each.estimate for each in outcome.rounds if each.guaranteed)
+        quantity = f"{where}: largest error − bound of all meshes, over P/2"
+        yield rows.at_most(quantity, beyond, 0.0, tolerance=uncertainty / limit)
+        quantity, unknowns = f"{where}: unknowns for a guaranteed error of {target:g}", outcome.rounds[-1].unknowns
+        yield Check(rows.proof, "what it may take").at_most(quantity, unknowns, 5000.0)
+
+
+def _refined(outcome: Refinement) -> Proof:
+    return both(certified(outcome.result), by_hand(outcome.certainty != "estimate", "a guaranteed bound"))
 
 
 def _guaranteed(*brackets: Bracket) -> Proof:
@@ -214,4 +212,166 @@ def _guaranteed(*brackets: Bracket) -> Proof:
     return both(certified(*results), by_hand(not reasons, reasons or "guaranteed bracket"))
 
 
-PROBLEMS.update(slip.PROBLEMS)
+# Under Coulomb friction: the stress of a high degree on the same mesh stands for the exact one.
+_FINE: Final = 8
+_ERROR: Final = "bound over true error of the stress"
+_TRUTH: Final = f"the stress of degree {_FINE} on the same mesh"
+_BAD: Final = 100
+
+
+@BOUNDS("bounds-slip-errors", 4)
+def errors_under_slip(p: int, quick: bool) -> Iterator[Row]:
+    """The paper's plate: bounds of the stress error in the energy norm beside the true error.
+
+    The bound must not be below the error, and not more than 4 times as large, on meshes that are bisected where it says
+    so and on equal cells. It holds for Coulomb's law whatever the exact solution does. That costs: on coarse meshes the
+    edge where stick changes into slip has a share of friction that is far from continuous, and counts.
+    """
+    for friction in (0.2,) if quick else (0.05, 0.1, 0.2):
+        plates = [compressed_plate(friction, (n, n)) for n in ((2,) if quick else (2, 4, 8))]
+        equal = [solve(plate, degree=p) for plate in plates]
+        for name, results in (("adaptive meshes", _chain(p, friction, 2 if quick else 6)), ("equal cells", equal)):
+            ratios, proofs = [], []
+            for result in results:
+                fine, bounds = solve(result.problem, degree=_FINE), _coulomb(result)
+                ratios.append(bounds.error / energy_apart(result, fine))
+                proofs.append(both(certified(result, fine), _holds(bounds)))
+            rows, where = Check(both(*proofs), _TRUTH, kind=Kind.METHODS), f"{_ERROR}, μ = {friction:g}, {name}"
+            yield rows.at_least(f"least {where}", min(ratios), 1.0)
+            yield rows.at_most(f"largest {where}", max(ratios), 4.0)
+
+
+def _chain(p: int, friction: float, count: int) -> Iterator[ContactResult]:
+    """The plate on meshes bisected where the bound says so."""
+    result = solve(compressed_plate(friction, (1, 1)), degree=p)
+    for _ in range(count):
+        mesh = result.problem.mesh.refined(bulk(_coulomb(result).cells))
+        result = solve(replace(result.problem, mesh=mesh), degree=p)
+        yield result
+
+
+@BOUNDS("bounds-slip-bad", 4)
+def bad_stresses_under_slip(p: int, quick: bool) -> Iterator[Row]:
+    """Admissible stresses between the solution and those of less friction, disturbed at random.
+
+    None of their errors may be above its bound.
+    """
+    *_, result = _chain(p, 0.2, 2)
+    problem, weaker = result.problem, []
+    fine = solve(problem, degree=_FINE)
+    for friction in (0.02, 0.1, 0.18):
+        conditions = [
+            replace(each, friction=friction) if isinstance(each, Contact) else each for each in problem.conditions
+        ]
+        weaker.append(solve(replace(problem, conditions=conditions), degree=p).solution.z)
+    random, ratios = np.random.default_rng(1), []
+    for number in range(_BAD // 10 if quick else _BAD):
+        stress = _disturbed(result, weaker[number % len(weaker)], random)
+        ratios.append(_coulomb(stress).error / energy_apart(stress, fine))
+    proof = both(certified(result, fine), _holds(_coulomb(result)))
+    rows = Check(proof, f"T2: no stress is farther away than its bound; {_TRUTH}", kind=Kind.METHODS)
+    yield rows.at_least(f"least {_ERROR} of {len(ratios)} bad stresses", np.min(ratios), 1.0)
+
+
+def _disturbed(result: ContactResult, weaker: FloatArray, random: np.random.Generator) -> ContactResult:
+    """The same result with an admissible stress that is not a solution."""
+    qvi, own = result.discretization.qvi, result.solution.z
+
+    def inside(z: FloatArray) -> bool:
+        normal, shear = qvi.N @ z + qvi.n0, qvi.T @ z + qvi.t0
+        return bool(normal.max() <= 0.0 and (np.abs(shear) + qvi.mu * normal).max() <= 0.0)
+
+    step = random.standard_normal(len(weaker)) * np.abs(weaker).max() * 10.0 ** random.uniform(-4.0, 0.0)
+    while not inside(weaker + step):
+        step *= 0.5
+    share = random.uniform(0.0, 1.0) ** 3
+    return ContactResult(result.discretization, replace(result.solution, z=own + share * (weaker + step - own)))
+
+
+def half_disc(friction: float = 0.3, push: tuple[float, float] = (2e-3, -2e-3), *, held: bool = True) -> ContactProblem:
+    """A half disc of radius 1 as a polygon, its flat side on a rough plane in full contact, its crown displaced."""
+    angle = np.linspace(0.0, np.pi, 13)
+    rim = np.column_stack([np.cos(angle), np.sin(angle)])
+    vertices = np.vstack([[0.0, 0.0], rim])
+    cells = np.column_stack([np.zeros(12, dtype=int), np.arange(1, 13), np.arange(2, 14)])
+    mesh = TriangleMesh(vertices, cells)
+    mesh = mesh.with_edges("base", lambda _, y: y < 1e-9).with_edges("crown", lambda _, y: y > 0.9)
+    mesh = mesh.with_edges("flank", lambda _, y: (y >= 1e-9) & (y <= 0.9))
+    crown: Condition = Displacement("crown", x=push[0], y=push[1]) if held else Traction("crown", x=1.0, y=-10.0)
+    conditions: list[Condition] = [Contact("base", friction, name="base"), crown, *_free("flank")]
+    return ContactProblem(mesh, Material(1000.0, 0.3, "strain"), conditions)
+
+
+def half_discs(
+    friction: float = 0.3, push: tuple[float, float] = (6e-3, -2e-3), below: float = 1000.0
+) -> ContactProblem:
+    """Two such half discs on each other, that below held at its foot, of a Young's modulus of its own."""
+    above = half_disc().mesh
+    shared = above.vertices[:, 1] < 1e-9
+    other = np.where(shared, np.arange(len(shared)), len(shared) - 1 + np.cumsum(~shared))
+    vertices = np.vstack([above.vertices, (above.vertices * [1.0, -1.0])[~shared]])
+    mesh = TriangleMesh(vertices, np.vstack([above.cells, other[above.cells]]))
+    mesh = mesh.with_joint("seam", lambda _, y: np.abs(y) < 1e-9).with_region("lower", lambda _, y: y < 0.0)
+    mesh = mesh.with_edges("crown", lambda _, y: y > 0.9).with_edges("foot", lambda _, y: y < -0.9)
+    mesh = mesh.with_edges("flank", lambda _, y: np.abs(y) <= 0.9)
+    held = [Displacement("crown", x=push[0], y=push[1]), Displacement("foot", x=0.0, y=0.0)]
+    stiff, soft = Material(1000.0, 0.3, "strain"), Material(below, 0.3, "strain")
+    conditions = [Contact("seam", friction), *held, *_free("flank")]
+    return ContactProblem(mesh, stiff, conditions, regions=[Region(soft, name="lower")])
+
+
+def sheared_layer(friction: float = 0.2, drag: float = 5e-3) -> ContactProblem:
+    """A layer 4 × 1 pressed on rough ground by its top, which moves to the side; its ends are free."""
+    held: list[Condition] = [Contact("bottom", friction, name="base"), Displacement("top", x=drag, y=-2e-3)]
+    mesh = TriangleMesh.rectangle((4, 1), 4.0, 1.0)
+    return ContactProblem(mesh, Material(1000.0, 0.2), [*held, *_free("left", "right")])
+
+
+_BODIES: Final[dict[str, tuple[Callable[[], ContactProblem], str]]] = {
+    "two half discs, μ = 0.1": (partial(half_discs, 0.1, below=500.0), "guaranteed"),
+    "two half discs, μ = 0.3": (partial(half_discs, 0.3, below=500.0), "estimated"),
+    "half disc, μ = 0.1": (partial(half_disc, 0.1, (6e-3, -2e-3)), "guaranteed"),
+    "half disc, μ = 0.3": (partial(half_disc, 0.3, (6e-3, -2e-3)), "estimated"),
+    "sheared layer that slips": (partial(sheared_layer, 0.3), "estimated"),
+    "sheared layer that sticks": (partial(sheared_layer, 0.5, 1e-3), "estimated"),
+}
+"""Bodies, and what their bounds are."""
+
+
+@BOUNDS("bounds-slip-bodies", 4)
+def bodies_under_slip(p: int, quick: bool) -> Iterator[Row]:
+    """Other bodies: forces known from elsewhere must be inside their bounds.
+
+    Of SSNV128 balance gives the normal force, p a. The others are compared with displacement elements of degree 4 on a
+    mesh twice as fine.
+    """
+    proved = "whether the norm of the friction operator is proved below 2"
+    cells = (4, 4) if quick else (12, 12)
+    for friction, kind in ((0.3, "guaranteed"), (1.0, "estimated")):
+        result = solve(ssnv128(cells, friction=friction), degree=p)
+        name, rows, bounds = f"SSNV128, μ = {friction:g}", Check(certified(result)), _coulomb(result)
+        yield rows.word(f"{name}: the bounds are", bounds.kind, kind, proved)
+        force, source = bounds.forces["base.normal_force"], "p a, balance in y"
+        yield from rows.enclosed(f"{name}: N [N/m], {{}}", force, 2.0e6, source, tolerance=1e-9 * 2.0e6)
+    for name, (body, kind) in list(_BODIES.items())[: 1 if quick else None]:
+        problem = body()
+        problem = problem if quick else replace(problem, mesh=halved(problem.mesh))
+        result = solve(problem, degree=p)
+        moved = solve_companion(replace(problem, mesh=halved(problem.mesh)), degree=4)
+        bounds = _coulomb(result)
+        yield Check(certified(result), proved).word(f"{name}: the bounds are", bounds.kind, kind)
+        ((contact, line),) = moved.contacts.items()
+        for letter, part in (("N", "normal_force"), ("T", "tangential_force")):
+            known, force = getattr(line, part), bounds.forces[f"{contact}.{part}"]
+            rows = Check(certified(result), "displacement elements, finer mesh", 1e-3 * abs(known), Kind.METHODS)
+            yield from rows.enclosed(f"{name}: {letter} [stress × length], {{}}", force, known)
+
+
+def _coulomb(result: ContactResult) -> CoulombBounds:
+    found = result.bracket.coulomb
+    assert found is not None, result.bracket.coulomb_reason
+    return found
+
+
+def _holds(bounds: CoulombBounds) -> Proof:
+    return by_hand(bounds.guaranteed, " ".join(bounds.reasons) or "guaranteed bound")

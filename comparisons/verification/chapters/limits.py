@@ -1,16 +1,15 @@
-"""Chapter on loads that cannot be carried: limit loads, proofs of infeasibility, refusals."""
+"""Chapters on loads that cannot be carried (limits, proofs of infeasibility, refusals), and on three solutions."""
 
 import math
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from scipy.sparse import csc_array
 
-from comparisons.verification.elements import QUINTIC, TRIANGLES, Chapter, Element
-from comparisons.verification.exhibits import MM, Curve, Graph, shown
-from comparisons.verification.proof import bounded, by_hand, certified, infeasible
-from comparisons.verification.row import Row, absolute, at_most, relative, word
-from comparisons.verification.two_models import curves_of_both, two_models
+from comparisons.verification.measures import MM, two_models
+from comparisons.verification.pictures import Curve, Graph, curves_of_both, shown
+from comparisons.verification.rows import Chapter, Check, Row, bounded, by_hand, certified, infeasible
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -23,9 +22,11 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.limit.load_factor import LimitLoad, limit_load
 from qvi_contact.problem.conditions import Condition
+from solvers import Certificate, FrictionQVI, certify, solve_qvi
 
-PROBLEMS: Final = Chapter()
+LIMITS, NOT_UNIQUE = Chapter(), Chapter()
 
 _STEEL: Final = Material(1000.0, 0.3)
 _MESHES: Final = {
@@ -33,26 +34,41 @@ _MESHES: Final = {
     "one cell": TriangleMesh.rectangle((1, 1), 2.0, 1.0),
     "5 × 5 cells graded by 0.5": TriangleMesh.rectangle((5, 5), 2.0, 1.0, grading=0.5),
 }
-_PRESSURE, _SHEAR, _FRICTION = 10.0, 2.0, 0.3
+_BASE: Final = Contact("bottom", 0.3, name="base")
 
 
-@PROBLEMS.on("dragged-block", TRIANGLES)
-def dragged_block(element: Element, quick: bool) -> Iterator[Row]:
+def _dragged(mesh: TriangleMesh, shear: float, contact: Contact = _BASE) -> ContactProblem:
+    """Pressure p = 10 on top, and uniform shear with its complement on the sides."""
+    loads = [
+        Traction("top", y=-10.0, name="pressure"), Traction("top", x=shear, name="shear"), Traction("right", x=0.0),
+        Traction("right", y=shear, name="shear"), Traction("left", x=0.0), Traction("left", y=-shear, name="shear"),
+    ]  # fmt: skip
+    return ContactProblem(mesh, _STEEL, [contact, *loads])
+
+
+def _factor(p: int, problem: ContactProblem, load: str) -> tuple[LimitLoad, Check]:
+    limit = limit_load(problem, [load], degree=p)
+    return limit, Check(bounded(limit), tolerance=1e-6)
+
+
+@LIMITS("dragged-block", 4)
+def dragged_block(p: int, quick: bool) -> Iterator[Row]:
     """A block under pressure p dragged by uniform shear T: carried up to the factor μp/T, and not beyond."""
     for name, mesh in list(_MESHES.items())[: 1 if quick else 3]:
-        base = Contact("bottom", _FRICTION, name="base")
-        limit = element.limit_load(_dragged(mesh, _SHEAR, base), ["shear"])
-        yield relative("limit load factor", limit.lower, 1.5, 1e-6, f"μp/T; {name}", bounded(limit))
-        below, above = (element.solve(_dragged(mesh, share * 3.0, base)) for share in (0.99, 1.01))
-        exact, source = -0.99 * 6.0, f"−0.99 μ p w, balance; {name}"
-        force, proof = below.contacts["base"].tangential_force, certified(below)
-        yield relative("T at 0.99 of the limit [stress length]", force, exact, 1e-8, source, proof)
-        source = f"T > μp; {name}"
-        yield word("status at 1.01 of the limit", above.status.value, "infeasible", source, infeasible(above))
+        limit, rows = _factor(p, _dragged(mesh, 2.0), "shear")
+        yield rows.relative("limit load factor", limit.lower, 1.5, f"μp/T; {name}")
+        below, above = (solve(_dragged(mesh, share * 3.0), degree=p) for share in (0.99, 1.01))
+        rows, force = (
+            Check(certified(below), f"−0.99 μ p w, balance; {name}", 1e-8),
+            below.contacts["base"].tangential_force,
+        )
+        yield rows.relative("T at 0.99 of the limit [stress length]", force, -0.99 * 6.0)
+        rows = Check(infeasible(above), f"T > μp; {name}")
+        yield rows.word("status at 1.01 of the limit", above.status.value, "infeasible")
 
 
-@PROBLEMS.on("other-laws", TRIANGLES)
-def other_laws(element: Element, quick: bool) -> Iterator[Row]:
+@LIMITS("other-laws", 4)
+def other_laws(p: int, quick: bool) -> Iterator[Row]:
     """The same block with cohesion, a cap and Tresca's law: the factor is the bound of shear over T."""
     mesh = _MESHES["6 × 4 cells" if quick else "5 × 5 cells graded by 0.5"]
     laws = {
@@ -61,103 +77,110 @@ def other_laws(element: Element, quick: bool) -> Iterator[Row]:
         "Tresca: bound/T": (Contact.tresca("bottom", 2.0), 2.0),
     }
     for source, (law, exact) in laws.items():
-        limit = element.limit_load(_dragged(mesh, 1.0, law), ["shear"])
-        yield relative("limit load factor", limit.lower, exact, 1e-6, source, bounded(limit))
+        limit, rows = _factor(p, _dragged(mesh, 1.0, law), "shear")
+        yield rows.relative("limit load factor", limit.lower, exact, source)
 
 
-@PROBLEMS.on("uplift", TRIANGLES)
-def uplift(element: Element, _: bool) -> Iterator[Row]:
+@LIMITS("uplift", 4)
+def uplift(p: int, _: bool) -> Iterator[Row]:
     """Gravity dam: a block of weight W, pushed by H, with water of uplift U in its base. It slides at μ (W − U) / H."""
     weight, push, lift = 12.0, 1.5, 4.5
-    mesh = TriangleMesh.rectangle((6, 2), 3.0, 1.0)
     water = Contact("bottom", 0.4, pore_pressure=Expression("3 * (1 - x / 3)"), name="base")
-    sides: list[Condition] = [Traction("left", push, 0.0, name="lake"), Traction("right", 0.0, 0.0)]
-    conditions = [*sides, Traction("top", 0.0, 0.0), water]
-    dam = ContactProblem(mesh, _STEEL, conditions, body_potential=Expression("4 * y"))
-    limit, exact = element.limit_load(dam, ["lake"]), 0.4 * (weight - lift) / push
-    yield relative("factor of sliding", limit.lower, exact, 1e-6, "μ (W − U) / H", bounded(limit))
-    result = element.solve(dam)
-    force, proof = result.contacts["base"].effective_normal_force, certified(result)
-    yield relative("effective N [stress length]", force, weight - lift, 1e-8, "W − U, balance", proof)
+    conditions: list[Condition] = [
+        Traction("left", push, 0.0, name="lake"), Traction("right", 0.0, 0.0), Traction("top", 0.0, 0.0), water,
+    ]  # fmt: skip
+    mesh, gravity = TriangleMesh.rectangle((6, 2), 3.0, 1.0), Expression("4 * y")
+    dam = ContactProblem(mesh, _STEEL, conditions, body_potential=gravity)
+    limit, rows = _factor(p, dam, "lake")
+    yield rows.relative("factor of sliding", limit.lower, 0.4 * (weight - lift) / push, "μ (W − U) / H")
+    result = solve(dam, degree=p)
+    force = result.contacts["base"].effective_normal_force
+    rows = Check(certified(result), "W − U, balance", 1e-8)
+    yield rows.relative("effective N [stress length]", force, weight - lift)
 
 
-@PROBLEMS.on("near-the-limit", TRIANGLES)
-def monotonic_resistance(element: Element, quick: bool) -> Iterator[Row]:
+@LIMITS("near-the-limit", 4)
+def monotonic_resistance(p: int, quick: bool) -> Iterator[Row]:
     """Just below the limit the base still carries what balance asks for, and the friction law holds."""
     for share in (0.999,) if quick else (0.9, 0.999, 0.99999):
-        result = element.solve(_dragged(_MESHES["6 × 4 cells"], 3.0 * share, Contact("bottom", _FRICTION, name="base")))
-        base, proof = result.contacts["base"], certified(result)
-        excess = float((np.abs(base.tangential_stress) - base.friction_bound).max()) / _PRESSURE
+        result = solve(_dragged(_MESHES["6 × 4 cells"], 3.0 * share), degree=p)
+        base, rows = result.contacts["base"], Check(certified(result))
+        excess = float((np.abs(base.tangential_stress) - base.friction_bound).max()) / 10.0
         source = f"|σ_T| ≤ μ|σ_N| at the Gauss points, {share:g} of the limit"
-        yield at_most("largest |σ_T| − bound over p", excess, 0.0, 1e-7, source, proof)
+        yield rows.at_most("largest |σ_T| − bound over p", excess, 0.0, source, tolerance=1e-7)
         source = f"p w, balance, {share:g} of the limit"
-        yield absolute("N [stress length]", base.normal_force, 20.0, 1e-8, source, proof)
+        yield rows.absolute("N [stress length]", base.normal_force, 20.0, source, tolerance=1e-8)
 
 
-@PROBLEMS.on("tension", TRIANGLES)
-def tension(element: Element, _: bool) -> Iterator[Row]:
+@LIMITS("tension", 4)
+def tension(p: int, _: bool) -> Iterator[Row]:
     """Tension on top: lifted when it equals the weight, and infeasible without weight."""
-    mesh = _MESHES["6 × 4 cells"]
-    heavy = _lifted(mesh, 7.0)
-    limit = element.limit_load(heavy, ["crane"])
-    yield relative("limit load factor", limit.lower, 7.0, 1e-6, "ρ g h over the tension", bounded(limit))
-    light = element.solve(_lifted(mesh, 0.0))
-    source = "∫σ_N ds > 0 contradicts σ_N ≤ 0"
-    yield word("status under tension", light.status.value, "infeasible", source, infeasible(light))
-    result, weight = element.solve(heavy), (7.0 - 1.0) * 2.0
-    source, force = "(ρ g h − t) w, balance", result.contacts["floor"].normal_force
-    yield relative("N below the limit [stress length]", force, weight, 1e-9, source, certified(result))
+
+    def lifted(weight: float) -> ContactProblem:
+        crane, floor = Traction("top", x=0.0, y=1.0, name="crane"), Contact("bottom", 0.0, name="floor")
+        conditions: list[Condition] = [floor, crane, Symmetry("left"), Traction("right", 0.0, 0.0)]
+        return ContactProblem(_MESHES["6 × 4 cells"], _STEEL, conditions, body_potential=lambda _, y: weight * y)
+
+    heavy = lifted(7.0)
+    limit, rows = _factor(p, heavy, "crane")
+    yield rows.relative("limit load factor", limit.lower, 7.0, "ρ g h over the tension")
+    light = solve(lifted(0.0), degree=p)
+    rows = Check(infeasible(light), "∫σ_N ds > 0 contradicts σ_N ≤ 0")
+    yield rows.word("status under tension", light.status.value, "infeasible")
+    result = solve(heavy, degree=p)
+    rows, force = Check(certified(result), "(ρ g h − t) w, balance", 1e-9), result.contacts["floor"].normal_force
+    yield rows.relative("N below the limit [stress length]", force, (7.0 - 1.0) * 2.0)
 
 
-@PROBLEMS.on("tipping", TRIANGLES)
-def tipping(element: Element, quick: bool) -> Iterator[Row]:
+@LIMITS("tipping", 4)
+def tipping(p: int, quick: bool) -> Iterator[Row]:
     """A tall block pushed sideways on its top tips at the factor p w²/(2 h H), which a mesh reaches from below."""
-    exact = 4.0 / 2.0 / 3.0
+    # pressure 4 on a width of 1, a parabola of shear with the resultant 1 at the height 3
+    loads = [Traction("top", y=-4.0), Traction("top", x=lambda x, _: 6.0 * x * (1.0 - x), name="push")]
+    sides, exact = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)], 4.0 / 2.0 / 3.0
     for cells in (8,) if quick else (8, 16):
         mesh = TriangleMesh.rectangle((cells, 4), 1.0, 3.0)
-        limit = element.limit_load(_tall(mesh), ["push"])
-        yield at_most("limit load factor", limit.lower, exact, 1e-9, f"p w²/(2 h H), {cells} × 4 cells", bounded(limit))
-        p = element.degree  # the pressure may grow as t^(p − 2) over the last edge: N acts 1/p of it inside
-        reached = exact * (1.0 - 2.0 / (p * cells))
+        tall = ContactProblem(mesh, _STEEL, [Contact("bottom", 1e3, name="base"), *loads, *sides])
+        limit, rows = _factor(p, tall, "push")
+        where = f"p w²/(2 h H), {cells} × 4 cells"
+        yield rows.at_most("limit load factor", limit.lower, exact, where, tolerance=1e-9)
+        # the pressure may grow as t^(p − 2) over the last edge: N acts 1/p of it inside
         source = f"p w (w/2 − w/({p} · {cells}))/(h H), {cells} × 4 cells: pressure on the last edge of degree {p - 2}"
-        yield relative("limit load factor", limit.lower, reached, 1e-6, source, bounded(limit))
-        source = f"p w²/(2 h H), {cells} × 4 cells; rigid block about its edge"
-        yield relative("limit of the body", limit.upper, exact, 1e-9, source, bounded(limit))
+        yield rows.relative("limit load factor", limit.lower, exact * (1.0 - 2.0 / (p * cells)), source)
+        yield rows.relative(
+            "limit of the body", limit.upper, exact, f"{where}; rigid block about its edge", tolerance=1e-9
+        )
 
 
-@PROBLEMS.on("tipping-wall", TRIANGLES, QUINTIC)
-def tipping_wall(element: Element, quick: bool) -> Iterator[Row]:
+@LIMITS("tipping-wall", 4, 5)
+def tipping_wall(p: int, quick: bool) -> Iterator[Row]:
     """A wall 1 × 4 of the weight W = 25 under wind tips at H = W w/h, on triangles bisected towards its toe."""
+    free = [Traction(side, 0.0, 0.0) for side in ("top", "right")]
+    loads: list[Condition] = [Contact("bottom", 1e3, name="base"), Traction("left", 0.25, 0.0, name="wind"), *free]
     for bisections in (8,) if quick else (1, 8, 16):
         mesh = TriangleMesh.rectangle((1, 2), 1.0, 4.0).graded([[1.0, 0.0]], bisections)
-        limit = element.limit_load(_wall(mesh), ["wind"])
-        least = float(mesh.edges("bottom").length.min())
+        limit, rows = _factor(p, ContactProblem(mesh, _STEEL, loads, body_potential=Expression("25 / 4 * y")), "wind")
         source = f"W w/h; {bisections} bisections at the toe"
-        yield relative("limit load of the body", limit.upper, 6.25, 1e-9, f"{source}, rigid block", bounded(limit))
-        yield at_most("limit load of the mesh", limit.lower, 6.25, 1e-9, source, bounded(limit))
-        reached = 6.25 * (1.0 - 2.0 * least / element.degree)
-        source = f"W (w − 2 e)/h, e: 1/{element.degree} of the last edge; {bisections} bisections"
-        yield relative("limit load of the mesh", limit.lower, reached, 1e-6, source, bounded(limit))
+        yield rows.relative("limit load of the body", limit.upper, 6.25, f"{source}, rigid block", tolerance=1e-9)
+        yield rows.at_most("limit load of the mesh", limit.lower, 6.25, source, tolerance=1e-9)
+        reached = 6.25 * (1.0 - 2.0 * float(mesh.edges("bottom").length.min()) / p)
+        source = f"W (w − 2 e)/h, e: 1/{p} of the last edge; {bisections} bisections"
+        yield rows.relative("limit load of the mesh", limit.lower, reached, source)
 
 
-@PROBLEMS.on("wedge", TRIANGLES, QUINTIC)
-def wedge(element: Element, quick: bool) -> Iterator[Row]:
+@LIMITS("wedge", 4, 5)
+def wedge(p: int, quick: bool) -> Iterator[Row]:
     """A block of weight G on a plane that rises by tan α = 0.1, pushed uphill: F/G = (tan α + μ)/(1 − μ tan α)."""
     for friction in (0.2,) if quick else (0.0, 0.1, 0.2, 0.3):
-        limit = element.limit_load(on_a_slope(friction), ["F"])
+        limit, rows = _factor(p, on_a_slope(friction), "F")
         exact, source = slope_factor(friction), f"NAFEMS CGS-4; μ = {friction:g}"
-        for quantity, ours, tolerance in (
-            ("F/G that the mesh carries", limit.lower, 1e-6),
-            ("F/G that the body carries", limit.upper, 1e-9),
-        ):
-            yield relative(quantity, ours, exact, tolerance, source, bounded(limit))
-    push = 0.99 * slope_factor(0.2)
-    result = element.solve(on_a_slope(0.2, push))
-    plane, proof, source = result.contacts["bottom"], certified(result), "balance; 0.99 of F, μ = 0.2"
-    slant = math.hypot(1.0, 0.1)
-    normal, shear = (1.0 + 0.1 * push) / slant, (push - 0.1) / slant
-    yield relative("N/G at 0.99 of F", plane.normal_force, normal, 1e-9, source, proof)
-    yield relative("|T|/G at 0.99 of F", abs(plane.tangential_force), shear, 1e-9, source, proof)
+        yield rows.relative("F/G that the mesh carries", limit.lower, exact, source)
+        yield rows.relative("F/G that the body carries", limit.upper, exact, source, tolerance=1e-9)
+    push, slant = 0.99 * slope_factor(0.2), math.hypot(1.0, 0.1)
+    result = solve(on_a_slope(0.2, push), degree=p)
+    plane, rows = result.contacts["bottom"], Check(certified(result), "balance; 0.99 of F, μ = 0.2", 1e-9)
+    yield rows.relative("N/G at 0.99 of F", plane.normal_force, (1.0 + 0.1 * push) / slant)
+    yield rows.relative("|T|/G at 0.99 of F", abs(plane.tangential_force), (push - 0.1) / slant)
     yield from two_models(quick, result, "bottom", 1e-9, 1e-2)
 
 
@@ -165,7 +188,7 @@ def wedge(element: Element, quick: bool) -> Iterator[Row]:
 def _wedge_graph(quick: bool) -> Graph:
     """The force that pushes the block uphill, over friction: both bounds lie on the formula."""
     frictions, fine = np.array([0.0, 0.2] if quick else [0.0, 0.1, 0.2, 0.3]), np.linspace(0.0, 0.3)
-    limits = [TRIANGLES.limit_load(on_a_slope(float(friction)), ["F"]) for friction in frictions]
+    limits = [limit_load(on_a_slope(float(friction)), ["F"], degree=4) for friction in frictions]
     ours = (
         Curve("F/G that the mesh carries", frictions, np.array([limit.lower for limit in limits])),
         Curve("F/G that a mechanism allows", frictions, np.array([limit.upper for limit in limits])),
@@ -174,18 +197,17 @@ def _wedge_graph(quick: bool) -> Graph:
     return Graph("coefficient of friction μ [-]", "F/G [-]", ours, (known,))
 
 
-@PROBLEMS.on("oblique-block", TRIANGLES, QUINTIC)
-def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
+@LIMITS("oblique-block", 4, 5)
+def oblique_block(p: int, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
-    holds, slides = (element.solve(oblique(share)) for share in (0.99, 1.01))
-    plane, proof, source = holds.contacts["plane"], certified(holds), "SSNV503: balance"
-    yield relative("N [N/mm]", plane.normal_force, 12000.0, 1e-8, source, proof)
-    yield relative("|T| at 99 % [N/mm]", abs(plane.tangential_force), 3564.0, 1e-8, source, proof)
-    status, proof = slides.status.value, infeasible(slides)
-    yield word("status at 101 %", status, "infeasible", "SSNV503: T > μN", proof)
-    limit = element.limit_load(oblique(0.5), ["drag"])
+    holds, slides = (solve(oblique(share), degree=p) for share in (0.99, 1.01))
+    plane, rows = holds.contacts["plane"], Check(certified(holds), "SSNV503: balance", 1e-8)
+    yield rows.relative("N [N/mm]", plane.normal_force, 12000.0)
+    yield rows.relative("|T| at 99 % [N/mm]", abs(plane.tangential_force), 3564.0)
+    yield Check(infeasible(slides), "SSNV503: T > μN").word("status at 101 %", slides.status.value, "infeasible")
+    limit, rows = _factor(p, oblique(0.5), "drag")
     for quantity, ours in (("mesh", limit.lower), ("body", limit.upper)):
-        yield relative(f"factor that the {quantity} carries", ours, 2.0, 1e-6, "μN over half of it", bounded(limit))
+        yield rows.relative(f"factor that the {quantity} carries", ours, 2.0, "μN over half of it")
     yield from two_models(quick, holds, "plane", 1e-9, 1e-3)
 
 
@@ -197,48 +219,19 @@ def _oblique_graph(_: bool) -> Graph:
     return Graph("length along the plane [mm]", "traction [MPa]", *curves)
 
 
-@PROBLEMS.named("unbalanced")
+@LIMITS("unbalanced")
 def unbalanced(_: bool) -> Iterator[Row]:
     """Tractions all around that do not balance: refused before anything is solved."""
-    mesh = _MESHES["one cell"]
     lengths = {"bottom": 2.0, "left": 1.0, "right": 1.0, "top": 2.0}
     loads = {"bottom": 0.0, "left": 0.0, "right": 0.0, "top": -1.0}
-    problem = ContactProblem(mesh, _STEEL, [Traction(side, 0.0, load) for side, load in loads.items()])
+    tractions = [Traction(side, 0.0, load) for side, load in loads.items()]
     resultant = sum(lengths[side] * load for side, load in loads.items())
     try:
-        outcome = solve(problem).status.value
+        outcome = solve(ContactProblem(_MESHES["one cell"], _STEEL, tractions)).status.value
     except InputError as error:
         outcome = "refused: out of balance" if "out of balance" in str(error) else str(error)
-    proof = by_hand(resultant != 0.0, f"resultant (0, {resultant:g})")
-    yield word("outcome", outcome, "refused: out of balance", "balance of forces", proof)
-
-
-def _dragged(mesh: TriangleMesh, shear: float, contact: Contact) -> ContactProblem:
-    """Pressure on top, and uniform shear with its complement on the sides."""
-    top = [Traction("top", y=-_PRESSURE, name="pressure"), Traction("top", x=shear, name="shear")]
-    right = [Traction("right", x=0.0), Traction("right", y=shear, name="shear")]
-    left = [Traction("left", x=0.0), Traction("left", y=-shear, name="shear")]
-    return ContactProblem(mesh, _STEEL, [contact, *top, *right, *left])
-
-
-def _lifted(mesh: TriangleMesh, weight: float) -> ContactProblem:
-    crane, floor = Traction("top", x=0.0, y=1.0, name="crane"), Contact("bottom", 0.0, name="floor")
-    sides: list[Condition] = [Symmetry("left"), Traction("right", 0.0, 0.0)]
-    return ContactProblem(mesh, _STEEL, [floor, crane, *sides], body_potential=lambda _, y: weight * y)
-
-
-def _tall(mesh: TriangleMesh) -> ContactProblem:
-    """Pressure 4 on a width of 1, a parabola of shear with the resultant 1 at the height 3."""
-    sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-    loads = [Traction("top", y=-4.0), Traction("top", x=_parabola, name="push")]
-    return ContactProblem(mesh, _STEEL, [Contact("bottom", 1e3, name="base"), *loads, *sides])
-
-
-def _wall(mesh: TriangleMesh) -> ContactProblem:
-    """Of the width 1, the height 4 and the weight 25, blown from the left by a unit force."""
-    loads = [Traction("left", 0.25, 0.0, name="wind"), *(Traction(side, 0.0, 0.0) for side in ("top", "right"))]
-    base, weight = Contact("bottom", 1e3, name="base"), Expression("25 / 4 * y")
-    return ContactProblem(mesh, _STEEL, [base, *loads], body_potential=weight)
+    rows = Check(by_hand(resultant != 0.0, f"resultant (0, {resultant:g})"), "balance of forces")
+    yield rows.word("outcome", outcome, "refused: out of balance")
 
 
 def slope_factor(friction: float) -> float:
@@ -272,5 +265,75 @@ def _moved(mesh: TriangleMesh, matrix: FloatArray) -> TriangleMesh:
     return TriangleMesh(mesh.vertices @ matrix.T, mesh.cells, mesh.edge_sets)
 
 
-def _parabola(x: FloatArray, y: FloatArray) -> FloatArray:
-    return 6.0 * x * (1.0 - x) + 0.0 * y
+# One contact point, in algebra: u = W r + q.
+_W: Final = np.array([[1.0, 0.8], [0.8, 1.0]])
+_Q: Final = np.array([1.0, 2.1])
+_MU: Final = 2.0
+
+STATES: Final = {"open": (0.0, 0.0), "stick": (17 / 9, -32.5 / 9), "slip": (5 / 3, -10 / 3)}
+"""r = (pressure, shear) of the three solutions of u = W r + q: by hand, 17/9 = 1.8889, −32.5/9 = −3.6111."""
+
+_METHODS: Final[dict[str, dict[str, Any]]] = {
+    "condensed": {"method": "condensed"},
+    "fixed point from 0": {"method": "fixed-point", "initial": np.zeros(1)},
+    "fixed point from 1.7": {"method": "fixed-point", "initial": np.array([1.7])},
+    "fixed point from 10": {"method": "fixed-point", "initial": np.array([10.0])},
+    "Uzawa": {"method": "uzawa"},
+}
+
+
+@NOT_UNIQUE("three-states")
+def all_three(_: bool) -> Iterator[Row]:
+    """The certificate passes for each of the three states by hand."""
+    for name, r in STATES.items():
+        certificate = _certificate(np.array(r))
+        source = f"{name}: u = W r + q, W = [[1, .8], [.8, 1]], q = (1, 2.1), μ = 2"
+        rows = Check(by_hand(certificate.passed, "certificate"), source, 1e-12)
+        yield rows.absolute(f"accuracy of the certificate, {name}", certificate.accuracy, 0.0)
+
+
+@NOT_UNIQUE("nothing-else")
+def nothing_else(quick: bool) -> Iterator[Row]:
+    """Points between and beside them obey no contact law, and the certificate fails."""
+    states = {name: np.array(r) for name, r in STATES.items()}
+    wrong = {
+        "half-way from stick to slip": (states["stick"] + states["slip"]) / 2,
+        "half-way from open to slip": (states["open"] + states["slip"]) / 2,
+        "slip moved by 1e-5": states["slip"] * (1 + 1e-5),
+        "stick with the shear turned round": states["stick"] * [1, -1],
+    }
+    for name, r in list(wrong.items())[: 2 if quick else None]:
+        violation = law_violation(r)
+        rows = Check(by_hand(violation > 1e-6, f"law violated by {violation:.0e}"), "contact law by hand")
+        yield rows.word(f"certificate, {name}", "passes" if _certificate(r).passed else "fails", "fails")
+
+
+@NOT_UNIQUE("three-methods")
+def methods(quick: bool) -> Iterator[Row]:
+    """Every method returns one of the three and certifies it; none claims that it is the only one."""
+    for name, options in list(_METHODS.items())[: 2 if quick else None]:
+        solution = solve_qvi(_problem(), tolerance=1e-9, **options)
+        distances = {state: float(np.abs(solution.z - np.array(r)).max()) for state, r in STATES.items()}
+        nearest = min(distances, key=distances.__getitem__)
+        rows = Check(certified(solution), f"{name}: the nearest is {nearest}", 1e-7)
+        yield rows.absolute("distance to the nearest of the three", distances[nearest], 0.0)
+
+
+def _problem() -> FrictionQVI:
+    """Unknowns r = (p, t), σ_N = −p, σ_T = t: K = W, f = −q."""
+    normal, tangential = csc_array([[-1.0, 0.0]]), csc_array([[0.0, 1.0]])
+    zero, one = np.zeros(1), np.ones(1)
+    return FrictionQVI(K=csc_array(_W), f=-_Q, N=normal, n0=zero, T=tangential, t0=zero, mu=_MU * one, W=one)
+
+
+def _certificate(r: FloatArray) -> Certificate:
+    """With the multipliers that make r stationary: m_N = u_N, m_T = −u_T of u = W r + q."""
+    u = _W @ r + _Q
+    return certify(_problem(), r, np.array([u[0]]), np.array([-u[1]]), tolerance=1e-9)
+
+
+def law_violation(r: FloatArray) -> float:
+    """Largest violation of the contact law at r: of p ≥ 0, gap ≥ 0, p gap = 0, |t| ≤ μp, and of t against the slip."""
+    (gap, slip), (p, t) = _W @ r + _Q, r
+    free = max(_MU * p - abs(t), 0.0)
+    return float(max(-p, -gap, abs(p * gap), abs(t) - _MU * p, min(free, abs(slip)), t * slip))

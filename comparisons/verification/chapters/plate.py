@@ -1,73 +1,234 @@
-"""Chapter on the compressed plate against displacement codes."""
+"""Chapters on the paper's plate: printed numbers, displacement codes, and energies from both sides."""
 
 from collections.abc import Iterator
-from typing import Final
+from functools import cache
+from typing import Any, Final
 
+import numpy as np
+
+from comparisons.paper.reference import load
+from comparisons.paper.study import SHRINKING
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
-from comparisons.verification.chapters.bodies import plate_under
-from comparisons.verification.elements import QUINTIC, TRIANGLES, Chapter, Element
-from comparisons.verification.measures import FORCE
-from comparisons.verification.proof import certified
-from comparisons.verification.row import Kind, Row, at_least, at_most, relative
-from qvi_contact import Contact, refine
+from comparisons.verification.measures import ENERGY, FORCE, plate_under
+from comparisons.verification.rows import Chapter, Check, Kind, Proof, Row, both, certified, certified_companion
+from qvi_contact import Contact, ContactProblem, Material, Traction, TriangleMesh, principal_stresses, refine, solve
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem.conditions import Condition
+from solvers import QVISolution, solve_qvi
 
-PROBLEMS: Final = Chapter()
+PAPER, PLATE, ENERGIES = Chapter(), Chapter(), Chapter()
+
+_PAPER: Final = "Więckowski (1992), Mech. Teoret. Stos."
+_HALF_DIGIT: Final = 0.005  # half a unit of the last printed digit
+_INNERS: Final = ("direct:clarabel", "qp:clarabel", "socp:clarabel")
+
+
+@PAPER("table-1")
+def printed_forces(quick: bool) -> Iterator[Row]:
+    """Table 1: P/2 after the paper's 30 Uzawa iterations, to every printed digit."""
+    reference = load()
+    for friction, printed in list(reference.table.items())[:: 3 if quick else 1]:
+        rows, force = _printed(friction, "Table 1"), reference.plate(friction).force(_uzawa(friction).z)
+        quantity = f"P/2 after {reference.iterations} iterations, μ = {friction:.2f} [{FORCE}]"
+        yield rows.absolute(quantity, force, printed)
+
+
+@PAPER("figures-2-to-5")
+def printed_stresses(quick: bool) -> Iterator[Row]:
+    """Figures 2-5: largest principal stress after 30 iterations, to every printed digit."""
+    reference = load()
+    for friction, (number, printed) in list(reference.figures.items())[:: 3 if quick else 1]:
+        largest = _largest(reference.plate(friction).stress(_uzawa(friction).z)[2])
+        quantity = f"largest |principal stress| after {reference.iterations} iterations, μ = {friction:.1f} [MPa]"
+        yield _printed(friction, f"Fig. {number}").absolute(quantity, largest, printed)
+
+
+@PAPER("plate-methods")
+def methods_on_the_paper_mesh(quick: bool) -> Iterator[Row]:
+    """The solution on the paper's four cells by methods that share no iteration, against the condensed one."""
+    for friction in (0.1,) if quick else (0.05, 0.1, 0.2, 0.3):
+        plate = load().plate(friction)
+        condensed = solve_qvi(plate.qvi, method="condensed")
+        others = {"Uzawa (4.1)-(4.4), converged": load().uzawa(plate.qvi, **_decay(friction))}
+        for inner in _INNERS[:2] if quick else _INNERS:
+            others[f"fixed point, {inner}"] = solve_qvi(plate.qvi, method="fixed-point", inner=inner)
+        ours = np.array(plate.tractions(condensed.z)[1:])
+        for name, other in others.items():
+            source = f"{name}; ours: condensed interior point"
+            rows = Check(certified(condensed, other), source, kind=Kind.METHODS)
+            force, quantity = plate.force(other.z), f"P/2, μ = {friction:g} [{FORCE}]"
+            yield rows.relative(quantity, plate.force(condensed.z), force, tolerance=1e-7)
+            apart = np.abs(ours - np.array(plate.tractions(other.z)[1:])).max() / force  # the contact has the length 1
+            quantity = f"largest difference of tractions over the mean pressure, μ = {friction:g}"
+            yield rows.absolute(quantity, apart, 0.0, tolerance=1e-5)
+
+
+@PAPER("plate-without-friction")
+def without_friction(_: bool) -> Iterator[Row]:
+    """μ = 0: the stress is uniform and P/2 = E U."""
+    plate, exact = load().plate(0.0), load().exact_without_friction
+    solution = solve_qvi(plate.qvi, method="condensed")
+    rows = Check(certified(solution), tolerance=1e-9)
+    yield rows.relative(f"P/2 [{FORCE}]", plate.force(solution.z), exact, f"P/2 = E U; {_PAPER}, section 5")
+    largest = _largest(plate.stress(solution.z)[2])
+    yield rows.relative("largest |principal stress| [MPa]", largest, exact, "|σ_yy| = E U / height")
+
+
+@cache
+def _uzawa(friction: float) -> QVISolution:
+    """The state after the paper's number of iterations, in its own system."""
+    return load().uzawa(load().plate(friction).qvi, rule="accumulating", iterations=load().iterations)
+
+
+def _printed(friction: float, place: str) -> Check:
+    """A state that is not converged is certified by the limit of the same iteration."""
+    proof = certified(load().uzawa(load().plate(friction).qvi, **_decay(friction)))
+    proof = Proof(proof.passed, f"{proof.text} of the limit")
+    return Check(proof, f"{_PAPER}, {place}; half a unit of the last digit", _HALF_DIGIT, Kind.PUBLISHED)
+
+
+def _decay(friction: float) -> dict[str, Any]:
+    """Without friction the step must shrink."""
+    return {"step_decay": SHRINKING if friction == 0.0 else None}
+
+
+def _largest(stress: FloatArray) -> float:
+    """The largest |principal stress|."""
+    first, second, _ = principal_stresses(stress)
+    return float(max(np.abs(first).max(), np.abs(second).max()))
+
 
 _GRADED: Final = (16, 0.8)
-_ERROR: Final = {TRIANGLES: 2e-5, QUINTIC: 1e-5}
-"""Cells a side and grading of the meshes, and the error that they leave."""
+"""Cells a side and grading."""
 
 
-@PROBLEMS.on("plate-graded", TRIANGLES, QUINTIC)
-def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
+@PLATE("plate-graded", 4, 5)
+def graded_equilibrium_model(p: int, quick: bool) -> Iterator[Row]:
     """Stress elements on one graded mesh, cells shrinking towards the free corner."""
     cells, grading = _GRADED
     for friction, settled in list(SETTLED.items())[:: 2 if quick else 1]:
-        result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
-        force, proof = result.contacts["plate"].normal_force, certified(result)
+        result = solve(compressed_plate(friction, (cells, cells), grading=grading), degree=p)
+        rows = Check(certified(result), SOURCE, 2e-5 if p == 4 else 1e-5, Kind.EXTERNAL)
         quantity = f"P/2, μ = {friction:g}, {cells}² cells graded by {grading:g} [{FORCE}]"
-        yield relative(quantity, force, settled, _ERROR[element], SOURCE, proof, Kind.EXTERNAL)
+        yield rows.relative(quantity, result.contacts["plate"].normal_force, settled)
 
 
-@PROBLEMS.on("plate-refined", QUINTIC)
-def adaptive_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
+@PLATE("plate-refined", 5)
+def adaptive_equilibrium_model(p: int, quick: bool) -> Iterator[Row]:
     """Stress elements on the mesh that `refine` makes for P/2 with a target of 1e-6."""
     for friction in (0.25,) if quick else SETTLED:
         start = compressed_plate(friction, (4, 4))
-        refined = refine(start, None, target=1e-6, quantity="plate.normal_force", degree=element.degree)
-        quantity = f"P/2, μ = {friction:g}, refined [{FORCE}]"
-        settled, proof = SETTLED[friction], certified(refined.result)
-        yield relative(quantity, refined.value, settled, 3e-6, SOURCE, proof, Kind.EXTERNAL)
+        refined = refine(start, None, target=1e-6, quantity="plate.normal_force", degree=p)
+        rows = Check(certified(refined.result), SOURCE, 3e-6, Kind.EXTERNAL)
+        yield rows.relative(f"P/2, μ = {friction:g}, refined [{FORCE}]", refined.value, SETTLED[friction])
 
 
-@PROBLEMS.on("plate-limits", QUINTIC)
-def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
+@PLATE("plate-limits", 5)
+def limits_of_the_force(p: int, quick: bool) -> Iterator[Row]:
     """P/2 to eight digits: the triangles that `refine` makes for a target of 1e-8."""
     target = 1e-5 if quick else 1e-8
     for friction in (1.0,) if quick else tuple(LIMITS):
         limit, uncertainty = LIMITS[friction]
         start = compressed_plate(friction, (2, 2))
-        refined = refine(start, None, target=target, quantity="plate.normal_force", degree=element.degree)
-        source, proof = f"{LIMITS_SOURCE}; ± {uncertainty:.0e}", certified(refined.result)
-        quantity = f"P/2, μ = {friction:g}, refined to {target:.0e} [{FORCE}]"
-        yield relative(quantity, refined.value, limit, 3.0 * target, source, proof, Kind.EXTERNAL)
-        quantity, source = f"{{}} estimate over error in a round, μ = {friction:g}", LIMITS_SOURCE
+        refined = refine(start, None, target=target, quantity="plate.normal_force", degree=p)
+        rows = Check(certified(refined.result), kind=Kind.EXTERNAL)
+        quantity, source = f"P/2, μ = {friction:g}, refined to {target:.0e} [{FORCE}]", f"± {uncertainty:.0e}"
+        yield rows.relative(quantity, refined.value, limit, f"{LIMITS_SOURCE}; {source}", tolerance=3.0 * target)
+        quantity = f"{{}} estimate over error in a round, μ = {friction:g}"
         ratios = [each.estimate / abs(each.value / limit - 1.0) for each in refined.rounds]
-        yield at_least(quantity.format("least"), min(ratios), 1.0 / 3.0, 0.0, source, proof, Kind.EXTERNAL)
-        yield at_most(quantity.format("largest"), max(ratios), 3.0, 0.0, source, proof, Kind.EXTERNAL)
+        yield rows.at_least(quantity.format("least"), min(ratios), 1.0 / 3.0, LIMITS_SOURCE)
+        yield rows.at_most(quantity.format("largest"), max(ratios), 3.0, LIMITS_SOURCE)
 
 
-@PROBLEMS.on("plate-between", TRIANGLES, QUINTIC)
-def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
+@PLATE("plate-between", 4, 5)
+def between_slip_and_stick(p: int, quick: bool) -> Iterator[Row]:
     """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
     cells, grading = _GRADED
-    tied = element.solve(plate_under(Contact.tied("top", gap=-1e-3, name="plate"), cells, grading))
+    tied = solve(plate_under(_TIED, cells, grading), degree=p)
     for friction in (0.1, 0.5) if quick else (0.05, 0.1, 0.2, 0.5):
-        result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
-        force, proof = result.contacts["plate"].normal_force, certified(result, tied)
-        source = "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|"
-        quantity = f"P/2, μ = {friction:g} [{FORCE}]"
-        yield at_least(quantity, force, 209.0, 1e-7, f"E U; {source}", proof)
-        glued = tied.contacts["plate"].normal_force
-        yield at_most(quantity, force, glued, 1e-7, f"P_tied on the same mesh; {source}", proof)
+        result = solve(compressed_plate(friction, (cells, cells), grading=grading), degree=p)
+        rows = Check(certified(result, tied), "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|", 1e-7)
+        quantity, force = f"P/2, μ = {friction:g} [{FORCE}]", result.contacts["plate"].normal_force
+        yield rows.at_least(quantity, force, 209.0, "E U")
+        yield rows.at_most(quantity, force, tied.contacts["plate"].normal_force, "P_tied on the same mesh")
+
+
+_DISPLACEMENT: Final = 1e-3
+_SMOOTH: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
+_TIED: Final = Contact.tied("top", gap=-_DISPLACEMENT, name="plate")
+_TRESCA: Final = Contact.tresca("top", 10.0, gap=-_DISPLACEMENT, name="plate")
+
+
+@ENERGIES("companion-force", 4)
+def companion_force(_: int, quick: bool) -> Iterator[Row]:
+    """Force of the plate by displacements of degree 4 on one graded mesh."""
+    for friction in (0.1,) if quick else SETTLED:
+        companion = solve_companion(compressed_plate(friction, (16, 16), grading=0.75), degree=4)
+        rows = Check(certified_companion(companion), SOURCE, 1e-5, Kind.EXTERNAL)
+        quantity = f"P/2, μ = {friction:g}, 16² cells graded by 0.75 [{FORCE}]"
+        yield rows.relative(quantity, companion.contacts["plate"].normal_force, SETTLED[friction])
+
+
+@ENERGIES("companion-without-friction", 4)
+def companion_without_friction(p: int, quick: bool) -> Iterator[Row]:
+    """Smooth plate: linear displacements are in the space, so that force and both energies are exact."""
+    for n in (4,) if quick else (2, 8, 32):
+        problem = plate_under(_SMOOTH, n)
+        companion, result = solve_companion(problem), solve(problem, degree=p)
+        proof = both(certified(result), certified_companion(companion, guaranteed=True))
+        rows, exact = Check(proof, f"{n}² cells", 1e-10), 209.0 * _DISPLACEMENT / 2.0
+        force = companion.contacts["plate"].normal_force
+        yield rows.relative(f"P/2 by displacements [{FORCE}]", force, 209.0, "E U", tolerance=1e-9)
+        yield rows.relative(f"upper energy [{ENERGY}]", companion.energy, exact, "E U²/2")
+        yield rows.relative(f"lower energy [{ENERGY}]", -result.energies.complementary, exact, "E U²/2")
+
+
+@ENERGIES("energies-tied", 4)
+def energies_of_a_tied_plate(p: int, quick: bool) -> Iterator[Row]:
+    """Plate that sticks: the exact energy, and with it P/2 = 2 E/U, lies between those of the two models."""
+    for n in (4, 8) if quick else (2, 4, 8, 16, 32, 64):
+        lower, upper, proof = _energies(p, plate_under(_TIED, n))
+        yield _ordered(lower, upper, f"{n}² cells", proof)
+        rows = Check(proof, f"{SOURCE}; {n}² cells", 3e-5, Kind.EXTERNAL)
+        yield rows.at_most(f"P/2 from below [{FORCE}]", 2e3 * lower, SETTLED[1.0])
+        yield rows.at_least(f"P/2 from above [{FORCE}]", 2e3 * upper, SETTLED[1.0])
+
+
+@ENERGIES("energies-without-friction", 4)
+def energies_without_friction(p: int, quick: bool) -> Iterator[Row]:
+    """A block on smooth ground that lifts off on one side: lower ≤ upper energy on every mesh."""
+    conditions: list[Condition] = [  # pressed on the left half of the top only
+        Contact.frictionless("bottom", name="ground"),
+        Traction("top", x=0.0, y=lambda x, _: -20.0 * np.maximum(1.0 - x, 0.0)),
+        Traction("left", x=0.0, y=0.0),
+        Traction("right", x=0.0, y=0.0),
+    ]
+    for n in (4,) if quick else (4, 8, 16, 32):
+        block = ContactProblem(TriangleMesh.rectangle((n, n), 2.0, 1.0), Material(1e4, 0.3), conditions)
+        lower, upper, proof = _energies(p, block)
+        yield _ordered(lower, upper, f"{n}² cells", proof)
+
+
+@ENERGIES("energies-tresca", 4)
+def energies_under_a_given_bound(p: int, quick: bool) -> Iterator[Row]:
+    """Tresca's law: the bound is given, and lower ≤ upper energy on every mesh."""
+    for n in (4,) if quick else (4, 8, 16, 32):
+        lower, upper, proof = _energies(p, plate_under(_TRESCA, n))
+        yield _ordered(lower, upper, f"bound 10 MPa, {n}² cells", proof)
+
+
+def _energies(p: int, problem: ContactProblem) -> tuple[float, float, Proof]:
+    """Lower and upper energy for a problem without a moving bound, and what certifies them.
+
+    The stress is admissible on whole edges, without which its energy would be no bound.
+    """
+    result, companion = solve(problem, degree=p), solve_companion(problem)
+    proof = both(certified(result), certified_companion(companion, guaranteed=True))
+    return -result.energies.complementary, companion.energy, proof
+
+
+def _ordered(lower: float, upper: float, source: str, proof: Proof) -> Row:
+    rows = Check(proof, f"−J*(τ) ≤ J(v) of the displacement model; {source}", 1e-12 * abs(upper))
+    return rows.at_most("lower energy −J*(τ) [stress length²]", lower, upper)

@@ -4,18 +4,16 @@ Bodies are drawn with loads, supports and contacts on coarse meshes. Results are
 their problem, see `shown`.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from comparisons.lab.report.drawing import drawn, grid, legend_below
-from comparisons.verification.row import Kind
-from comparisons.verification.tables import problems_of, table_name
-from qvi_contact import ContactProblem
+from comparisons.lab.drawing import grid, legend_below
+from comparisons.verification.rows import Kind
+from qvi_contact import ContactLine, ContactProblem, solve
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.companion import CompanionContact, solve_companion
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, problem_figure
 from qvi_contact.plots.style import new_figure
 from qvi_contact.units import Units
@@ -23,8 +21,6 @@ from qvi_contact.units import Units
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Document = dict[str, Any]
 
 _WIDTH, _HEIGHT, _LINE = 4.2, 2.7, 0.17  # of a picture without its legend, of a line of that [inch]
 _MARKS: Final = 45  # of a curve at most
@@ -35,10 +31,7 @@ _LOOKS: Final = {
     Kind.ANALYTIC: (BLUE, "o"), Kind.PUBLISHED: (ORANGE, "s"), Kind.EXTERNAL: (VERMILLION, "^"),
     Kind.METHODS: (GREEN, "D"), _BROKEN: (GREY, "P"),
 }  # fmt: skip
-_ROUNDING: Final = 1e-17  # imbalances below are drawn here
-_LEAST, _MOST = 1e-4, 1e2  # what lies beyond is drawn on the edge
-
-MM, SI, M = Units(length="mm", stress="MPa"), Units(length="m", stress="Pa"), Units(length="m", stress="MPa")
+_LEAST, _MOST = 1e-4, 1e2  # error over tolerance: what lies beyond is drawn on the edge
 
 
 class Curve(NamedTuple):
@@ -48,28 +41,17 @@ class Curve(NamedTuple):
     x: FloatArray
     y: FloatArray
 
-    def ordered(self) -> "Curve":
-        """The same from the smallest x to the largest."""
-        order = np.argsort(self.x, kind="stable")
-        return Curve(self.label, self.x[order], self.y[order])
 
-    def until(self, end: float) -> "Curve":
-        """The part with x ≤ end."""
-        near = self.x <= end
-        return Curve(self.label, self.x[near], self.y[near])
-
-
-@dataclass(frozen=True)
-class Graph:
+class Graph(NamedTuple):
     """A result beside what is known of it.
 
     Attributes
     ----------
     x, y : str
         Labels of the axes, with units.
-    ours : tuple of Curve
+    ours : sequence of Curve
         What was computed, drawn as marks.
-    known : tuple of Curve
+    known : sequence of Curve
         What it should be, drawn as lines.
     logarithmic : bool
         Both axes.
@@ -78,16 +60,15 @@ class Graph:
 
     x: str
     y: str
-    ours: tuple[Curve, ...]
-    known: tuple[Curve, ...]
+    ours: Sequence[Curve]
+    known: Sequence[Curve]
     logarithmic: bool = False
 
 
 _Make = Callable[[bool], Graph]
 
 
-@dataclass(frozen=True)
-class Exhibit:
+class Exhibit(NamedTuple):
     """What the manual shows of a problem.
 
     Attributes
@@ -105,14 +86,13 @@ class Exhibit:
     units: Units | None
     graph: _Make
 
-    @property
-    def caption(self) -> str:
-        """What to see in the picture of the result."""
-        return self.graph.__doc__ or ""
-
     def body(self) -> "Figure":
         """The picture of the problem."""
         return problem_figure(self.posed(), self.units)
+
+    def result(self, quick: bool) -> "Figure":
+        """The picture of its result."""
+        return figure(self.graph(quick))
 
 
 EXHIBITS: Final[dict[str, Exhibit]] = {}
@@ -129,20 +109,18 @@ def shown(name: str, posed: Callable[[], ContactProblem], units: Units | None = 
     return known
 
 
-def pictures(names: Iterable[str]) -> dict[str, str]:
-    """Name → picture, as SVG, of those of these problems that have one; empty where matplotlib is not installed."""
-    return {name: drawn(f"verification-{table_name(name)}", EXHIBITS[name].body) for name in names if name in EXHIBITS}
+_Values = Callable[[ContactLine | CompanionContact], FloatArray]
 
 
-def results(names: Iterable[str], quick: bool) -> dict[str, str]:
-    """The same of their results."""
-    return {
-        name: drawn(f"result-{table_name(name)}", partial(_draw, name, quick)) for name in names if name in EXHIBITS
-    }
-
-
-def _draw(name: str, quick: bool) -> "Figure":
-    return figure(EXHIBITS[name].graph(quick))
+def curves_of_both(
+    problem: ContactProblem, contact: str, along: _Values, values: Mapping[str, _Values]
+) -> tuple[list[Curve], list[Curve]]:
+    """Values along a contact, by their names: of stresses, and of displacements on the same triangles."""
+    ours, theirs = solve(problem, degree=4).contacts[contact], solve_companion(problem).contacts[contact]
+    return (
+        [Curve(f"{name}, stresses", along(ours), value(ours)) for name, value in values.items()],
+        [Curve(f"{name}, displacements", along(theirs), value(theirs)) for name, value in values.items()],
+    )
 
 
 def figure(graph: Graph) -> "Figure":
@@ -151,29 +129,25 @@ def figure(graph: Graph) -> "Figure":
     axes, scale = found.subplots(), "log" if graph.logarithmic else "linear"
     axes.set(xscale=scale, yscale=scale, xlabel=graph.x, ylabel=graph.y)
     for curve, style in zip(graph.known, _KNOWN, strict=False):
-        axes.plot(curve.x, curve.y, color=GREY, linestyle=style, linewidth=1.2, label=curve.label)
+        order = np.argsort(curve.x, kind="stable")
+        axes.plot(curve.x[order], curve.y[order], color=GREY, linestyle=style, linewidth=1.2, label=curve.label)
     for curve, (colour, marker) in zip(graph.ours, _OURS, strict=False):
-        _marks(axes, curve, colour, marker)
+        order = np.argsort(curve.x, kind="stable")[:: -(-len(curve.x) // _MARKS)]
+        look: dict[str, Any] = {"markerfacecolor": "none", "markersize": 4, "linestyle": "none", "label": curve.label}
+        axes.plot(curve.x[order], curve.y[order], color=colour, marker=marker, **look)
     grid(axes)
     axes.set_axisbelow(True)
     legend_below(found, 1, 9)
     return found
 
 
-def _marks(axes: "Axes", curve: Curve, colour: str, marker: str) -> None:
-    order = np.argsort(curve.x, kind="stable")[:: -(-len(curve.x) // _MARKS)]
-    look = {"color": colour, "marker": marker, "markerfacecolor": "none", "markersize": 4, "linestyle": "none"}
-    axes.plot(curve.x[order], curve.y[order], label=curve.label, **look)  # type: ignore[arg-type]
-
-
-def overview(document: Document) -> "Figure":
+def overview(problems: Sequence[dict[str, Any]]) -> "Figure":
     """One line for each problem, one mark for each row; left of 1 is within the tolerance."""
     from pandas import DataFrame
 
-    problems = list(problems_of(document))
     rows = DataFrame([{**row, "line": line} for line, each in enumerate(problems) for row in each["rows"]])
     rows["place"] = rows.ratio.astype(float).fillna(_MOST).clip(_LEAST, _MOST)
-    figure = new_figure(9.0, 1.4 + 0.17 * len(problems))
+    figure = new_figure(9.0, 1.4 + _LINE * len(problems))
     axes = figure.subplots()
     kinds = rows.kind.fillna(_BROKEN)
     for kind, (colour, marker) in _LOOKS.items():
@@ -190,15 +164,14 @@ def overview(document: Document) -> "Figure":
     return figure
 
 
-def conservation(document: Document) -> "Figure":
+def conservation(rows: Sequence[dict[str, Any]]) -> "Figure":
     """What each model leaves of the forces and moments on a body: rounding, or its error."""
-    rows = [row for problem in problems_of(document) if problem["name"] == "conservation" for row in problem["rows"]]
     names = list(dict.fromkeys(row["quantity"].split(", ")[0] for row in rows))
-    figure = new_figure(_WIDTH, 1.3 + 0.17 * len(names))
+    figure = new_figure(_WIDTH, 1.3 + _LINE * len(names))
     axes = figure.subplots()
     for model, colour, marker in (("stresses", BLUE, "o"), ("displacements", VERMILLION, "s")):
         shown = [row for row in rows if f", {model}:" in row["quantity"] and row["ours"] is not None]
-        x = [max(row["ours"], _ROUNDING) for row in shown]
+        x = [max(row["ours"], 1e-17) for row in shown]  # nothing at all is drawn too
         y = [names.index(row["quantity"].split(", ")[0]) for row in shown]
         axes.plot(x, y, color=colour, marker=marker, linestyle="none", markerfacecolor="none", label=model)
     _line_by_line(axes, names)

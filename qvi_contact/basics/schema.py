@@ -1,0 +1,573 @@
+"""One declaration of a datum for all who deal with it: a field of a dataclass.
+
+From type, default and metadata follow the key of problem files, its check and message, and what is written:
+
+    cohesion: NotNegative = field(default=0.0, metadata=key(tied=False, symbol="c", unit="stress"))
+
+What it means says the docstring of the class, or a text below the field: "meaning: `cohesion = 0.1`.", the last part an
+example in TOML. The page of all keys is made of these.
+
+Errors of `Kind.read` have a path relative to the value that is read; each table or list on the way adds its own part.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import MISSING, dataclass, fields
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias, Union, get_args, get_origin, get_type_hints
+
+from qvi_contact.errors import InputError
+from solvers.basics.names import closest
+
+LARGEST: Final = 1e60
+"""Numbers beyond it overflow when they are squared and multiplied."""
+
+ADD: Final = "add this key, it is needed"
+MOST: Final = 2000  # names, and tables of one kind
+_LONGEST_NAME: Final = 100
+_IN_TOML: Final = (
+    ("with_edges() or with_joint()", "[[edges]] or [[joints]]"),
+    ("with_edges()", "[[edges]]"),
+    ("with_joint()", "[[joints]]"),
+    ("with_region()", "[[regions]]"),
+    (
+        "add a Traction (0 if it is free), Displacement, Symmetry or Contact",
+        "add [[tractions]] (0 if it is free), [[displacements]], [[symmetry]] or [[contacts]]",
+    ),
+    ("is not a Traction;", "is not one of [[tractions]];"),
+    ("by a Displacement or Contact", "by [[displacements]] or [[contacts]]"),
+)  # remedies written for Python
+
+
+class Missing:
+    """The value of a key that is needed and not there, for messages: TOML knows no None."""
+
+    def __repr__(self) -> str:
+        return "missing"
+
+
+class Reader(Protocol):
+    """What reads functions in a file, which knows its constants and the time."""
+
+    top: Iterable[str]
+
+    def field(self, value: Any) -> Any:
+        """A number, expression or polynomial."""
+
+    def scalar(self, value: Any) -> float:
+        """A number, which may be an expression of constants and t."""
+
+
+class Writer(Protocol):
+    """What writes functions, and collects the constants and the time that they have in common."""
+
+    def field(self, path: str, value: object) -> object:
+        """A number, text or table."""
+
+
+class Kind:
+    """The values of a key: read from a file, given in Python, written to a file."""
+
+    def read(self, value: Any, reader: Reader) -> Any:
+        """What Python makes of the value in a file; `InputError` if it is none of these."""
+        raise NotImplementedError
+
+    def check(self, name: str, value: Any) -> None:
+        """`InputError` if Python was given something else."""
+
+    def written(self, path: str, value: Any, writer: Writer) -> object:  # noqa: ARG002
+        """What stands in the file."""
+        return value
+
+
+@dataclass(frozen=True)
+class Number(Kind):
+    """A finite number, from `least` to `most`; `positive` ones are above zero."""
+
+    least: float = -LARGEST
+    most: float = LARGEST
+    positive: bool = False
+
+    def read(self, value: Any, reader: Reader) -> float:  # noqa: ARG002
+        """The number as a float."""
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError("", value, "give a number")
+        if self.positive and 0.0 < value < 1.0 / LARGEST:
+            raise InputError("", value, f"give at least {1.0 / LARGEST:g}: take other units if you need less")
+        if not self.least <= value <= self.most:
+            above = value > self.most
+            raise InputError("", value, f"give at {'most' if above else 'least'} {self.most if above else self.least}")
+        return float(value)
+
+    def check(self, name: str, value: Any) -> None:
+        """The same for Python."""
+        from qvi_contact.basics.checks import finite_number, positive_number
+
+        (positive_number if self.positive else finite_number)(name, value)
+
+
+@dataclass(frozen=True)
+class Whole(Kind):
+    """A whole number from `least` to `most`."""
+
+    least: int = -(2**63)
+    most: int = 2**63 - 1
+
+    def read(self, value: Any, reader: Reader) -> int:  # noqa: ARG002
+        """The number itself."""
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise InputError("", value, "give a whole number")
+        if not self.least <= value <= self.most:
+            above = value > self.most
+            raise InputError("", value, f"give at {'most' if above else 'least'} {self.most if above else self.least}")
+        return value
+
+
+class Truth(Kind):
+    """True or false."""
+
+    def read(self, value: Any, reader: Reader) -> bool:  # noqa: ARG002
+        """The value itself."""
+        if not isinstance(value, bool):
+            raise InputError("", value, "give true or false")
+        return value
+
+
+@dataclass(frozen=True)
+class Text(Kind):
+    """A text; a name is one of one line that is not too long."""
+
+    name: bool = False
+
+    def read(self, value: Any, reader: Reader) -> str:  # noqa: ARG002
+        """The text itself."""
+        if not isinstance(value, str):
+            raise InputError("", value, "give a text in quotes")
+        if self.name and (not value.strip() or not value.isprintable() or len(value) > _LONGEST_NAME):
+            raise InputError("", value, f"give a text of one line and at most {_LONGEST_NAME} characters")
+        return value
+
+    def check(self, name: str, value: Any) -> None:
+        """The same for Python, which may call a thing anything."""
+        if not isinstance(value, str):
+            raise InputError(name, value, "give a string")
+
+
+@dataclass(frozen=True)
+class Choice(Kind):
+    """One of some words, or numbers."""
+
+    words: tuple[Any, ...]
+
+    def read(self, value: Any, reader: Reader) -> Any:  # noqa: ARG002
+        """The word."""
+        self.check("", value)
+        return value
+
+    def check(self, name: str, value: Any) -> None:
+        """The same for Python."""
+        if isinstance(value, bool) or not isinstance(value, str | int) or value not in self.words:
+            near = closest(value, map(str, self.words))
+            listed = " or ".join(filter(None, [", ".join(map(repr, self.words[:-1])), repr(self.words[-1])]))
+            raise InputError(name, value, f"give {listed}" + (f"; did you mean {near!r}?" if near else ""))
+
+
+@dataclass(frozen=True)
+class Varying(Kind):
+    """A field: a number of at least `least`, or a function of (x, y); a positive constant is above zero."""
+
+    least: float | None = None
+    positive: bool = False
+
+    def read(self, value: Any, reader: Reader) -> Any:
+        """A number, an `Expression` or a `Polynomial`."""
+        return reader.field(value)
+
+    def check(self, name: str, value: Any) -> None:
+        """What can be checked before it is evaluated."""
+        from qvi_contact.basics.checks import check_field
+
+        check_field(name, value, minimum=self.least)
+        if self.positive and not callable(value) and value == 0.0:
+            raise InputError(name, value, "give a positive number: leave the strength out if the body does not yield")
+
+    def written(self, path: str, value: Any, writer: Writer) -> object:
+        """A number, text or table."""
+        return writer.field(path, value)
+
+
+class Scalar(Number):
+    """A number, which a file may write as an expression of constants and t."""
+
+    def read(self, value: Any, reader: Reader) -> float:
+        """The number at the time that is read."""
+        return reader.scalar(value) if isinstance(value, str) else super().read(value, reader)
+
+
+@dataclass(frozen=True)
+class Listed(Kind):
+    """A list of values of one kind, as a tuple."""
+
+    kind: Kind
+    least: int = 0
+    most: int | None = None
+
+    def read(self, value: Any, reader: Reader) -> tuple[Any, ...]:
+        """Entry by entry; the index of a bad one is its path."""
+        if not isinstance(value, list):
+            raise InputError("", value, "give a list, in [ ]")
+        if len(value) < self.least:
+            raise InputError("", value, f"give a list of {self.least} entries")
+        if self.most is not None and len(value) > self.most:
+            raise InputError("", value, f"give a list of at most {self.most} entries")
+        index = 0
+        try:
+            found = []
+            for index, item in enumerate(value):  # noqa: B007  # one `try` for all: meshes have many
+                found.append(self.kind.read(item, reader))
+        except InputError as error:
+            raise _further(f"[{index}]", error) from error
+        return tuple(found)
+
+    def check(self, name: str, value: Any) -> None:
+        """The same for Python."""
+        if not isinstance(value, tuple | list) or (self.most is not None and len(value) != self.most):
+            raise InputError(name, value, "give a pair (x, y)")
+        for item in value:
+            self.kind.check(name, item)
+
+    def written(self, path: str, value: Any, writer: Writer) -> object:  # noqa: ARG002
+        """A list."""
+        return list(value)
+
+
+@dataclass(frozen=True)
+class Named(Kind):
+    """A table of values of one kind by names that the user chooses."""
+
+    kind: Kind
+
+    def read(self, value: Any, reader: Reader) -> dict[str, Any]:
+        """Value by value."""
+        if not isinstance(value, dict):
+            raise InputError("", value, "give a table: keys and values")
+        if len(value) > MOST:
+            raise InputError("", value, f"give a table of at most {MOST} entries")
+        found = {}
+        for name, item in value.items():
+            with within(quoted(name)):
+                found[Text(name=True).read(name, reader)] = self.kind.read(item, reader)
+        return found
+
+
+@dataclass(frozen=True)
+class Table(Kind):
+    """The fields of a dataclass as a table."""
+
+    of: type
+
+    def read(self, value: Any, reader: Reader) -> Any:
+        """The object."""
+        return read_table(self.of, value, reader)
+
+    def check(self, name: str, value: Any) -> None:
+        """The object itself is wanted."""
+        if not isinstance(value, self.of):
+            raise InputError(name, value, f"give a {self.of.__name__}")
+
+    def written(self, path: str, value: Any, writer: Writer) -> object:
+        """The table of the object."""
+        return write_table(path, value, writer)
+
+
+class Options(Table):
+    """The same, of which only what is given counts: a mapping."""
+
+    def read(self, value: Any, reader: Reader) -> Any:
+        """The values given."""
+        given = getattr(self.of, "given", None)
+        return read_values(self.of, value if given is None else given(value), reader)
+
+
+@dataclass(frozen=True)
+class Tables(Kind):
+    """A list of tables, [[name]]."""
+
+    of: type
+    most: int | None = MOST
+
+    def read(self, value: Any, reader: Reader) -> tuple[Any, ...]:
+        """The objects."""
+        if isinstance(value, dict):
+            raise InputError("", value, "write its heading in double brackets, [[ ]]: there may be several")
+        return Listed(Table(self.of), 0, self.most).read(value, reader)
+
+
+@dataclass(frozen=True)
+class Inline(Table):
+    """The fields of another dataclass beside those of this one."""
+
+    without: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Tagged(Kind):
+    """One of several dataclasses, told apart by the key `law`, which is the `kind` of the class."""
+
+    classes: tuple[type, ...]
+
+    def read(self, value: Any, reader: Reader) -> Any:
+        """The object of the class that `law` names."""
+        if not isinstance(value, dict):
+            raise InputError("", value, "give a table: keys and values")
+        known = {getattr(each, "kind", ""): each for each in self.classes}
+        if "law" not in value:
+            raise InputError("law", Missing(), ADD)
+        with within("law"):
+            law = Choice(tuple(known)).read(value["law"], reader)
+        return read_table(known[law], value, reader, also=("law",))
+
+    def check(self, name: str, value: Any) -> None:
+        """One of the classes is wanted."""
+        if not isinstance(value, self.classes):
+            names = [each.__name__ for each in self.classes]
+            raise InputError(name, value, f"give a {', '.join(names[:-1])} or {names[-1]}, or leave it out")
+
+    def written(self, path: str, value: Any, writer: Writer) -> object:
+        """The table of the object."""
+        return {"law": value.kind, **write_table(path, value, writer)}
+
+
+@dataclass(frozen=True)
+class Key:
+    """What there is to say of a datum beside its name, default and meaning.
+
+    Attributes
+    ----------
+    kind : Kind
+        Its values.
+    needed : bool or None
+        Whether a file must have it; by default where the field has no default.
+    like : str
+        Name of the key whose value it has by default.
+    tied : bool
+        Whether a tied contact can have it.
+    symbol, unit : str
+        What pictures call it, and the quantity whose unit it has: "stress", "length", or none.
+
+    """
+
+    kind: Kind
+    needed: bool | None = None
+    like: str = ""
+    tied: bool = True
+    symbol: str = ""
+    unit: str = ""
+
+
+def key(**said: Any) -> dict[str, Any]:
+    """The metadata of a field: entries of its `Key` but for the kind, which follows from its type."""
+    return {"key": said}
+
+
+NO_KEY: Final[Mapping[str, Any]] = {"key": None}
+"""The metadata of a field that files do not have."""
+
+
+def kind_of(hint: Any) -> Kind:
+    """The kind of values that a type means; what it leaves open says a `Kind` in `Annotated`."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return next(each for each in arguments if isinstance(each, Kind))
+    if origin in (Union, UnionType):
+        given = [each for each in arguments if each is not NoneType]
+        return kind_of(given[0]) if len(given) == 1 else Varying()  # a number, or a function of (x, y)
+    if origin is Literal:
+        return Choice(arguments)
+    if origin is dict:
+        return Named(kind_of(arguments[1]))
+    if origin is tuple:
+        if arguments[-1] is not ...:
+            return Listed(kind_of(arguments[0]), len(arguments), len(arguments))
+        return Tables(arguments[0]) if hasattr(arguments[0], "__dataclass_fields__") else Listed(kind_of(arguments[0]))
+    simple = {float: FINITE, int: Whole(), bool: Truth(), str: TEXT}
+    return simple[hint] if hint in simple else Table(hint)
+
+
+@cache
+def keys_of(kind: type) -> dict[str, Key]:
+    """The keys of a dataclass, in the order of its fields."""
+    hints = get_type_hints(kind, include_extras=True)
+    said = {each.name: each.metadata.get("key", {}) for each in fields(kind)}
+    return {name: Key(kind_of(hints[name]), **more) for name, more in said.items() if more is not None}
+
+
+@cache
+def defaults_of(kind: type) -> dict[str, Any]:
+    """What fields are by default, of those that have a default."""
+    made = {each.name: each.default_factory() for each in fields(kind) if each.default_factory is not MISSING}
+    return made | {each.name: each.default for each in fields(kind) if each.default is not MISSING}
+
+
+@cache
+def file_keys(kind: type) -> dict[str, Key]:
+    """The keys of a table: those of the class, of what is inlined, and those that files only have (`in_files`)."""
+    found: dict[str, Key] = {}
+    for name, each in keys_of(kind).items():
+        if isinstance(each.kind, Inline):
+            found |= {inner: own for inner, own in file_keys(each.kind.of).items() if inner not in each.kind.without}
+        else:
+            found[name] = each
+    return found | getattr(kind, "in_files", {})
+
+
+def is_needed(kind: type, name: str) -> bool:
+    """Whether a table must have this key."""
+    own = file_keys(kind)[name].needed
+    if own is not None:
+        return own
+    inner = next((each.kind.of for each in keys_of(kind).values() if isinstance(each.kind, Inline)), kind)
+    return not any(name in defaults_of(each) for each in (kind, inner))
+
+
+def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (), partly: bool = False) -> Any:
+    """The values of a table by name; keys in `also` have been read, and `partly` needs none.
+
+    Raises
+    ------
+    InputError
+        If it is no table, has a key that is not known or a bad value, or lacks a key.
+
+    """
+    known = file_keys(kind)
+    if not isinstance(data, dict):
+        raise InputError("", data, "give a table: keys and values")
+    for name in data:
+        if name not in known and name not in also:
+            raise InputError(quoted(name), data[name], _instead(name, (*also, *known), reader))
+    found = {}
+    for name, each in known.items():
+        if name in data:
+            with within(name):
+                found[name] = each.kind.read(data[name], reader)
+    for name in known:
+        if name not in found and not partly and is_needed(kind, name):
+            raise InputError(name, Missing(), ADD)
+    return found
+
+
+def read_table(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (), partly: bool = False) -> Any:
+    """The object that a table states, made by the class or by its `from_file`."""
+    values = read_values(kind, data, reader, also, partly)
+    with located("", file_keys(kind)):
+        for name, each in keys_of(kind).items():
+            if isinstance(each.kind, Inline):
+                own = [inner for inner in file_keys(each.kind.of) if inner in values and inner not in each.kind.without]
+                values[name] = each.kind.of(**{inner: values.pop(inner) for inner in own})
+        return getattr(kind, "from_file", kind)(**values)
+
+
+def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
+    """The table that states an object, without what goes without saying."""
+    found: dict[str, Any] = {}
+    kind: type = type(stated)
+    defaults = defaults_of(kind)
+    for name, each in keys_of(kind).items():
+        value = getattr(stated, name)
+        if isinstance(each.kind, Inline):
+            own = write_table(path, value, writer)
+            found |= {inner: own[inner] for inner in own if inner not in each.kind.without}
+        elif value is not None and not (each.like and value == getattr(stated, each.like)):
+            written = each.kind.written(f"{path}.{name}", value, writer)
+            if name not in defaults or value != defaults[name]:
+                found[name] = written
+    return found
+
+
+def check_keys(stated: Any) -> None:
+    """Check the fields of an object as their keys say, and fill in those that are like another one."""
+    kind: type = type(stated)
+    defaults = defaults_of(kind)
+    for name, each in keys_of(kind).items():
+        value = getattr(stated, name)
+        if value is not None or defaults.get(name, MISSING) is not None:
+            each.kind.check(f"{kind.__name__}.{name}", value)
+        if each.like and not value:
+            object.__setattr__(stated, name, getattr(stated, each.like))
+
+
+def described(kind: type) -> dict[str, str]:
+    """What the docstring of a class says of each of its parameters; nothing where docstrings are left out."""
+    found: dict[str, str] = {}
+    names: list[str] = []
+    _, _, listed = inspect.cleandoc(kind.__doc__ or "").partition("Parameters\n----------\n")
+    for line in listed.partition("\n\n")[0].splitlines():
+        if not line.startswith(" "):
+            names = line.partition(" : ")[0].split(", ")
+        for name in names if line.startswith(" ") else ():
+            found[name] = f"{found[name]} {line.strip()}" if name in found else line.strip()
+    return found
+
+
+def quoted(name: object) -> str:
+    """A key as TOML writes it: bare if it can be."""
+    text = str(name)
+    return text if text.replace("_", "").replace("-", "").isalnum() and text.isascii() else repr(text)
+
+
+def joined(path: str, further: str) -> str:
+    """A path and what follows it: ``contacts`` and ``[2].friction``."""
+    return f"{path}.{further}" if path and further and not further.startswith("[") else path + further
+
+
+def in_toml(remedy: str) -> str:
+    """The remedy in words of a problem file."""
+    for python, toml in _IN_TOML:
+        remedy = remedy.replace(python, toml)
+    return remedy
+
+
+@contextmanager
+def located(path: str, known: Iterable[str] = ()) -> Iterator[None]:
+    """Errors raised in the block get their path in the file: this one, and the key if it is one of those known."""
+    try:
+        yield
+    except InputError as error:
+        name = error.field.split(".")[-1]
+        raise _further(path, type(error)(name if name in known else "", error.value, error.remedy)) from error
+
+
+@contextmanager
+def within(path: str) -> Iterator[None]:
+    """Errors raised in the block, whose paths are those inside of a table or list, get its own path before theirs."""
+    try:
+        yield
+    except InputError as error:
+        raise _further(path, error) from error
+
+
+def _further(path: str, error: InputError) -> InputError:
+    """The same error seen from one table or list further out."""
+    value = Missing() if error.value is None else error.value
+    return type(error)(joined(path, error.field), value, in_toml(error.remedy))
+
+
+def _instead(name: str, known: Iterable[str], reader: Reader) -> str:
+    """What to write in place of an unknown key."""
+    listed = f"the keys here are {', '.join(known)}"
+    near = closest(name, known)
+    if near is not None:
+        return f"there is no such key; did you mean {near}? ({listed})"
+    if name in reader.top:
+        return f"this belongs to the top of the file, before the first [table]; {listed}"
+    return f"there is no such key; {listed}"
+
+
+FINITE: Final = Number()
+TEXT: Final = Text()
+Name: TypeAlias = Annotated[str, Text(name=True)]
+Positive: TypeAlias = Annotated[float, Number(positive=True)]

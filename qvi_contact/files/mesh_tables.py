@@ -1,0 +1,632 @@
+"""The tables of a problem file that say what its mesh is: a grid, triangles of the file or of a mesh file, an outline.
+
+Each table is declared by its keys, and makes its part of the mesh. Errors have the path of the value in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number
+from qvi_contact.basics.schema import (
+    ADD,
+    FINITE,
+    Kind,
+    Listed,
+    Missing,
+    Name,
+    Number,
+    Reader,
+    Tables,
+    Whole,
+    check_keys,
+    key,
+    keys_of,
+    located,
+    quoted,
+    read_table,
+    within,
+)
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.curves import AnyArc, Arc, Curve, checked_bends, ellipse, fitted
+from qvi_contact.mesh.grid import graded_lines, on_line
+from qvi_contact.mesh.outline import Corner, Point
+from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment, triangles_in_box
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.material import Plane, Region
+
+_MOST_IN_A_ROW: Final = 10_000  # cells of a piece of grid lines
+_MOST_CELLS: Final = 1_000_000  # of a grid
+_MOST_LINES: Final = 100_000  # that refinement makes
+_FINEST: Final = 1e-9  # smallest cell that refinement makes, relative to the body
+_SAMPLES: Final = 2000  # points per half interval where sizes are summed
+_MESH_KINDS: Final = (("x", "y"), ("file",), ("outline",), ("vertices", "triangles"))
+_MESH_EXTRAS: Final = {"x": ("remove", "refine"), "vertices": ("edges", "regions")}  # what else a kind of mesh has
+
+Lines = tuple[FloatArray, FloatArray]
+"""Grid lines across x and across y."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """Grid lines from `start` to `stop`, see `qvi_contact.graded_lines`; `start` may be left out after another one."""
+
+    start: float | None = None
+    """First grid line; left out after another piece: `start = 0.0`."""
+    stop: float
+    """Last grid line: `stop = 2.0`."""
+    cells: Annotated[int, Whole(1, _MOST_IN_A_ROW)]
+    """Number of cells: `cells = 8`."""
+    grading: float = 1.0
+    """Size of each cell over that of the one before it: `grading = 0.9`."""
+    both_ends: bool = False
+    """Whether cells shrink towards both ends: `both_ends = true`."""
+
+
+class Axis(Kind):
+    """Grid lines: a list of them, a piece, or a list of pieces."""
+
+    def read(self, value: Any, reader: Reader) -> FloatArray:
+        """All lines, those that are given as they are."""
+        if isinstance(value, dict):
+            return self._extended(np.empty(0), read_table(Segment, value, reader))
+        if not isinstance(value, list):
+            remedy = "give a list of grid lines, or { start = 0.0, stop = 1.0, cells = 8 }, or a list of such"
+            raise InputError("", value, remedy)
+        if not value or not isinstance(value[0], dict):
+            return np.array(Listed(FINITE).read(value, reader), dtype=float)
+        lines: FloatArray = np.empty(0)
+        for index, segment in enumerate(Tables(Segment).read(value, reader)):
+            with within(f"[{index}]"):
+                lines = self._extended(lines, segment)
+        return lines
+
+    def _extended(self, lines: FloatArray, segment: Segment) -> FloatArray:
+        """The lines and those of a piece."""
+        start = segment.start
+        if start is None:
+            if not len(lines):
+                raise InputError("start", Missing(), ADD)
+            start = float(lines[-1])
+        elif len(lines) and start != lines[-1]:
+            raise InputError("start", start, f"start where the one before stops, at {lines[-1]:g}")
+        with located("", keys_of(Segment)), np.errstate(all="ignore"):
+            more = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
+            if not np.isfinite(more).all():
+                raise InputError("grading", segment.grading, "give a number nearer to 1, or fewer cells")
+        return np.concatenate([lines[:-1], more])
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """Cells between grid lines; a range left out reaches across the whole mesh."""
+
+    x: Point | None = None
+    """Range along x: `x = [0.0, 1.0]`."""
+    y: Point | None = None
+    """Range along y: `y = [0.5, 2.0]`."""
+
+    def cells(self, lines: Lines) -> tuple[slice, slice]:
+        """Rows and columns of its cells."""
+        found = []
+        for name, across in (("y", lines[1]), ("x", lines[0])):
+            bounds = getattr(self, name)
+            if bounds is None:
+                found.append(slice(None))
+                continue
+            with located(name):
+                first, last = (int(np.searchsorted(across, on_line("", bound, across))) for bound in bounds)
+            if first >= last:
+                raise InputError(name, bounds, "give the smaller end first")
+            found.append(slice(first, last))
+        return found[0], found[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefineTable:
+    """Grid lines added so that cells shrink geometrically towards re-entrant corners and ends, in x and in y."""
+
+    largest: float
+    """Largest cell: `largest = 0.25`."""
+    smallest: float | None = None
+    """Smallest cell, at re-entrant corners and the ends named: `smallest = 0.01`."""
+    ratio: Annotated[float, Number(0.01, 0.99)] = 0.5
+    """Size of a cell over that of its larger neighbour: `ratio = 0.7`."""
+    towards: tuple[str, ...] = ()
+    """Edge sets at whose ends cells are small too: `towards = ["base"]`."""
+
+    def lines(self, mesh: TriangleMesh, body: BoolArray, lines: Lines) -> Lines:
+        """The grid lines of a mesh, with those cells as its body, and more of them.
+
+        Cells are about `largest` wide, and shrink geometrically to `smallest` towards every re-entrant corner of the
+        body and both ends of every edge set or joint in `towards`: at a distance d from the nearest such coordinate the
+        size is min(largest, smallest + ln(1/ratio) d), in x and y separately.
+        """
+        around = np.pad(body, 1).astype(np.int64)
+        around = around[1:, 1:] + around[1:, :-1] + around[:-1, 1:] + around[:-1, :-1]
+        row, column = np.nonzero(around == 3)
+        critical = [np.column_stack([lines[0][column], lines[1][row]])]
+        for index, name in enumerate(self.towards):
+            with located(f"towards[{index}]"):
+                edges = mesh.edges(name)
+            vertex, count = np.unique(np.concatenate([edges.first, edges.second]), return_counts=True)
+            critical.append(mesh.vertices[vertex[count == 1]])
+        with located("", keys_of(RefineTable)):
+            largest = positive_number("largest", self.largest)
+            smallest = largest if self.smallest is None else positive_number("smallest", self.smallest)
+            length = max(float(across[-1] - across[0]) for across in lines)
+            if smallest > largest:
+                raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
+            growth, wanted = -float(np.log(self.ratio)), 1.0
+            for across in lines:  # about how many cells: 2 log(1 + growth largest/smallest)/growth at a line
+                extent = float(across[-1] - across[0])
+                graded = extent / largest + len(across) * (1.0 + 2.0 * np.log1p(growth * largest / smallest) / growth)
+                wanted *= min(graded, len(across) + extent / smallest)
+            if wanted > _MOST_CELLS:
+                raise InputError("largest", self.largest, f"give more: this makes some {wanted:.0e} cells in all")
+            if smallest < _FINEST * length:
+                raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
+            if length / largest > _MOST_LINES:
+                raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
+        places = np.concatenate(critical)
+        x, y = (
+            _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)
+            for axis, across in enumerate(lines)
+        )
+        return x, y
+
+
+def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smallest: float, growth: float) -> FloatArray:
+    """Lines added so that cells are about h(x) = min(largest, smallest + growth · distance to `critical`)."""
+    pieces = [lines[:1]]
+    for start, stop in pairwise(lines.tolist()):
+        t = np.linspace(0.0, 1.0, _SAMPLES)
+        x = start + (stop - start) * np.concatenate([t**3 / 2, 1.0 - t[-2::-1] ** 3 / 2])  # dense at both ends
+        distance = np.abs(x[:, None] - critical).min(axis=1, initial=np.inf)
+        size = np.minimum(largest, smallest + growth * distance)
+        cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])
+        count = max(1, int(np.ceil(cells[-1] - 1e-3)))
+        pieces.append(np.append(np.interp(np.arange(1, count) * cells[-1] / count, cells, x), stop))
+    return np.concatenate(pieces)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingTable:
+    """A closed line: corners, or a circle."""
+
+    name: Name = ""
+    """Name of the line, of a circle or a region: `name = "bore"`."""
+    corners: Annotated[tuple[Corner, ...], Tables(Corner, None)] | None = None
+    """Corners in order: `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`."""
+    centre: Point | None = None
+    """Centre of a circle: `centre = [1.0, 1.0]`."""
+    radius: float | None = None
+    """Radius of a circle: `radius = 0.4`."""
+    size: float | None = None
+    """Size of the triangles along a circle: `size = 0.1`."""
+
+    def __post_init__(self) -> None:
+        circle = {"centre": self.centre, "radius": self.radius}
+        if (self.corners is None) == all(value is None for value in circle.values()):
+            raise InputError("corners", None, "give corners, or centre and radius of a circle")
+        for name, value in (circle | {"size": self.size}).items():
+            if self.corners is not None and value is not None:
+                raise InputError(name, value, "this belongs to a circle, which has no corners: leave it out")
+        for name, value in circle.items():
+            if self.corners is None and value is None:
+                raise InputError(name, None, ADD)
+
+    def line(self, name: str = "") -> Sequence[Corner]:
+        """Its corners; the edges of a circle get the name."""
+        if self.corners is not None:
+            return self.corners
+        assert self.centre is not None  # checked above
+        assert self.radius is not None
+        with located("", keys_of(RingTable)):
+            return Corner.circle(self.centre, self.radius, name, self.size)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoleTable(RingTable):
+    """A hole; a name is that of its edges, where it is a circle."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.corners is not None and self.name:
+            raise InputError("name", self.name, "give the names to the corners where the lines begin")
+
+
+@dataclass(frozen=True, kw_only=True)
+class InnerRegionTable(RingTable):
+    """A region of an outline."""
+
+    name: Name = field(metadata=key(needed=True))
+    """Name of the region: `name = "inclusion"`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InnerLineTable:
+    """A joint of an outline."""
+
+    name: Name
+    """Name of the joint: `name = "joint"`."""
+    corners: Annotated[tuple[Corner, ...], Tables(Corner, None)]
+    """Corners of the line, which is closed if the first one is repeated at its end, or an arc begins at the last
+    one: `corners = [{ at = [0.0, 0.5] }, { at = [1.0, 0.5] }]`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SizeTable:
+    """Size of the triangles at a point."""
+
+    at: Point
+    """The point: `at = [1.0, 0.5]`."""
+    size: float
+    """Size of the triangles there: `size = 0.05`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutlineTable:
+    """See `qvi_contact.TriangleMesh.outline`."""
+
+    size: float
+    """Size of the triangles where nothing else is said: `size = 0.2`."""
+    corners: Annotated[tuple[Corner, ...], Tables(Corner, None)]
+    """Corners of the body, see `[[mesh.outline.corners]]`: `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, {
+    at = [0.0, 1.0] }]`."""
+    holes: tuple[HoleTable, ...] = ()
+    """Holes, by corners or as circles: `holes = [{ centre = [1.0, 1.0], radius = 0.4 }]`."""
+    joints: tuple[InnerLineTable, ...] = ()
+    """Lines inside the body, open or closed: `joints = [{ name = "joint", corners = [{ at = [0.0, 0.5] }, { at =
+    [1.0, 0.5] }] }]`."""
+    regions: tuple[InnerRegionTable, ...] = ()
+    """Regions of another material: `regions = [{ name = "inclusion", centre = [1.0, 1.0], radius = 0.2 }]`."""
+    sizes: tuple[SizeTable, ...] = ()
+    """Places where triangles have another size: `sizes = [{ at = [1.0, 0.5], size = 0.05 }]`."""
+
+    def mesh(self) -> TriangleMesh:
+        """The body divided into triangles."""
+        lines: dict[str, list[Any]] = {"holes": [], "joints": [], "regions": []}
+        for kind, found in lines.items():
+            taken: list[str] = []
+            for index, table in enumerate(getattr(self, kind)):
+                with located(f"{kind}[{index}]", keys_of(type(table))):
+                    if kind != "holes" and table.name in taken:
+                        raise InputError("name", table.name, "this name is taken: choose another one")
+                    taken.append(table.name)
+                    own = table.name if kind == "holes" else ""
+                    found.append(table.corners if kind == "joints" else table.line(own))
+        named = {
+            kind: dict(zip([table.name for table in getattr(self, kind)], lines[kind], strict=True))
+            for kind in ("joints", "regions")
+        }
+        sizes = {entry.at: entry.size for entry in self.sizes}
+        try:
+            return TriangleMesh.outline(self.corners, self.size, holes=lines["holes"], sizes=sizes, **named)
+        except InputError as error:
+            kind, _, name = error.field.partition(".")
+            place = error.field if error.field.split("[")[0] in keys_of(OutlineTable) else ""
+            if name in named.get(kind, ()):
+                place = f"{kind}[{list(named[kind]).index(name)}]"
+            raise type(error)(place, error.value, error.remedy) from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArcTable:
+    """Edges of triangles that follow a circle or an ellipse, see `qvi_contact.TriangleMesh.with_arc`; or any curve."""
+
+    centre: Point | None = None
+    """Centre of the circle or the ellipse: `centre = [0.0, 0.0]`."""
+    radius: float | None = None
+    """Radius of the circle, on which the vertices lie: `radius = 1.0`."""
+    axes: Point | None = None
+    """Half axes of the ellipse, on which the vertices lie: `axes = [2.0, 1.0]`."""
+    angle: float | None = None
+    """Angle [rad] from the x-axis to the first axis of the ellipse, counterclockwise: `angle = 0.5`."""
+    bends: tuple[tuple[float, ...], ...] | None = None
+    """Other curves as the program writes them, one row for each of the edges: coefficients of Legendre, along the
+    edge, of the angle [rad] from its chord to its tangent, counterclockwise: `bends = [[0.0, 0.25], [0.0,
+    0.25]]`."""
+    name: Name | None = None
+    """Which edges, by the name they have in the mesh, in `[[edges]]` or in `[[joints]]`: `name = "bore"`."""
+    edges: tuple[tuple[int, int], ...] | None = None
+    """The edges themselves instead, two vertices each: `edges = [[0, 1], [1, 2]]`."""
+
+    def __post_init__(self) -> None:
+        if (self.name is None) == (self.edges is None):
+            raise InputError("name", self.name, "give a name of edges, or edges by their vertices: one of both")
+        if self.bends is not None and self.edges is None:
+            raise InputError("edges", None, "bends belong to edges by their vertices: give these")
+        given = [name for name in ("radius", "axes", "bends") if getattr(self, name) is not None]
+        if len(given) != 1:
+            remedy = "give a radius (of a circle), axes (of an ellipse), or bends (of the edges): one of these"
+            raise InputError("radius", given or None, remedy)
+        if (self.centre is None) != (self.bends is not None):
+            remedy = ADD if self.centre is None else "bends need no centre: leave it out"
+            raise InputError("centre", self.centre, remedy)
+        if self.angle is not None and self.axes is None:
+            raise InputError("angle", self.angle, "this belongs to an ellipse: give axes, or leave it out")
+
+    def on(self, mesh: TriangleMesh) -> AnyArc:
+        """These edges of the mesh on their circle, ellipse or other curve."""
+        if self.bends is not None:
+            edges = np.array(self.edges, dtype=np.int64).reshape(-1, 2)
+            curve = Curve(edges, checked_bends("bends", self.bends, len(edges)))
+            return curve.checked("", mesh.vertices, mesh.topology)
+        if self.name is not None:
+            pairs = mesh.pairs(self.name)
+        else:
+            pairs = checked_pairs("edges", self.edges or [], mesh.topology, mesh.vertices)
+        assert self.centre is not None  # checked above
+        if self.axes is not None:
+            circled = ellipse(self.centre, self.axes, self.angle or 0.0)
+            return fitted("axes", circled, 0.0, 2.0 * np.pi, pairs, mesh.vertices)
+        return Arc(self.centre, self.radius or 0.0, pairs).checked("", mesh.vertices, mesh.topology)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshTable:
+    """A grid whose cells are cut into triangles; or triangles: in this file, in a mesh file, or of an outline."""
+
+    x: Annotated[FloatArray, Axis()] | None = None
+    """Grid lines across x: all of them, a piece, or a list of pieces: `x = { start = 0.0, stop = 2.0, cells = 8
+    }`."""
+    y: Annotated[FloatArray, Axis()] | None = None
+    """Grid lines across y: `y = [0.0, 0.5, 1.0]`."""
+    remove: Annotated[tuple[Rectangle, ...], Tables(Rectangle, None)] = ()
+    """Rectangles of the grid that are no part of the body: `remove = [{ x = [1.0, 2.0], y = [1.0, 2.0] }]`."""
+    refine: RefineTable | None = None
+    """Finer towards re-entrant corners, see `[mesh.refine]`: `refine = { largest = 0.25, smallest = 0.01 }`."""
+    file: Name | None = None
+    """Mesh file, .msh, .inp or .med, by its place beside the problem file: `file = "meshes/dam.msh"`."""
+    outline: OutlineTable | None = None
+    """Outline that gmsh divides into triangles, see `[mesh.outline]`: `outline = { size = 0.2, corners = [{ at =
+    [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }] }`."""
+    vertices: tuple[Point, ...] | None = None
+    """Vertices of triangles: `vertices = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]`."""
+    triangles: tuple[tuple[int, int, int], ...] | None = None
+    """Three vertices for each triangle, counted from 0: `triangles = [[0, 1, 2]]`."""
+    edges: dict[str, tuple[tuple[int, int], ...]] = field(default_factory=dict)
+    """Named edges of triangles, two vertices each: `edges = { base = [[0, 1]] }`."""
+    regions: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    """Named triangles: `regions = { core = [0] }`."""
+    arcs: tuple[ArcTable, ...] = ()
+    """Edges of triangles that are arcs, not chords: `arcs = [{ name = "bore", centre = [0.0, 0.0], radius = 0.5
+    }]`."""
+
+    def __post_init__(self) -> None:
+        kinds = [kind for kind in _MESH_KINDS if any(getattr(self, name) is not None for name in kind)]
+        if len(kinds) != 1:
+            remedy = "give x and y (grid lines), or file (of a mesh), or vertices and triangles, or an outline"
+            given = [name for kind in kinds for name in kind] or None
+            raise InputError("", given, f"{remedy}: one of these")
+        for name in kinds[0]:
+            if getattr(self, name) is None:
+                raise InputError(name, None, ADD)
+        for needed, names in _MESH_EXTRAS.items():
+            for name in names:
+                if getattr(self, name) and needed not in kinds[0]:
+                    raise InputError(
+                        name, getattr(self, name), f"this belongs to a mesh given by {needed}: leave it out"
+                    )
+
+    def inline(self) -> TriangleMesh:
+        """Triangles of the file itself."""
+        edges = {name: np.array(pairs).reshape(-1, 2) for name, pairs in self.edges.items()}
+        regions = {name: np.array(chosen, dtype=np.int64) for name, chosen in self.regions.items()}
+        try:
+            return TriangleMesh(np.array(self.vertices), np.array(self.triangles), edges, regions)
+        except InputError as error:
+            place = {"vertices": "vertices", "cells": "triangles"}.get(error.field.split(".")[-1], "")
+            for kind, names in (("edges", self.edges), ("regions", self.regions)):
+                for name in names:
+                    if name in (error.field, error.value if isinstance(error.value, str) else None):
+                        place = f"{kind}.{quoted(name)}"
+            raise type(error)(place, error.value, error.remedy) from error
+
+    def body(self, lines: Lines) -> BoolArray:
+        """Cells (ny, nx) that are not removed."""
+        body = np.ones((len(lines[1]) - 1, len(lines[0]) - 1), dtype=bool)
+        for index, rectangle in enumerate(self.remove):
+            with within(f"remove[{index}]"):
+                body[rectangle.cells(lines)] = False
+        return body
+
+    def grid(self, lines: Lines) -> TriangleMesh:
+        """The grid without the cells removed; an error shows the rectangles of the file, not the array made of them."""
+        x, y = lines
+        if (len(x) - 1) * (len(y) - 1) > _MOST_CELLS:
+            raise InputError("", (len(x) - 1, len(y) - 1), f"give at most {_MOST_CELLS} cells in all")
+        if not self.remove:
+            with located("", keys_of(MeshTable)):
+                return TriangleMesh.grid(x, y)
+        body = self.body(lines)
+        try:
+            return TriangleMesh.grid(x, y, body)
+        except InputError as error:
+            shown = [{name: value for name, value in asdict(each).items() if value} for each in self.remove]
+            raise type(error)("remove", shown, error.remedy) from error
+
+
+class _Place:
+    """Edges that are given in one way: by a line of a grid, or by a segment or box of any mesh."""
+
+    name: str
+    start: float | None
+    stop: float | None
+    at: float | None
+    segment: tuple[Point, Point] | None
+
+    def check_one(self, on_grid: str, names: Sequence[str]) -> None:
+        """Refuse none and several, and ranges that belong to a grid."""
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(given[-1] if given else names[0], None, f"give one of {', '.join(names)}")
+        for name in ("start", "stop", "at"):
+            if getattr(self, name) is not None and given != [on_grid]:
+                raise InputError(name, getattr(self, name), f"this belongs to {on_grid}, on a grid: leave it out")
+
+    def on_line(self, mesh: TriangleMesh, lines: Lines | None, axis: int, pairs: IntArray, facing: object) -> IntArray:
+        """Those of some edges (k, 2) along an axis that are in range."""
+        assert lines is not None
+        middle = mesh.vertices[pairs].mean(axis=1)
+        keep = np.ones(len(pairs), dtype=bool)
+        if self.start is not None:
+            keep &= middle[:, axis] > on_line("start", self.start, lines[axis])
+        if self.stop is not None:
+            keep &= middle[:, axis] < on_line("stop", self.stop, lines[axis])
+        if self.at is not None:
+            keep &= middle[:, 1 - axis] == on_line("at", self.at, lines[1 - axis])
+        if not keep.any():
+            where = "boundary" if isinstance(self, EdgesTable) else "interior"
+            given = (facing, self.start, self.stop, self.at)
+            raise InputError(self.name, given, f"no {where} edge lies there: check side and range")
+        return np.asarray(pairs[keep])
+
+
+@dataclass(frozen=True, kw_only=True)
+class EdgesTable(_Place):
+    """A named part of the boundary: by side and range on a grid, by segment or box on any mesh."""
+
+    name: Name
+    """What conditions call this part of the boundary: `name = "base"`."""
+    side: Literal["bottom", "right", "top", "left"] | None = None
+    """Side of a grid: bottom, right, top or left: `side = "bottom"`."""
+    start: float | None = None
+    """Where the part of the side begins: `start = 0.5`."""
+    stop: float | None = None
+    """Where it ends: `stop = 1.5`."""
+    at: float | None = None
+    """Which of several lines of the side, by the coordinate across it: `at = 0.0`."""
+    segment: tuple[Point, Point] | None = None
+    """What lies between two points: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
+    box: Rectangle | None = None
+    """What lies inside a box: `box = { y = [0.9, 1.1] }`."""
+
+    def __post_init__(self) -> None:
+        self.check_one("side", ("side", "segment", "box"))
+
+    def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
+        """The edges (k, 2) by their vertices; `lines` are those of a grid."""
+        if self.segment is not None:
+            return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=False)
+        if self.box is not None:
+            return edges_in_box(mesh.vertices, mesh.topology, self.box.x, self.box.y)
+        if lines is None:
+            remedy = "sides and directions are for grids: on triangles give a segment between two points, or a box"
+            raise InputError("segment", None, remedy)
+        axis = 0 if self.side in ("bottom", "top") else 1
+        return self.on_line(mesh, lines, axis, mesh.pairs(self.side or ""), self.side)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointTable(_Place):
+    """A named line inside the body: by direction and range on a grid, by segment on any mesh."""
+
+    name: Name
+    """What the contact calls this line: `name = "joint"`."""
+    direction: Literal["horizontal", "vertical"] | None = None
+    """Direction on a grid: horizontal or vertical: `direction = "horizontal"`."""
+    at: float | None = None
+    """Coordinate across the line: `at = 1.0`."""
+    start: float | None = None
+    """Where the line begins: `start = 0.0`."""
+    stop: float | None = None
+    """Where the line ends: `stop = 2.0`."""
+    segment: tuple[Point, Point] | None = None
+    """The line between two points: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
+
+    def __post_init__(self) -> None:
+        self.check_one("direction", ("direction", "segment"))
+        if self.direction is not None and self.at is None:
+            raise InputError("at", None, ADD)
+
+    def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
+        """The edges (k, 2) by their vertices; `lines` are those of a grid."""
+        if self.segment is not None:
+            return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=True)
+        if lines is None:
+            remedy = "sides and directions are for grids: on triangles give a segment between two points"
+            raise InputError("segment", None, remedy)
+        axis = 0 if self.direction == "horizontal" else 1
+        pairs = mesh.topology.ends[~mesh.topology.boundary]
+        pairs = pairs[np.ptp(mesh.vertices[pairs][:, :, 1 - axis], axis=1) == 0.0]
+        return self.on_line(mesh, lines, axis, pairs, self.direction)
+
+
+@dataclass(frozen=True)
+class RegionTable(Region):
+    """Triangles of another material, which may have ranges and a name: then the region gets that name."""
+
+    def __post_init__(self) -> None:
+        check_keys(self)
+
+    def region(self, plane: Plane) -> Region:
+        """The region, in the plane state of the body."""
+        material = replace(self.material, plane=plane)
+        return Region(material, name=self.name) if self.name else Region(material, self.x, self.y)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a file names in its mesh: [[edges]], [[joints]] and [[regions]] with ranges and a name."""
+
+    edges: Sequence[EdgesTable]
+    joints: Sequence[JointTable]
+    regions: Sequence[RegionTable]
+
+    def named(self, mesh: TriangleMesh, arcs: Sequence[ArcTable], lines: Lines | None) -> TriangleMesh:
+        """The mesh with these parts, and edges on arcs; `lines` are those of a grid."""
+        sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
+        for kind in ("edges", "joints"):
+            for index, part in enumerate(getattr(self, kind)):
+                with located(f"{kind}[{index}]", keys_of(type(part))):
+                    if part.name in sets:
+                        raise InputError("name", part.name, "this edge set exists already: choose another name")
+                    sets[part.name] = part.pairs(mesh, lines)
+        for index, region in enumerate(self.regions):
+            if region.name is not None and (region.x is not None or region.y is not None):
+                with located(f"regions[{index}]", keys_of(RegionTable)):
+                    if region.name in regions:
+                        remedy = "this region exists already: choose another name, or no ranges"
+                        raise InputError("name", region.name, remedy)
+                    regions[region.name] = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
+        mesh = replace(mesh, edge_sets=sets, regions=regions)
+        for index, arc in enumerate(arcs):
+            with located(f"mesh.arcs[{index}]", keys_of(ArcTable)):
+                mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
+        return mesh
+
+
+def built_mesh(table: MeshTable, parts: Parts, folder: Path | None) -> TriangleMesh:
+    """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
+    lines = None
+    with within("mesh"):
+        if table.file is not None:
+            with located("file"):
+                if folder is None:
+                    remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
+                    raise InputError("file", table.file, remedy)
+                mesh = TriangleMesh.load(folder / table.file)
+        elif table.outline is not None:
+            with within("outline"):
+                mesh = table.outline.mesh()
+        elif table.x is None or table.y is None:
+            mesh = table.inline()
+        else:
+            lines = table.x, table.y
+            mesh = table.grid(lines)
+    mesh = parts.named(mesh, table.arcs, lines)
+    if table.refine is None or lines is None:
+        return mesh
+    with within("mesh"):
+        with within("refine"):
+            lines = table.refine.lines(mesh, table.body(lines), lines)
+        mesh = table.grid(lines)
+    return parts.named(mesh, table.arcs, lines)
