@@ -4,11 +4,11 @@ from typing import Final
 
 import click
 
-from comparisons.benchmark.command import benchmark
-from comparisons.convergence.command import convergence
+from comparisons.benchmark.command import benchmark, benchmark_wall
+from comparisons.convergence.command import convergence_mesh, convergence_outer, convergence_uzawa
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
-from comparisons.peers.command import peers
+from comparisons.peers.command import peers, peers_pin
 from comparisons.solvers.command import solvers
 from comparisons.verification.command import verify
 from comparisons.wild.command import estimates, wild
@@ -24,23 +24,18 @@ def group(context: click.Context) -> None:
 
     Each command runs one experiment and writes a report: Markdown, pictures, and one HTML page.
     """
-    if context.invoked_subcommand not in (export.name, import_file.name):
-        _check_installed()
-
-
-def _check_installed() -> None:
-    """What reports need is found to be missing before anything is computed."""
     from importlib.util import find_spec
 
     from qvi_contact.errors import InputError
 
     missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
-    if missing:
+    if missing and context.invoked_subcommand not in (export.name, import_file.name):
         remedy = f"is missing: python -m pip install {' '.join(missing)}"
         raise InputError("installation", ", ".join(missing), remedy)
 
 
 for command in (
-    paper, benchmark, verify, solvers, convergence, peers, wild, estimates, export, import_file,
+    paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
+    peers_pin, wild, estimates, export, import_file,
 ):  # fmt: skip
     group.add_command(command)

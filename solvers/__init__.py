@@ -1,7 +1,7 @@
 """The frictional contact problem as algebra: quasi-variational inequality, methods, back ends, certificate.
 
     from solvers import FrictionQVI, solve_qvi
-    solution = solve_qvi(FrictionQVI(K=K, f=f, N=N, n0=n0, T=T, t0=t0, mu=mu, W=W))
+    solution = solve_qvi(FrictionQVI.from_arrays(K=K, f=f, N=N, n0=n0, T=T, t0=t0, mu=mu, W=W))
     print(solution.message)
 
 Knows nothing of meshes or mechanics. Names, and the back ends behind them, are imported on first use.
@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from solvers.certificate.certificate import Certificate, certify
     from solvers.certificate.feasibility import Feasibility, check_feasibility
     from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
-    from solvers.inequality.problem import EnergyRoot, FrictionQVI
+    from solvers.inequality.contact import ContactMatrices
+    from solvers.inequality.loads import Loads
+    from solvers.inequality.problem import FrictionQVI, Law
+    from solvers.inequality.stiffness import EnergyRoot, Stiffness
     from solvers.inequality.traces import Traces
     from solvers.inner.registry import available
     from solvers.solution import Iteration, QVISolution
@@ -23,16 +26,20 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Certificate": "certificate.certificate",
-    "EnergyRoot": "inequality.problem",
+    "ContactMatrices": "inequality.contact",
+    "EnergyRoot": "inequality.stiffness",
     "Feasibility": "certificate.feasibility",
     "FrictionQVI": "inequality.problem",
     "InputError": "errors",
     "Iteration": "solution",
+    "Law": "inequality.problem",
+    "Loads": "inequality.loads",
     "QVIError": "errors",
     "QVISolution": "solution",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
     "Status": "basics.status",
+    "Stiffness": "inequality.stiffness",
     "Traces": "inequality.traces",
     "UnknownNameError": "errors",
     "available": "inner.registry",
@@ -43,16 +50,20 @@ _HOME = {
 
 __all__ = [
     "Certificate",
+    "ContactMatrices",
     "EnergyRoot",
     "Feasibility",
     "FrictionQVI",
     "InputError",
     "Iteration",
+    "Law",
+    "Loads",
     "QVIError",
     "QVISolution",
     "SolveError",
     "SolverUnavailableError",
     "Status",
+    "Stiffness",
     "Traces",
     "UnknownNameError",
     "available",

@@ -37,8 +37,7 @@ from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.certificate.certificate import certify
-from solvers.inequality.compliance import Compliance
-from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution, finish, no_outcome
 
 LARGEST = 200
@@ -218,7 +217,7 @@ def other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Itera
         if vertex is None:
             return
         m = rows.F @ vertex.x
-        last, bound = bound, qvi.threshold(qvi.pressed((compliance.bonded - compliance.relief(m))[: qvi.m]))
+        last, bound = bound, qvi.threshold(qvi.law.pressed((compliance.bonded - compliance.relief(m))[: qvi.m]))
         if np.abs(bound - last).max() <= _SETTLED * stress:
             yield m
             return

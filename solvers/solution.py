@@ -50,6 +50,24 @@ class Iteration(NamedTuple):
     seconds: float = 0.0
 
 
+class Attempt(NamedTuple):
+    """One of the ways that were tried, in their order.
+
+    Attributes
+    ----------
+    name : a method, a start of one, or a change of the problem
+    reason : why it was tried; empty of the first
+    status : how it ended
+    iterations : how many it took
+
+    """
+
+    name: str
+    reason: str
+    status: Status
+    iterations: int
+
+
 @dataclass(frozen=True, eq=False)
 class QVISolution:
     """A point z with its multipliers, how it was found, and the proof of what it is worth.
@@ -76,6 +94,7 @@ class QVISolution:
     corrections : of the condensed method, sizes of the defect corrections in the energy norm, relative: what the
         rounding inside K had spoilt; they end where the next one would be rounding
     remarks : what to know about a solution, such as that there are several; one sentence each
+    attempts : what was tried, one `Attempt` each, in their order
     near : of the condensed method, whether the state it was to begin from was near enough; None if there was none
 
     """
@@ -101,6 +120,7 @@ class QVISolution:
     corrections: tuple[float, ...] = ()
     remarks: tuple[str, ...] = ()
     near: bool | None = None
+    attempts: tuple[Attempt, ...] = ()
 
     def to_frame(self) -> DataFrame:
         """One row for each `Iteration` as a pandas table, with its fields as columns; needs the extra ``frame``.
@@ -227,7 +247,7 @@ class Outcome:
     """What an iteration leaves behind; `reason` is its own view, before any certificate.
 
     `turned` says how the way to it had to turn, which happens where there are several solutions. `near` is that of
-    `QVISolution`. `advice` says what to do where that is not what the reason says.
+    `QVISolution`. `advice` says what to do where that is not what the reason says. `attempts` are the method's own.
     """
 
     reason: Status
@@ -248,6 +268,7 @@ class Outcome:
     turned: str = ""
     near: bool | None = None
     advice: str = ""
+    attempts: tuple[Attempt, ...] = ()
 
     def discard(self, qvi: FrictionQVI) -> None:
         """Forget the point."""
@@ -286,6 +307,7 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
         _sentence(status, outcome.iterations, outcome.message, certificate, feasibility, advice),
         dict(outcome.versions), farkas, outcome.form,
         qvi.factorisation, outcome.corrections, _remarks(status, outcome.turned), outcome.near,
+        outcome.attempts or (Attempt(method, "", status, outcome.iterations),),
     )  # fmt: skip
 
 

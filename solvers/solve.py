@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterator, Mapping
-from typing import Any, Final, Literal, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
 from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.progress import Narration, Progress, expired, narrated, tell, watched
+from solvers.basics.progress import Progress, expired, narrated, tell, watched
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.condensed.method import CondensedOptions, solve_condensed
@@ -22,17 +24,12 @@ from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solv
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting import PivotingOptions, affordable, another_solution, solve_pivoting
-from solvers.solution import Outcome, QVISolution, Start, finish, no_outcome, out_of_time
+from solvers.solution import Attempt, Outcome, QVISolution, Start, finish, no_outcome, out_of_time
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
 Method = Literal["condensed", "fixed-point", "pivoting", "uzawa"]
 METHODS: tuple[str, ...] = ("condensed", "fixed-point", "pivoting", "uzawa")
 
-_WORTH_A_RETRY = (
-    Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
-    Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
-)  # fmt: skip
-_GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads", "time_limit", "verbose")
 _TOLERANCE = 1e-8
 _STARTED = ("condensed", "fixed-point")  # methods that take a start
 _START = "initial"
@@ -41,7 +38,7 @@ _START = "initial"
 DEFAULT_INNER = "qp:clarabel"
 
 LEAST_SECONDS = 15.0
-"""The fall-back may take as long again as the method before it, and at least so many seconds."""
+"""A fall-back may take as long again as the method before it, and at least so many seconds."""
 
 _HOPELESS = 1e-4
 """Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
@@ -60,6 +57,100 @@ _OPTIONS = {
 }  # fmt: skip
 
 _Options = TypeVar("_Options", CondensedOptions, FixedPointOptions, UzawaOptions, PivotingOptions)
+
+
+class _FallBack(NamedTuple):
+    """A method that is tried after the condensed one: its name as the subject of a sentence, and for which problems."""
+
+    method: str
+    subject: str
+    serves: Callable[[FrictionQVI], bool]
+
+
+FALL_BACKS: Final = (
+    _FallBack("pivoting", "Pivoting", affordable),
+    _FallBack("fixed-point", "The fixed point", lambda qvi: 2 * qvi.m <= CONDENSED_LIMIT),
+)
+"""Tried in this order, where no method is asked for, until a certificate passes. Before them the condensed method has
+tried its own starts: the usual one, R in place of K, other shares of friction (`condensed.method`)."""
+
+_WORTH_A_FALL_BACK = (
+    Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
+    Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a problem is solved, checked: keyword arguments of `solve_qvi`, but for time and printing.
+
+    Attributes
+    ----------
+    method : the one that is taken, or begins
+    by_default : whether that is because none was asked for, so that `FALL_BACKS` may follow
+    inner : inner solver of the fixed point
+    tolerance, throw, factorisation, threads : as `solve_qvi` has them
+    options : those of the method
+
+    """
+
+    method: str
+    by_default: bool
+    inner: str
+    tolerance: float
+    throw: bool
+    factorisation: str
+    threads: int | None
+    options: Mapping[str, Any]
+
+    @classmethod
+    def of(
+        cls,
+        method: str | None = None,
+        inner: str | None = None,
+        tolerance: float = _TOLERANCE,
+        throw: bool = False,
+        factorisation: str = "auto",
+        threads: int | None = None,
+        time_limit: object = None,  # noqa: ARG003  # checked where the clock is set
+        verbose: object = False,  # noqa: ARG003
+        **options: Any,
+    ) -> Settings:
+        """Raise what `solve_qvi` raises of these keyword arguments for any problem, before anything is computed."""
+        if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
+            raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+        check_choice(method, inner)
+        function_or_none("callback", options.get("callback"))
+        throw = true_or_false("throw", throw)
+        _ = Request.checked(factorisation, threads)
+        chosen = method or _method_with(inner, set(options).difference((_START,)))
+        left_out = (_START,) if chosen in _STARTED else ()  # a start is checked with the problem
+        _ = _options(_OPTIONS[chosen], chosen, {name: each for name, each in options.items() if name not in left_out})
+        by_default, inner = method is None and chosen == "condensed", DEFAULT_INNER if inner is None else inner
+        return cls(chosen, by_default, inner, tolerance, throw, factorisation, threads, MappingProxyType(options))
+
+    @property
+    def takes_state(self) -> bool:
+        """Whether a state may be added as `initial`; it changes no method."""
+        return self.method in _STARTED
+
+    @property
+    def takes_initial(self) -> bool:
+        """Whether a pressure may be added as `initial`."""
+        return self.method == "fixed-point" or self.by_default
+
+    def starting(self, initial: object) -> Settings:
+        """The same from another start."""
+        return dataclasses.replace(self, options=MappingProxyType({**self.options, _START: initial}))
+
+
+def _method_with(inner: str | None, given: set[str]) -> str:
+    """The method that an inner solver or the names of options ask for."""
+    if inner is None:
+        for method, kind in _OPTIONS.items():
+            if given <= {field.name for field in dataclasses.fields(kind)}:
+                return method
+    return "fixed-point"
 
 
 def solve_qvi(
@@ -111,9 +202,9 @@ def solve_qvi(
 
     Returns
     -------
-    A `QVISolution` in every case, status and advice included; solved only if its certificate passed. There
-    may be other solutions: the solution of (D2) is not unique for large friction. By default, and where the contact is
-    small, another way is tried to find one; its `remarks` say what was seen.
+    A `QVISolution` in every case, status and advice included; solved only if its certificate passed. `attempts` has
+    what was tried, and why. There may be other solutions: the solution of (D2) is not unique for large friction. By
+    default, and where the contact is small, another way is tried to find one; its `remarks` say what was seen.
 
     Raises
     ------
@@ -122,50 +213,58 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    general = {"tolerance": tolerance, "factorisation": factorisation, "threads": threads}
-    check_settings({"method": method, "inner": inner, "throw": throw, **general, **options})
-    chosen = default_method({"method": method, "inner": inner, **options})
-    by_default = method is None and chosen == "condensed"
-    first, options = _with_start(qvi, chosen, options)
-    if by_default and not isinstance(first.get(_START), Start):
-        first.pop(_START, None)
-    with qvi.operator.using(factorisation, threads), watched(time_limit), narrated("solve_qvi", verbose) as story:
-        began = time.perf_counter()
-        story.begin(facts_of(qvi, chosen, tolerance))
-        solution = _attempt(qvi, chosen, DEFAULT_INNER if inner is None else inner, tolerance, first)
-        if by_default and _worth_another(solution, options):
-            seconds = max(LEAST_SECONDS, time.perf_counter() - began)
-            solution = _second(qvi, solution, tolerance, options, seconds) if not expired() else out_of_time(solution)
-        if by_default and solution.solved and not expired():
-            doubted = solution.method != chosen or bool(solution.remarks)
-            remark = another_solution(qvi, solution, tolerance, doubted=doubted)
-            solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
-        end_story(story, solution)
-    if throw and not solution.solved:
+    settings = Settings.of(method, inner, tolerance, throw, factorisation, threads, **options)
+    with watched(time_limit), narrated("solve_qvi", verbose) as story:
+        story.begin(facts_of(qvi, settings))
+        solution = solved(qvi, settings)
+        story.end(str(solution.status), solution.message, solution.timings, solution.solved)
+    if settings.throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
 
 
-def _with_start(qvi: FrictionQVI, method: str, options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Options of a method and of the fall-back with `initial` as each takes it; checked even if not used."""
+def solved(qvi: FrictionQVI, settings: Settings) -> QVISolution:
+    """Solve with checked settings: by a method, where it was not asked for by `FALL_BACKS` too, until one passes."""
+    first, later = _with_start(qvi, settings)
+    with qvi.stiffness.using(settings.factorisation, settings.threads):
+        began = time.perf_counter()
+        solution = _attempt(qvi, settings.method, settings.inner, settings.tolerance, first)
+        if not settings.by_default:
+            return solution
+        spent = solution.iterations >= settings.options.get("max_iterations", np.inf)
+        if not spent and solution.status in _WORTH_A_FALL_BACK and FALL_BACKS[-1].serves(qvi):
+            seconds = max(LEAST_SECONDS, time.perf_counter() - began)
+            over = expired()
+            solution = out_of_time(solution) if over else _fallen_back(qvi, solution, settings, later, seconds)
+        if solution.solved and not expired():
+            doubted = solution.method != settings.method or bool(solution.remarks)
+            remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
+            solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
+        return solution
+
+
+def _with_start(qvi: FrictionQVI, settings: Settings) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Options of the method and of fall-backs with `initial` as each takes it; checked even if not used."""
+    options = dict(settings.options)
     given = options.get(_START)
-    if given is None or method not in _STARTED:
+    if given is None or not settings.takes_state:
         return options, options
     start = Start.of(given) if isinstance(given, QVISolution) else given
     pressure = initial_pressure(qvi, start.pressure if isinstance(start, Start) else start)
     later = {**options, _START: pressure}
-    return (later if method == "fixed-point" else {**options, _START: start}), later
+    if settings.method == "fixed-point":
+        return later, later
+    if settings.by_default and not isinstance(start, Start):
+        del options[_START]
+        return options, later
+    return {**options, _START: start}, later
 
 
-def facts_of(qvi: FrictionQVI, method: str, tolerance: float) -> dict[str, object]:
+def facts_of(qvi: FrictionQVI, settings: Settings) -> dict[str, object]:
     """What the header of a narration says of a problem and of how it is solved."""
     equations = {"equations": qvi.p} if qvi.p else {}
-    return {"unknowns": qvi.n, "contact rows": qvi.m, **equations, "method": method, "tolerance": f"{tolerance:g}"}
-
-
-def end_story(story: Narration, solution: QVISolution) -> None:
-    """Status, message and times of a solution as the footer of a narration."""
-    story.end(str(solution.status), solution.message, solution.timings, solution.solved)
+    how = {"method": settings.method, "tolerance": f"{settings.tolerance:g}"}
+    return {"unknowns": qvi.n, "contact rows": qvi.m, **equations, **how}
 
 
 def check_choice(method: object, inner: object) -> None:
@@ -174,21 +273,6 @@ def check_choice(method: object, inner: object) -> None:
         raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
     if inner is not None:
         check_name(inner)
-
-
-def check_settings(settings: Mapping[str, Any]) -> None:
-    """Raise what `solve_qvi` raises of these keyword arguments for any problem, before anything is computed."""
-    tolerance = settings.get("tolerance", _TOLERANCE)
-    if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
-        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-    check_choice(settings.get("method"), settings.get("inner"))
-    function_or_none("callback", settings.get("callback"))
-    true_or_false("throw", settings.get("throw", False))
-    _ = Request.checked(settings.get("factorisation", "auto"), settings.get("threads"))
-    method = default_method(settings)
-    left_out = (*_GENERAL, _START) if method in _STARTED else _GENERAL  # a start is checked with the problem
-    given = {name: value for name, value in settings.items() if name not in left_out}
-    _ = _options(_OPTIONS[method], method, given)
 
 
 def _attempt(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
@@ -204,67 +288,37 @@ def _attempt(qvi: FrictionQVI, method: str, inner: str, tolerance: float, option
         return finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
 
 
-def _worth_another(first: QVISolution, options: dict[str, Any]) -> bool:
-    """Whether the fixed point may do better, and some iterations are left."""
-    spent = first.iterations >= options.get("max_iterations", np.inf)
-    small = 2 * first.problem.m <= CONDENSED_LIMIT
-    return small and not spent and first.status in _WORTH_A_RETRY
-
-
-def _second(
-    qvi: FrictionQVI, first: QVISolution, tolerance: float, options: dict[str, Any], seconds: float
+def _fallen_back(
+    qvi: FrictionQVI, first: QVISolution, settings: Settings, options: dict[str, Any], seconds: float
 ) -> QVISolution:
-    """Pivoting and the fixed point after a first method, for so many seconds at most: the best of the answers."""
+    """`FALL_BACKS` after a first method, for so many seconds each at most: the first that passes, or the best."""
     kept = {name: value for name, value in options.items() if name in (_START, "callback")}
     if "max_iterations" in options:
         kept["max_iterations"] = options["max_iterations"] - first.iterations
+    given = {"pivoting": {"callback": options.get("callback")}, "fixed-point": kept}
     tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
-    if affordable(qvi):
-        with watched(seconds):
-            vertex = _attempt(qvi, "pivoting", "", tolerance, {"callback": options.get("callback")})
-        if vertex.solved:
-            return _remarked(vertex, f"Pivoting found this solution after {tried}.")
-    tell(Progress("fixed-point", remark=tried))
-    with watched(seconds):
-        second = _attempt(qvi, "fixed-point", DEFAULT_INNER, tolerance, kept)
-    better = second.certificate.accuracy < first.certificate.accuracy
-    if second.solved or (second.status is Status.INACCURATE and better):
-        return _remarked(second, f"The fixed point found this solution after {tried}.")
-    if expired():
-        best = second if better else first
-        return _remarked(out_of_time(best), f"The time limit ended the fixed point, which was tried because {tried}.")
-    if second.status is Status.TIME_LIMIT:
-        stopped = f"The fixed point, tried next, was stopped after {seconds:.0f} seconds"
-        return _remarked(first, f"{stopped}: method='fixed-point' gives it more time.")
-    return _remarked(first, f"The fixed point, tried next, ended {second.status.words}.")
-
-
-def _remarked(solution: QVISolution, remark: str) -> QVISolution:
-    """With one more sentence in the message."""
-    return dataclasses.replace(solution, message=f"{solution.message} {remark}")
-
-
-def default_method(settings: Mapping[str, Any]) -> str:
-    """The method that keyword arguments of `solve_qvi` ask for, by name or by an inner solver or option they hold."""
-    if settings.get("method") is not None:
-        return str(settings["method"])
-    given = set(settings).difference(_GENERAL, (_START,))
-    if settings.get("inner") is None:
-        for method, kind in _OPTIONS.items():
-            if given <= {field.name for field in dataclasses.fields(kind)}:
-                return method
-    return "fixed-point"
-
-
-def takes_state(settings: Mapping[str, Any]) -> bool:
-    """Whether a state may be added as `initial` to these keyword arguments of `solve_qvi`; it changes no method."""
-    return default_method(settings) in _STARTED
-
-
-def takes_initial(settings: Mapping[str, Any]) -> bool:
-    """Whether a pressure may be added as `initial` to these keyword arguments of `solve_qvi`."""
-    method = default_method(settings)
-    return method == "fixed-point" or (method == "condensed" and settings.get("method") is None)
+    attempts, last = first.attempts, first
+    for way in FALL_BACKS:
+        if way.serves(qvi):
+            if way is FALL_BACKS[-1]:
+                tell(Progress(way.method, remark=tried))
+            with watched(seconds):
+                last = _attempt(qvi, way.method, DEFAULT_INNER, settings.tolerance, given[way.method])
+            attempts += (Attempt(way.method, tried, last.status, last.iterations),)
+            if last.solved:
+                break
+    better, subject = last.certificate.accuracy < first.certificate.accuracy, way.subject
+    if last.solved or (last.status is Status.INACCURATE and better):
+        found, remark = last, f"{subject} found this solution after {tried}."
+    elif expired():
+        found = out_of_time(last if better else first)
+        remark = f"The time limit ended the fixed point, which was tried because {tried}."
+    elif last.status is Status.TIME_LIMIT:
+        stopped = f"{subject}, tried next, was stopped after {seconds:.0f} seconds"
+        found, remark = first, f"{stopped}: method='fixed-point' gives it more time."
+    else:
+        found, remark = first, f"{subject}, tried next, ended {last.status.words}."
+    return dataclasses.replace(found, message=f"{found.message} {remark}", attempts=attempts)
 
 
 def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
@@ -393,5 +447,5 @@ def _ends(solution: QVISolution) -> Iterator[QVISolution]:
 def _at_friction(factor: float, solution: QVISolution, start: QVISolution | None) -> QVISolution:
     """The problem of a solution with so many times its friction, solved from a state."""
     qvi = solution.problem
-    posed = qvi if factor == 1.0 else qvi.changed(mu=factor * qvi.mu)
+    posed = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
     return solve_qvi(posed, "condensed", tolerance=solution.certificate.tolerance, initial=start)

@@ -42,8 +42,7 @@ from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import certify
-from solvers.inequality.compliance import Compliance
-from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inner.registry import versions
 from solvers.solution import Iteration, Outcome, QVISolution, finish
 
@@ -154,7 +153,7 @@ def _update(qvi: FrictionQVI, state: _State, omega_N: float, omega_T: float, rul
     sigma_N, sigma_T = state.sigma[:m], state.sigma[m:]
     lambda_N = np.where(qvi.bilateral, 0.0, np.maximum(state.lam[:m] + omega_N * sigma_N, 0.0))  # (4.2)
     old = state.lam[m:]
-    delta = omega_T * (1.0 - qvi.threshold(qvi.pressed(sigma_N)) / np.abs(sigma_T))  # (4.4)
+    delta = omega_T * (1.0 - qvi.threshold(qvi.law.pressed(sigma_N)) / np.abs(sigma_T))  # (4.4)
     sign = np.sign(sigma_T)
     if rule == "printed":  # (4.3)
         new = sign * np.maximum(np.maximum(sign * old, 0.0) + delta, 0.0)

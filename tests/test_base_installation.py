@@ -51,7 +51,7 @@ asked = {
     "qp:daqp": lambda: solve(plate, inner="qp:daqp"),
     "tables": lambda: large.contacts["plate"].to_frame(),
     "pictures": lambda: result_figure(large),
-    "mesh files": lambda: TriangleMesh.load(f"{sys.argv[2]}/examples/meshes/bolted_angle.msh"),
+    "mesh files": lambda: TriangleMesh.load(f"{sys.argv[2]}/tests/qvi_contact/named.inp"),
 }
 found["messages"] = {}
 for what, ask in asked.items():

@@ -8,16 +8,17 @@ import gc
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from comparisons.lab.study import Study
+from comparisons.lab.studies import Study
 from comparisons.settled import TRANSITIONS
 from qvi_contact import (
     Contact,
@@ -43,11 +44,6 @@ from solvers.basics.types import Sparse, Vector, load
 from solvers.factorisation import available_backends, factorise, resolve
 from solvers.factorisation.choice import CHOICES
 
-TASK: Final = "comparisons.benchmark.study:"
-WHOLE, GRADED, LOOPS, SEQUENCES, WALL = (
-    "benchmark", "benchmark-graded", "benchmark-loops", "benchmark-sequences", "benchmark-wall",
-)  # fmt: skip
-
 TOLERANCE: Final = 1e-8
 """That the certificate of every solve must confirm."""
 
@@ -60,77 +56,60 @@ MESHES: Final = ((4, 4), (4, 5), (8, 5), (12, 6), (16, 6))
 GRADED_FRICTION: Final = (0.2, 1.0)
 GRADED_RUNS: Final = 10
 
-STATES: Final = {0.02: "sticks", 0.3: "opens and slips", 0.45: "close to its limit"}
-"""What a wall does under a load from the side, by that load over the wall's weight."""
+LARGEST: Final = 32
+"""Cells a side up to which other methods are tried."""
 
-
-class Loop(NamedTuple):
-    """Another method on the same problem: options of `solve`, and the most cells a side it is tried on.
-
-    Without options it is `cvxpy_loop`.
-    """
-
-    options: dict[str, str]
-    largest: int
-
-
-METHODS: Final = {
-    "naive loop, qpsolvers": Loop({"method": "fixed-point", "inner": "qp:clarabel", "form": "full"}, 32),
-    "naive loop, cvxpy": Loop({}, 32),
-    "naive loop, cvxpy, cones": Loop({"method": "fixed-point", "inner": "socp:clarabel", "form": "full"}, 32),
-    "loop of condensed QPs": Loop({"method": "fixed-point", "inner": "qp:clarabel", "form": "condensed"}, 32),
-    "Uzawa": Loop({"method": "uzawa"}, 32),
+METHODS: Final[Mapping[str, Mapping[str, str]]] = {
+    "naive loop, qpsolvers": {"method": "fixed-point", "inner": "qp:clarabel", "form": "full"},
+    "naive loop, cvxpy": {},
+    "naive loop, cvxpy, cones": {"method": "fixed-point", "inner": "socp:clarabel", "form": "full"},
+    "loop of condensed QPs": {"method": "fixed-point", "inner": "qp:clarabel", "form": "condensed"},
+    "Uzawa": {"method": "uzawa"},
 }
-"""The fixed point on the friction bound as one would write it first, on the condensed operator, and the paper's own."""
+"""Other methods by options of `solve`: the fixed point on the friction bound as one would write it first, without
+options by `cvxpy_loop`, on the condensed operator, and the paper's own."""
 
 
-def whole(cells: Sequence[int], friction: Sequence[float], repeat: int | None, factorisation: str) -> Study:
-    """Whole solves on equal cells; without `repeat` as many as the size allows, see `repetitions`."""
+def _study(name: str, version: int, cases: Iterable[dict[str, Any]], **limits: Any) -> Study:
+    """A study of this module, by the name of its task; each case has a process of its own."""
+    reported = "benchmark" if name == "whole" else f"benchmark-{name}"
+    return Study(reported, version, f"comparisons.benchmark.study:solve_{name}", [*cases], fresh=True, **limits)
+
+
+def whole(cells: Sequence[int], friction: Sequence[float], factorisation: str) -> Study:
+    """Whole solves on equal cells."""
     if factorisation not in CHOICES:
         raise InputError("factorisation", factorisation, f"choose one of {', '.join(CHOICES)}")
-    factors = {
-        "cells": tuple(sorted(set(cells))), "friction": (sorted(set(friction)),), "runs": (repeat,),
-        "sparse": (resolve(factorisation),),
-    }  # fmt: skip
-    return Study(WHOLE, 2, f"{TASK}solve_whole", factors, fresh=True)
+    fixed = {"friction": sorted(set(friction)), "sparse": resolve(factorisation)}
+    return _study("whole", 2, ({"cells": each, **fixed} for each in sorted(set(cells))))
 
 
-def graded(repeat: int | None, factorisation: str) -> Study:
-    """Whole solves on graded meshes."""
-    factors = {
-        "mesh": tuple(map(list, MESHES)), "friction": GRADED_FRICTION, "runs": (repeat or GRADED_RUNS,),
-        "sparse": (resolve(factorisation),),
-    }  # fmt: skip
-    return Study(GRADED, 2, f"{TASK}solve_graded", factors, fresh=True)
+def graded(factorisation: str) -> Study:
+    """Whole solves on graded meshes, on one thread."""
+    cases = ({"mesh": mesh, "friction": mu, "runs": GRADED_RUNS, "sparse": resolve(factorisation)}
+             for mesh, mu in product(MESHES, GRADED_FRICTION))  # fmt: skip
+    return _study("graded", 2, cases, threads=1)
 
 
-def loops(cells: Sequence[int], friction: Sequence[float]) -> Study | None:
+def loops(cells: Sequence[int], friction: Sequence[float]) -> Study:
     """Other methods, on meshes that are not too large for them; at `FRICTION` if it is among these."""
-    factors = {
-        "cells": tuple(sorted(set(cells))), "loop": tuple(METHODS),
-        "friction": (FRICTION if FRICTION in friction else min(friction),),
-    }  # fmt: skip
-    if min(cells) > max(loop.largest for loop in METHODS.values()):
-        return None
-    keep = lambda case: case["cells"] <= METHODS[case["loop"]].largest  # noqa: E731
-    return Study(LOOPS, 2, f"{TASK}solve_loop", factors, keep=keep, fresh=True)
+    mu, small = FRICTION if FRICTION in friction else min(friction), [each for each in cells if each <= LARGEST]
+    cases = product(sorted(set(small)) or [LARGEST], METHODS)
+    return _study("loops", 2, ({"cells": each, "loop": loop, "friction": mu} for each, loop in cases), timeout=120.0)
 
 
 def sequences(quick: bool = False) -> Study:
-    """Histories and sweeps, each solved in the three ways of `WAYS`."""
-    return Study(SEQUENCES, 1, f"{TASK}solve_sequence", {"sequence": tuple(CHAINS), "quick": (quick,)}, fresh=True)
+    """Histories and sweeps, each solved in the three ways of `WAYS`, on one thread."""
+    return _study("sequences", 1, ({"sequence": name, "quick": quick} for name in CHAINS), threads=1)
 
 
 def walls(blocks: Sequence[int], loads: Sequence[float]) -> Study:
     """Walls of n × n blocks, pushed from the side by a share of their weight."""
-    factors = {"load": tuple(sorted(set(loads or STATES))), "blocks": tuple(sorted(set(blocks)))}
-    return Study(WALL, 2, f"{TASK}solve_wall", factors, fresh=True)
+    cases = product(sorted(set(loads)), sorted(set(blocks)))
+    return _study("wall", 2, ({"load": load, "blocks": each} for load, each in cases))
 
 
 # whole solves and factorisations
-
-TOO_LONG: Final = 60.0
-"""Seconds beyond which a plain factorisation is not measured."""
 
 _T = TypeVar("_T")
 _THREADS: Final = int(os.environ.get(THREADS[0], "1"))
@@ -141,41 +120,37 @@ PARTS: Final = ("whole", "assembly", "solve", "factorisation", "interior_point",
 _PARTS: Final = ("factorisation", "interior_point", "certificate")
 _WARM_UP: Final = 4  # cells a side of a solve that loads all libraries
 _REPETITIONS: Final = ((32, 5), (64, 3))  # up to so many cells a side; beyond the last one, two
-_OFTEN: Final = 10.0  # seconds up to which other libraries' factorisations are repeated
-_FREE: Final = 32  # cells a side up to which nothing is predicted, and of the problem that a prediction starts from
 _LOOP_RUNS: Final = 3
 _LOOP_BUDGET: Final = 10.0  # seconds after which a loop is not repeated
 
 
-def repetitions(cells: int, runs: int | None) -> int:
-    """Of a whole solve on this many cells a side, unless their number is given."""
-    return runs or next((count for most, count in _REPETITIONS if cells <= most), 2)
+def repetitions(cells: int) -> int:
+    """Of a whole solve on this many cells a side."""
+    return next((count for most, count in _REPETITIONS if cells <= most), 2)
 
 
 def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     """Whole solves on n × n equal cells for each μ, in turn with plain factorisations of the same K.
 
     "solves" has an entry for each μ, see `_whole`, "plain" one for each back end, see `_factorised`; their "seconds"
-    are the times of all repetitions. "peak" is the largest resident memory [bytes] after the first solve, "imports"
-    before it.
+    are the times of all repetitions, of which other back ends on large meshes have one. "peak" is
+    the largest resident memory [bytes] after the first solve, "imports" before it.
     """
-    cells, count, backend = case["cells"], repetitions(case["cells"], case["runs"]), case["sparse"]
+    cells, count, backend = case["cells"], repetitions(case["cells"]), case["sparse"]
     settings = _settings(backend)
     _attempt(partial(_timed, compressed_plate(0.2, cells=(_WARM_UP, _WARM_UP)), settings))
     imports, peak, K = peak_memory(), None, None
     solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}
     plain: dict[str, list[dict[str, Any]]] = {}
-    often: dict[str, int] = {}
     for turn in range(count):
         for mu, found in solves.items():
             found.append(_attempt(partial(_whole, cells, mu, settings)))
             measured = found[-1].pop("peak", None)
             peak = peak or measured
         if K is None:  # after the first solve, whose peak memory counts
-            K = _matrix(cells)
-            often = _beside(backend, cells, count, plain)
-        for name, most in often.items():
-            if turn < most:
+            K = discretize(compressed_plate(0.2, cells=(cells, cells))).qvi.K
+        for name in available_backends():
+            if turn == 0 or name == backend or cells <= LARGEST:
                 plain.setdefault(name, []).append(_attempt(partial(_factorised, K, name)))
     return {
         "solves": [{"friction": mu, **_together(found)} for mu, found in solves.items()],
@@ -186,48 +161,6 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
 
 def _settings(factorisation: str) -> dict[str, Any]:
     return {"method": "condensed", "factorisation": factorisation, "threads": _THREADS}
-
-
-def _matrix(cells: int) -> Sparse:
-    """K of the plate on n × n equal cells."""
-    return discretize(compressed_plate(0.2, cells=(cells, cells))).qvi.K
-
-
-def _beside(own: str, cells: int, count: int, plain: dict[str, list[dict[str, Any]]]) -> dict[str, int]:
-    """How often each back end factorises K; what would take too long is told in `plain`."""
-    small = _matrix(_FREE) if cells > _FREE else None
-    expected = {
-        backend: 0.0 if small is None else predicted(_probed(small, backend), _FREE**2, cells**2)
-        for backend in available_backends()
-    }
-    return affordable(expected, own, count, plain)
-
-
-def affordable(
-    expected: Mapping[str, float], own: str, count: int, plain: dict[str, list[dict[str, Any]]]
-) -> dict[str, int]:
-    """How often each back end is measured: `own` every time, others by the seconds that are expected of them.
-
-    What would take more than `TOO_LONG` is not measured; that is told in `plain`.
-    """
-    often = {}
-    for backend, seconds in expected.items():
-        if seconds > TOO_LONG and backend != own:
-            message = f"not run: about {seconds:.0f} s expected"
-            plain[backend] = [{"status": "skipped", "message": message, "seconds": {}}]
-        else:
-            often[backend] = count if backend == own or seconds <= _OFTEN else 1
-    return often
-
-
-def _probed(K: Sparse, backend: str) -> float:
-    """Seconds of one plain factorisation; 0 if it fails."""
-    return float(_attempt(partial(_factorised, K, backend))["seconds"].get("plain", 0.0))
-
-
-def predicted(seconds: float, known: int, wanted: int) -> float:
-    """Seconds of a sparse factorisation of a plane problem from those of another size: they grow like unknowns^1.5."""
-    return float(seconds * (wanted / known) ** 1.5)
 
 
 def _together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -275,7 +208,7 @@ def _clocked(clock: Callable[[], float], work: Callable[[], _T]) -> tuple[_T, fl
 def _timed(problem: ContactProblem, settings: dict[str, Any]) -> dict[str, Any]:
     solving = partial(solve, problem, tolerance=TOLERANCE, **settings)
     result, seconds = _clocked(time.perf_counter, solving)
-    timings, factor = result.solution.timings, result.solution.problem.operator.factor
+    timings, factor = result.solution.timings, result.solution.problem.stiffness.factor
     parts = {
         "factorisation": float(sum(factor.seconds.values())) if factor is not None else 0.0,  # with Schur complement
         "interior_point": timings.get("interior point", timings.get("solve", 0.0)),
@@ -317,9 +250,9 @@ def solve_graded(case: Mapping[str, Any]) -> dict[str, Any]:
     return {**found[-1], "seconds": [each["seconds"]["whole"] for each in found]}
 
 
-def solve_loop(case: Mapping[str, Any]) -> dict[str, Any]:
+def solve_loops(case: Mapping[str, Any]) -> dict[str, Any]:
     """Another method, on a problem that is discretised before any time is taken; repeated where it is quick."""
-    options: dict[str, Any] = METHODS[case["loop"]].options
+    options: dict[str, Any] = dict(METHODS[case["loop"]])
     seconds: list[float] = []
     found: dict[str, Any] = {}
     while len(seconds) < _LOOP_RUNS and sum(seconds) < _LOOP_BUDGET:
@@ -498,7 +431,7 @@ EVERY: Final = 4
 """Every fourth problem is solved by itself."""
 
 
-def solve_sequence(case: Mapping[str, Any]) -> dict[str, Any]:
+def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
     """Solve a sequence in all ways, one after the other in this process.
 
     The problems of a history are solved by themselves without the slip before them, for their time alone.

@@ -18,10 +18,12 @@ that the plain loop multiplies errors by −μ C: its contraction is 0.8 μ, tha
 max |1 − θ − θ μ c|, and it converges for μ < 1.25 only.
 """
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from statistics import median
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from scipy.fft import dct
@@ -32,6 +34,9 @@ from qvi_contact import Contact, ContactProblem, Material, Traction, TriangleMes
 from qvi_contact.gallery import ssnv128
 from qvi_contact.problem.conditions import Condition
 from solvers import FrictionQVI, QVISolution, solve_qvi
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 PLACE: Final = ["problem", "cells", "friction"]
 """What names a problem that is ready to be solved, see `body`."""
@@ -95,7 +100,7 @@ def contacts(friction: float, half_open: bool = False, cohesion: float = 0.0) ->
     p = np.where(closed, 1.0 + 0.3 * np.cos(number), 0.0)
     t = cohesion + friction * p
     unit, zero = np.eye(2 * POINTS), np.zeros(POINTS)
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=csc_array(np.block([[np.eye(POINTS), C], [C, np.eye(POINTS)]])),
         f=np.concatenate([p + C @ t - np.where(closed, 0.0, _GAP), C @ p + t + _PUSH]),
         N=csc_array(-unit[:POINTS]), n0=zero, T=csc_array(unit[POINTS:]), t0=zero,
@@ -111,7 +116,7 @@ def exact_contraction(friction: float, damping: float = 1.0) -> float:
 def three_solutions(friction: float) -> FrictionQVI:
     """One point, u = W r + q with r = (r_N, r_T), W = [[1, 0.8], [0.8, 1]], q = (1, 2.1)."""
     zero, one = np.zeros(1), np.ones(1)
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=csc_array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([-1.0, -2.1]), N=csc_array([[-1.0, 0.0]]), n0=zero,
         T=csc_array([[0.0, 1.0]]), t0=zero, mu=friction * one, W=one,
     )  # fmt: skip
@@ -169,3 +174,45 @@ def reference(problem: str, cells: int, friction: float) -> Reference:
     found = body(problem, cells, friction)
     solution = solve_qvi(found.qvi, method="condensed", tolerance=1e-9)
     return Reference(found, solution, linearised(solution) if solution.solved else None)
+
+
+# Solves of the studies of loops: how long they take, what rows keep of how they ended, and frames of these rows.
+
+
+REPEATS: Final = 3
+"""How often a solve is timed, if it is quick."""
+
+_BUDGET: Final = 0.5  # seconds after which no further repetition begins
+
+
+def timed(place: tuple[str, int, float], **options: Any) -> tuple[QVISolution, list[float]]:
+    """The solution, and the times of solves of problems built anew, so that none finds a factorisation made before."""
+    seconds: list[float] = []
+    while True:
+        qvi = body(*place).qvi
+        began = time.perf_counter()
+        solution = solve_qvi(qvi, **options)
+        seconds.append(time.perf_counter() - began)
+        if len(seconds) == REPEATS or sum(seconds) > _BUDGET:
+            return solution, seconds
+
+
+def ending(solution: QVISolution) -> dict[str, Any]:
+    """Status, message, iterations and certificate, see `plain_certificate`."""
+    return {
+        "status": solution.status.value, "message": solution.message, "iterations": solution.iterations,
+        "certificate": plain_certificate(solution),
+    }  # fmt: skip
+
+
+def plain_certificate(solution: QVISolution) -> dict[str, Any]:
+    """Whether it passed at the tolerance asked for, the accuracy it confirms, and the measure that decides it."""
+    found = solution.certificate
+    return {"passed": found.passed, "tolerance": found.tolerance, "accuracy": found.accuracy, "worst": found.worst}
+
+
+def in_words(runs: "DataFrame") -> "DataFrame":
+    """The runs with the median of their times, and name and body: the problem, and with its mesh, in words."""
+    names = runs.problem.replace(NAMES)
+    bodies = names + [f", {cells}²" if cells else "" for cells in runs.cells]
+    return runs.assign(seconds=runs.seconds.map(median, na_action="ignore"), name=names, body=bodies)

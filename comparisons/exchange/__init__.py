@@ -21,7 +21,7 @@ The same as (D2): unknowns z = r, energy ½ zᵀWz + qᵀz, tractions σ_N = −
 
     >>> from solvers import FrictionQVI, solve_qvi
     >>> from comparisons.exchange import load_qvi, save_qvi
-    >>> qvi = FrictionQVI(
+    >>> qvi = FrictionQVI.from_arrays(
     ...     K=[[1.0, 0.8], [0.8, 1.0]], f=[-1.0, -2.1], N=[[-1.0, 0.0]], n0=[0.0], T=[[0.0, 1.0]], t0=[0.0], mu=[2.0],
     ...     W=[1.0],
     ... )

@@ -104,7 +104,7 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
         fields = {name: _matrix(arrays, name) for name in _MATRICES} | {name: arrays[name] for name in _VECTORS}
         if "traces_rows_data" in arrays:
             fields["traces"] = Traces(_matrix(arrays, "traces_rows"), _matrix(arrays, "traces_interpolation"))
-        qvi = FrictionQVI(**fields)
+        qvi = FrictionQVI.from_arrays(**fields)
         return qvi, _read_solution(qvi, arrays) if "solution_record" in arrays else None
     except InputError:
         raise

@@ -174,7 +174,7 @@ class LocalProblem:
         N[places, 2 * places], T[places, 2 * places + 1] = -d[0::2] / self.weights, d[1::2] / self.weights
         K = self._stiffened + epsilon * np.eye(2 * c)
         z0 = np.zeros(2 * c) if centre is None else centre / (rho * d)
-        return FrictionQVI(
+        return FrictionQVI.from_arrays(
             K=csc_array((K + K.T) / 2.0), f=U @ t + epsilon * z0 - d * q / (omega * rho),
             N=csc_array(N), n0=np.zeros(c), T=csc_array(T), t0=np.zeros(c),
             mu=self.mu, W=self.weights, A=csc_array(U.T), b=t,
@@ -312,8 +312,8 @@ def local_problem(qvi: FrictionQVI) -> LocalProblem:
     if np.isfinite(qvi.cap).any():
         raise InputError("cap", float(qvi.cap.min()), remedy)
     if qvi.root is not None and qvi.n <= _ROOTED:
-        qvi = replace(qvi)  # with an operator of its own: that of the caller's problem is left as it is
-        qvi.operator.use_root()
+        qvi = replace(qvi, stiffness=replace(qvi.stiffness))  # one of its own: the caller's is left as it is
+        qvi.stiffness.use_root()
     nothing = Simplified(qvi, np.zeros(qvi.m, dtype=np.bool_), np.zeros((0, 0)))
     condensed = CondensedForm(nothing).problem
     rows = condensed.contact_rows.toarray()

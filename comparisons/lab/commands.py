@@ -105,7 +105,7 @@ def experiment(
             click.Option(["--store"], default=f"{folder}/{name}.sqlite", metavar="FILE", callback=folder_option,
                          help="File that keeps the rows.", **shown),
             click.Option(["--workers"], type=COUNT, default=1, help="Processes on this machine.", **shown),
-            click.Option(["--dask"], metavar="ADDRESS", help="Run on a Dask cluster instead: address of its scheduler."),
+            click.Option(["--dask"], metavar="ADDRESS", help="Run on a Dask cluster instead, with this scheduler."),
             click.Option(["--timeout"], type=finite, default=timeout, help="Seconds a case may take.", **shown),
             click.Option(["--memory"], type=click.IntRange(1, _MOST_MEMORY), default=memory,
                          help="Memory in MiB that a case may take.", **shown),
@@ -134,14 +134,15 @@ def _done(plan: Plan, out: Path, again: bool, store: Path, **limits: Any) -> int
         kept = [read_csv(table) for table in tables.values()]
     else:
         writable_folder(store.parent, "store")
-        found = {study: read_rows(study, store) for study in plan.studies}
+        for study in plan.studies:
+            read_rows(study, store)
         try:
             kept = [run_study(study, store, **limits) for study in plan.studies]
         except KeyboardInterrupt:
             finished = sum(len(read_rows(study, store)) for study in plan.studies)
             cases = sum(len(study.cases) for study in plan.studies)
-            rows = f"{finished} of {cases} rows are in {store}"
-            click.echo(f"interrupted: {rows}; the same command goes on from there", err=True)
+            done = f"{finished} of {cases} rows are in {store}"
+            click.echo(f"interrupted: {done}; the same command goes on from there", err=True)
             click.get_current_context().exit(130)
         for table, rows in zip(tables.values(), kept, strict=True):
             write_csv(table, rows)

@@ -4,6 +4,7 @@ What is missing (None) or no number (nan, infinity) is `NOTHING` everywhere.
 """
 
 import math
+import statistics
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
@@ -88,3 +89,9 @@ def listing(words: Sequence[str], conjunction: str = "and") -> str:
     """The words in a row: "a", "a and b", "a, b and c"; `NOTHING` if there are none."""
     *before, last = words or (NOTHING,)
     return f"{', '.join(before)} {conjunction} {last}" if before else last
+
+
+def spread(values: Sequence[float]) -> float | None:
+    """Largest less smallest over the median; None of fewer than two values, or of a median that is not positive."""
+    middle = statistics.median(values) if len(values) > 1 else 0.0
+    return (max(values) - min(values)) / middle if middle > 0.0 else None

@@ -130,7 +130,7 @@ class Report:
         from rich.console import Console
         from rich.markdown import Markdown
 
-        text = re.sub(r"<details>.*?</details>|^<a id=.*?</a>$|^!\[[^\n]*\)$", "", self.text, flags=re.M | re.S)
+        text = re.sub(r"<details>.*?</details>|^<a id=[^\n]*$|^!\[[^\n]*$", "", self.text, flags=re.M | re.S)
         if not tables:
             text = "".join([f"# {self.title}\n", *(match[0] for match in _FINDINGS.finditer(text))])
         console = Console(highlight=False, emoji=False)
@@ -222,7 +222,7 @@ def render(
 # tables
 
 _SPACES: Final = re.compile("[ \t-\r\x1c-\x1f\x85\u2028\u2029]+")  # not those that keep a number and its unit together
-_UNPRINTABLE: Final = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+_UNPRINTABLE: Final = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
 _ACTIVE: Final = re.compile(
     r"[\\`*~|]"  # escapes, code, emphasis, strike-through, cells
     r"|(?<![^\W_])_|_(?![^\W_])"  # emphasis; not within words

@@ -53,7 +53,6 @@ DONE: Final = "done"
 
 _ENVIRONMENT: Final = ("threads", "timeout_seconds", "memory_mib", "machine", "versions")
 _OWN: Final = ("status", "reason", "seconds", "finished", "load_average")
-_IGNORED: Final = ("position", "key", "repeat", "seed", "", "certificate")  # columns that earlier versions wrote
 
 
 # what is run
@@ -74,7 +73,8 @@ class Study:
         mapping of plain values; its entry "certificate", if there is one, is kept apart. What its module imports at the
         top is loaded before any time is taken.
     cases : sequence of mappings
-        Factor → plain value; a case that is there twice is done once.
+        Factor → plain value; a case that is there twice is done once. A factor's name is a word that is none
+        of a row's own columns.
     packages : tuple of str
         Distributions whose versions every row tells.
     fresh : bool
@@ -103,8 +103,11 @@ class Study:
         try:
             cases = [plain(dict(case), "case") for case in self.cases]
             keys = {self.key(case): case for case in cases}
+            for name in {name for case in cases for name in case}:
+                if not name.isidentifier() or name in (*_OWN, *_ENVIRONMENT):
+                    raise ValueError(f"{name!r} is no name of a factor")
         except (TypeError, ValueError) as error:
-            raise InputError("Study.cases", self.name, f"give plain and finite values ({error})") from error
+            raise InputError("Study.cases", self.name, f"give words, with plain and finite values ({error})") from error
         if not keys:
             raise InputError("Study.cases", self.name, "no case is left")
         object.__setattr__(self, "keys", keys)
@@ -313,16 +316,16 @@ def _value(cell: str) -> Any:
 def _unflat(flat: Mapping[str, Any]) -> Row:
     """The row of which this is the `flat`."""
     parts: dict[str, dict[str, Any]] = {"result": {}, "certificate": {}, "environment": {}, "case": {}}
-    own = {"load_average": None}
+    own: dict[str, Any] = {"load_average": None}
     for name, value in flat.items():
         part, dot, entry = name.partition(".")
         if dot:
             parts[part][entry] = value
         elif name in _OWN:
             own[name] = value
-        elif name not in _IGNORED:
+        else:
             parts["environment" if name in _ENVIRONMENT else "case"][name] = value
-    return Row(**own, **{**parts, "certificate": parts["certificate"] or None})
+    return Row(**own | parts | {"certificate": parts["certificate"] or None})
 
 
 # the store: an SQLite file, one transaction for each row, see `runs.database`
@@ -363,9 +366,9 @@ def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
     with _STORE.opened(path) as connection:
         try:
             found = {
-                key: Row(json.loads(case), status, reason, json.loads(result), json.loads(certificate), *others,
-                         json.loads(environment))
-                for key, case, status, reason, result, certificate, *others, environment
+                key: Row(json.loads(case), status, reason, json.loads(result), json.loads(certificate), seconds,
+                         finished, load, json.loads(environment))
+                for key, case, status, reason, result, certificate, seconds, finished, load, environment
                 in connection.execute(_READ, (study.name,))
             }  # fmt: skip
         except ValueError as error:

@@ -6,8 +6,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from qvi_contact import ContactProblem, paper
-from qvi_contact.gallery import compressed_plate
+from qvi_contact import paper
 from qvi_contact.paper import QuarterPlate
 from solvers import FrictionQVI, QVISolution, solve_qvi
 
@@ -37,20 +36,12 @@ class Reference:
 
     def plate(self, friction: float) -> QuarterPlate:
         """The example in the paper's own system."""
-        return paper.plate(friction, **self._data)
-
-    def problem(self, friction: float) -> ContactProblem:
-        """The same plate as a problem of the product."""
-        return compressed_plate(friction, **self._data)
+        data = {"young": self.young, "poisson": self.poisson, "displacement": self.displacement}
+        return paper.plate(friction, (self.cells, self.cells), **data)
 
     def uzawa(self, qvi: FrictionQVI, **options: Any) -> QVISolution:
         """The paper's iteration with its step; the problem's unit of displacement is U."""
         return solve_qvi(qvi, method="uzawa", omega_T=self.omega_T / self.displacement, **options)
-
-    @property
-    def _data(self) -> dict[str, Any]:
-        cells = (self.cells, self.cells)
-        return {"cells": cells, "young": self.young, "poisson": self.poisson, "displacement": self.displacement}
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The report on the paper's plate: as a document, as CSV, as JSON."""
+"""The report on the paper's plate: its tables, also as CSV, its sentences' numbers, its pictures."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -9,39 +9,41 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from pandas import DataFrame
 
-from comparisons.lab.report import Document, drawn, findings_of, render, write_report
-from comparisons.lab.report.numbers import fixed, scientific, seconds
-from comparisons.lab.study.rows import finite_json
-from comparisons.lab.tables import Form, Grid
-from comparisons.paper import figures
+from comparisons.lab.drawing import drawn, grid, legend_below
+from comparisons.lab.numbers import fixed, scientific, seconds
+from comparisons.lab.reports import Form, Report, render
 from comparisons.paper.study import TOLERANCE, PaperStudy, Row
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.writing import write_text
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots.fields import stress_crosses
+from qvi_contact.plots.style import new_figure
 from solvers import QVISolution, Status
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 FORCE_TOLERANCE, TRACTION_TOLERANCE = 1e-7, 1e-5
 LOW_FORCE_TOLERANCE, LOW_TRACTION_TOLERANCE = 1e-5, 1e-4
 
 
-def percent(value: float, reference: float) -> float:
-    """Difference in percent of the reference."""
-    return 100.0 * (value - reference) / reference
-
-
 def table_rows(study: PaperStudy) -> list[dict[str, float]]:
     """Table 1, one row for each friction coefficient; forces are P/2 in N/mm."""
-    return [
-        {
-            "friction": row.friction, "paper": row.printed, "uzawa_30": row.half_force(row.uzawa),
-            "uzawa_30_printed_rule": row.half_force(row.uzawa_printed_rule),
-            "uzawa_converged": row.half_force(row.uzawa_converged), "fixed_point_qp": row.half_force(row.best_qp),
-            "fixed_point_socp": row.half_force(row.best_socp), "condensed": row.half_force(row.condensed),
-            "paper_minus_solution_percent": percent(row.printed, row.half_force(row.reference)),
-        }
-        for row in study.rows
-    ]  # fmt: skip
+    rows = []
+    for row in study.rows:
+        runs = {
+            "uzawa_30": row.uzawa, "uzawa_30_printed_rule": row.uzawa_printed_rule,
+            "uzawa_converged": row.uzawa_converged, "fixed_point_qp": row.back_ends["qp:clarabel"],
+            "fixed_point_socp": row.back_ends["socp:clarabel"], "condensed": row.condensed,
+        }  # fmt: skip
+        forces, solution = {name: row.half_force(run) for name, run in runs.items()}, row.half_force(row.reference)
+        percent = 100.0 * (row.printed - solution) / solution
+        rows.append({
+            "friction": row.friction, "paper": row.printed, **forces, "paper_minus_solution_percent": percent,
+        })  # fmt: skip
+    return rows
 
 
 def figure_rows(study: PaperStudy) -> list[dict[str, float]]:
@@ -58,24 +60,22 @@ def figure_rows(study: PaperStudy) -> list[dict[str, float]]:
 
 def back_end_rows(study: PaperStudy) -> list[dict[str, Any]]:
     """One row for each inner solver: its worst agreement with the reference over all friction coefficients."""
-    names = study.rows[0].back_ends
-    rows = [_agreement(name, [(row, row.back_ends[name]) for row in study.rows]) for name in names]
-    rows.append(_agreement("uzawa", [(row, row.uzawa_converged) for row in study.rows]))
+    runs = {name: [(row, row.back_ends[name]) for row in study.rows] for name in study.rows[0].back_ends}
+    runs["uzawa"] = [(row, row.uzawa_converged) for row in study.rows]
+    rows = []
+    for name, pairs in runs.items():
+        # NaN if one run has no result
+        force = float(np.max([abs(row.half_force(ours) / row.half_force(row.reference) - 1.0) for row, ours in pairs]))
+        traction = float(np.max([row.traction_difference(ours) for row, ours in pairs]))
+        rows.append({
+            "solver": name, "certified": sum(ours.status is Status.SOLVED for _, ours in pairs), "problems": len(pairs),
+            "half_force_difference": force, "traction_difference": traction,
+            "accuracy": float(np.max([ours.certificate.accuracy for _, ours in pairs])),
+            "outer_iterations": sum(ours.iterations for _, ours in pairs),
+            "seconds": sum(sum(ours.timings.values()) for _, ours in pairs), "verdict": verdict(force, traction),
+            "remark": next((ours.message for _, ours in pairs if ours.status is not Status.SOLVED), ""),
+        })  # fmt: skip
     return rows
-
-
-def _agreement(name: str, pairs: list[tuple[Row, QVISolution]]) -> dict[str, Any]:
-    forces = [abs(row.half_force(ours) / row.half_force(row.reference) - 1.0) for row, ours in pairs]
-    force = float(np.max(forces))  # NaN if one run has no result
-    traction = float(np.max([row.traction_difference(ours) for row, ours in pairs]))
-    return {
-        "solver": name, "certified": sum(ours.status is Status.SOLVED for _, ours in pairs), "problems": len(pairs),
-        "half_force_difference": force, "traction_difference": traction,
-        "accuracy": float(np.max([ours.certificate.accuracy for _, ours in pairs])),
-        "outer_iterations": sum(ours.iterations for _, ours in pairs),
-        "seconds": sum(sum(ours.timings.values()) for _, ours in pairs), "verdict": verdict(force, traction),
-        "remark": next((ours.message for _, ours in pairs if ours.status is not Status.SOLVED), ""),
-    }  # fmt: skip
 
 
 def verdict(force: float, traction: float) -> str:
@@ -93,13 +93,17 @@ def values_of(study: PaperStudy) -> dict[str, Any]:
     worst = max(rows, key=lambda row: abs(row["paper_minus_solution_percent"]))
     deviations = [row for row in rows if f"{row['uzawa_30_printed_rule']:.2f}" != f"{row['paper']:.2f}"]
     full = verdict(0.0, 0.0)
+    # what the bound at four points an edge leaves open between them, as a share of the mean pressure
+    shares = {row.friction: row.plate.excess_between_points(row.reference.z) * row.plate.x[-1]
+              / row.half_force(row.reference) for row in study.rows}  # fmt: skip
+    between = max(shares, key=lambda mu: shares[mu])
     return {
         "iterations": study.reference.iterations, "cells": study.reference.cells, "printed": len(rows),
         "digits": sum(f"{row['uzawa_30']:.2f}" == f"{row['paper']:.2f}" for row in rows), "deviations": deviations,
         "off": abs(worst["paper_minus_solution_percent"]) / 100.0, "off_at": worst["friction"],
         "low": min(study.cycle), "high": max(study.cycle), "exact": study.reference.exact_without_friction,
         "shrinking": study.row(0.0).half_force(study.row(0.0).uzawa_converged), "solvers": len(ends),
-        **_between_points(study),
+        "excess": shares[between], "excess_at": between,
         "short": [f"{row['solver']} ({row['verdict']})" for row in ends if row["verdict"] != full],
         "doubtful": [f"{row['solver']} ({row['certified']}/{row['problems']})" for row in ends
                      if row["certified"] < row["problems"]],
@@ -107,22 +111,132 @@ def values_of(study: PaperStudy) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _between_points(study: PaperStudy) -> dict[str, float]:
-    """What the bound at four points an edge leaves open, as a share of the mean pressure, and where."""
-    shares = {row.friction: row.plate.excess_between_points(row.reference.z) * row.plate.x[-1]
-              / row.half_force(row.reference) for row in study.rows}  # fmt: skip
-    friction = max(shares, key=lambda mu: shares[mu])
-    return {"excess": shares[friction], "excess_at": friction}
+def principal_stresses(study: PaperStudy) -> "Figure":
+    """Figures 2-5 (upper row, after the paper's iterations) and the converged states (lower row)."""
+    figure = new_figure(13.0, 7.9)
+    axes = figure.subplots(2, 4, sharex=True, sharey=True)
+    largest = max(printed for _, printed in study.reference.figures.values())
+    for column, (friction, (number, printed)) in enumerate(study.reference.figures.items()):
+        row = study.row(friction)
+        upper, lower = axes[:, column]
+        ours = _map(upper, row, row.uzawa, largest)
+        upper.set_title(f"Fig. {number}, μ = {friction:g}, Uzawa {study.reference.iterations}\n"
+                        f"max {ours:.2f}, printed {printed:.2f} MPa")  # fmt: skip
+        converged = _map(lower, row, row.reference, largest)
+        lower.set_title(f"converged, μ = {friction:g}\nmax {converged:.2f} MPa")
+        lower.set_xlabel("x [length]")
+    for left in axes[:, 0]:
+        left.set_ylabel("y [length]")
+    figure.suptitle("Principal stresses of the quarter plate: compression solid, tension dotted with round ends")
+    return figure
 
 
-TABLES = {"table_1.csv": table_rows, "figures_2_to_5.csv": figure_rows, "back_ends.csv": back_end_rows}
+def _map(axes: "Axes", row: Row, solution: QVISolution, largest: float) -> float:
+    """Grid lines and crosses, or a word where there is no stress state."""
+    if not np.isfinite(solution.z).all():
+        axes.text(0.5, 0.5, f"no stress state: {solution.status}", ha="center", transform=axes.transAxes)
+        return float("nan")
+    plate = row.plate
+    axes.vlines(plate.x, plate.y[0], plate.y[-1], color="#cccccc", linewidth=0.6)
+    axes.hlines(plate.y, plate.x[0], plate.x[-1], color="#cccccc", linewidth=0.6)
+    x, y, stress = plate.stress(solution.z)
+    spacing = np.full(len(x), np.sqrt(plate.x[-1] * plate.y[-1] / len(x)))
+    stress_crosses(axes, np.stack([x, y], axis=-1), stress, spacing, largest)
+    axes.set_aspect("equal")
+    return row.largest_principal_stress(solution)
+
+
+def contact_tractions(study: PaperStudy) -> "Figure":
+    """Converged pressure, friction bound and tangential traction on the contact, and the share of the bound used."""
+    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2, 0.3)]
+    figure = new_figure(13.0, 6.0)
+    axes, along = figure.subplots(2, len(chosen), sharex=True, sharey="row"), np.linspace(0.0, 1.0, 101)
+    for (upper, lower), row in zip(axes.T, chosen, strict=True):
+        x, normal, shear = (_apart(part) for part in row.plate.tractions(row.reference.z, along))
+        upper.plot(x, -normal, color=GREY, label="pressure $-\\sigma_N$")
+        upper.plot(x, row.friction * np.abs(normal), color=BLUE, linestyle="--", label="bound $\\mu|\\sigma_N|$")
+        upper.plot(x, np.abs(shear), color=VERMILLION, linestyle=":", label="$|\\sigma_T|$")
+        upper.set_title(f"μ = {row.friction:g}")
+        upper.set_ylim(bottom=0.0, auto=None)
+        x, normal, shear = (part.ravel() for part in row.plate.tractions(row.reference.z))
+        lower.axhline(1.0, color=BLUE, linestyle="--", linewidth=1.0)
+        used = np.abs(shear / (row.friction * normal))
+        lower.plot(x, used, color=VERMILLION, linestyle=":", marker="o", markersize=3)
+        lower.set_ylim(0.0, 1.1)
+        lower.set_xlabel("x [length]")
+    axes[0, 0].set_ylabel("traction [MPa]")
+    axes[1, 0].set_ylabel("$|\\sigma_T|$ / bound [-]")
+    legend_below(figure, 9, 9)
+    figure.suptitle("Contact tractions, converged, and the share of the friction bound used at the Gauss points")
+    return figure
+
+
+def _apart(values: FloatArray) -> FloatArray:
+    """Values edge by edge (n, q) as one curve that is broken between edges, where tractions may jump."""
+    return np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
+
+
+def convergence(study: PaperStudy) -> "Figure":
+    """Error of P/2 against the number of iterations, Uzawa and fixed point."""
+    figure = new_figure(9.0, 4.4)
+    left, right = figure.subplots(1, 2, sharey=True)
+    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2)]
+    styles = [(BLUE, "-", "o"), (ORANGE, "--", "s"), (GREEN, ":", "^")]
+    for row, (colour, line, marker) in zip(chosen, styles, strict=True):
+        label = f"μ = {row.friction:g}"
+        solution = -row.reference.history[-1].normal_resultant
+        left.semilogy(*_errors(row.uzawa_converged, solution), color=colour, linestyle=line, label=label)
+        right.semilogy(*_errors(row.plain, solution), color=colour, linestyle=line, marker=marker, label=label)
+    left.axvline(study.reference.iterations, color=GREY, linewidth=0.8)
+    stopped = study.reference.iterations
+    left.annotate(
+        f"the paper stopped here ({stopped})", (stopped, 0.97), xycoords=("data", "axes fraction"), xytext=(5, 0),
+        textcoords="offset points", va="top", color=GREY,
+    )  # fmt: skip
+    left.set_title("Uzawa, accumulating rule")
+    right.set_title("fixed point (plain), one convex QP each")
+    for panel in (left, right):
+        panel.set_xlabel("iterations")
+        grid(panel)
+        panel.legend()
+    right.xaxis.get_major_locator().set_params(integer=True)
+    left.set(ylabel="relative error of P/2", ylim=(1e-13, None))
+    return figure
+
+
+def _errors(result: QVISolution, solution: float) -> tuple[FloatArray, FloatArray]:
+    number = np.array([float(record.number) for record in result.history])
+    force = -np.array([record.normal_resultant for record in result.history])
+    return number, np.maximum(np.abs(force / solution - 1.0), 1e-16)
+
+
+def table_1(study: PaperStudy) -> "Figure":
+    """Table 1 as a picture: printed forces, Uzawa after the same iterations, the solution."""
+    figure = new_figure(6.4, 4.4)
+    axes = figure.subplots()
+    friction = [row.friction for row in study.rows]
+    n = study.reference.iterations
+    axes.plot(friction, [row.half_force(row.reference) for row in study.rows], color=BLUE, marker="o", markersize=4,
+              label="solution (fixed point, QP and SOCP)")  # fmt: skip
+    axes.plot(friction, [row.half_force(row.uzawa) for row in study.rows], color=VERMILLION, linestyle="--",
+              label=f"Uzawa after {n} iterations")  # fmt: skip
+    axes.plot(friction, [row.printed for row in study.rows], color="black", marker="x", linestyle="none",
+              markersize=7, label="paper, Table 1")  # fmt: skip
+    axes.set(xlabel="friction coefficient μ [-]", ylabel="P/2 [N/mm]")
+    axes.set_title("Table 1 is the state after 30 iterations, not the solution" if n == 30 else "Table 1")
+    grid(axes)
+    axes.legend()
+    return figure
+
+
+TABLES: Final = {"table_1.csv": table_rows, "figures_2_to_5.csv": figure_rows, "back_ends.csv": back_end_rows}
 """Name of a file → its rows."""
 
-PICTURES: "Mapping[str, Callable[[PaperStudy], Figure]]" = {
-    "table-1": figures.table_1,
-    "figures-2-to-5": figures.principal_stresses,
-    "contact-tractions": figures.contact_tractions,
-    "convergence": figures.convergence,
+PICTURES: "Final[Mapping[str, Callable[[PaperStudy], Figure]]]" = {
+    "table-1": table_1,
+    "figures-2-to-5": principal_stresses,
+    "contact-tractions": contact_tractions,
+    "convergence": convergence,
 }
 
 _FORMS: Final[dict[str, Form]] = {
@@ -133,48 +247,18 @@ _FORMS: Final[dict[str, Form]] = {
 }  # fmt: skip
 
 
-def report(study: PaperStudy) -> Document:
-    """The report; the same study gives the same one, but for times."""
-    return _filled(study, {name: drawn(f"paper-{name}", partial(draw, study)) for name, draw in PICTURES.items()})
-
-
-def _filled(study: PaperStudy, pictures: Mapping[str, str]) -> Document:
-    versions = Grid("Versions", ("package", "version"), list(_versions().items()))
-    ends = DataFrame(back_end_rows(study))
-    tables = {
-        "forces": DataFrame(table_rows(study)), "stresses": DataFrame(figure_rows(study)),
-        "solvers": ends.assign(share=ends.certified.astype(str) + "/" + ends.problems.astype(str)),
-    }  # fmt: skip
-    return render("comparisons.paper", "paper", values_of(study), tables, pictures, [versions], forms=_FORMS)
-
-
-def as_document(study: PaperStudy) -> dict[str, Any]:
-    """The whole report as plain data for JSON; what is not a number becomes null."""
-    document = {
-        "schema": "qvi-contact/paper/3",
-        "source": "Więckowski, Dual finite element method in friction problems, Mech. Teoret. Stos. (1992)",
-        "units": {"forces": "N/mm", "stresses": "MPa"},
-        "rows": table_rows(study),
-        "figures": figure_rows(study),
-        "back_ends": back_end_rows(study),
-        "uzawa_without_friction": {
-            "cycle_low": min(study.cycle), "cycle_high": max(study.cycle),
-            "shrinking_step": study.row(0.0).half_force(study.row(0.0).uzawa_converged),
-            "exact": study.reference.exact_without_friction,
-        },
-        "findings": findings_of(_filled(study, dict.fromkeys(PICTURES, "")).text),
-        "versions": _versions(),
-    }  # fmt: skip
-    return dict(finite_json(document, null=True))
-
-
-def _versions() -> dict[str, str]:
-    return {name: version(name) for name in ("numpy", "scipy", "cvxpy", "clarabel", "osqp", "qpsolvers")}
-
-
-def write(study: PaperStudy, folder: Path) -> tuple[Document, list[Path]]:
-    """Write the report and its tables as CSV; each file appears whole or not at all."""
-    for name, rows in TABLES.items():
-        write_text(folder / name, DataFrame(rows(study)).to_csv(index=False, lineterminator="\n"))
-    made = report(study)
-    return made, [*write_report(made, folder), *(folder / name for name in TABLES)]
+def write(study: PaperStudy, folder: Path) -> tuple[Report, list[Path]]:
+    """Write the report, which is the same for the same study, and its tables as CSV; each file whole or not at all."""
+    pictures = {name: drawn(f"paper-{name}", partial(draw, study)) for name, draw in PICTURES.items()}
+    packages = ("numpy", "scipy", "cvxpy", "clarabel", "osqp", "qpsolvers")
+    settings = {"Versions": DataFrame({"package": packages, "version": [version(name) for name in packages]})}
+    frames = {name: DataFrame(rows(study)) for name, rows in TABLES.items()}
+    forces, stresses, ends = frames.values()
+    ends = ends.assign(share=ends.certified.astype(str) + "/" + ends.problems.astype(str))
+    tables = {"forces": forces, "stresses": stresses, "solvers": ends}
+    made = render(
+        "comparisons.paper", "paper", values_of(study), tables, pictures, settings=settings, forms=_FORMS
+    )  # fmt: skip
+    for name, frame in frames.items():
+        write_text(folder / name, frame.to_csv(index=False, lineterminator="\n"))
+    return made, [*made.write(folder), *(folder / name for name in frames)]

@@ -1,4 +1,4 @@
-"""The compressed plate by displacement codes in the same run: accuracy for its cost beside this package."""
+"""The compressed plate and the loaded pin by displacement codes beside this package: accuracy for its cost."""
 
 from typing import Final
 
@@ -11,23 +11,15 @@ LEVELS: Final = 8
 __getattr__ = front(
     __name__,
     {
-        "figures": ("COSTS", "heights", "limits", "plots_of", "ticks"),
-        "measures": (
-            "RESOLUTION",
-            "TARGETS",
-            "beside_of",
-            "compared_of",
-            "contradictory",
-            "costs_of",
-            "intervals_of",
-            "known_of",
-            "reference",
-            "runs_of",
-            "values_of",
-        ),
         "meshes": ("FAMILIES", "TRANSITIONS", "plain_mesh", "ratio"),
-        "models": ("BRACKET", "CODES", "MODELS", "NAMED", "TRIANGLES"),
-        "report": ("FORMS", "SCHEMA", "document_of", "tables_of"),
-        "study": ("GETFEM", "ProcessError", "answer_of", "missing_codes", "peers_study", "plate", "run"),
+        "pin": ("MODELS_OF_PIN", "OWN", "pin_report", "pin_study", "plain_pin", "run_pin"),
+        "report": (
+            "FORMS", "RESOLUTION", "TARGETS", "compared_of", "contradictory", "costs_of", "figures_of",
+            "intervals_of", "known_of", "reference", "runs_of", "tables_of", "values_of",
+        ),
+        "study": (
+            "BRACKET", "CODES", "GETFEM", "MODELS", "ProcessError", "TRIANGLES", "answer_of", "missing_codes",
+            "peers_study", "plate", "run",
+        ),
     },
-)
+)  # fmt: skip

@@ -7,12 +7,11 @@ not known, or the whole contact sticks, meshes are graded to the corner alone.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from comparisons.settled import TRANSITIONS as TRANSITIONS
+from comparisons.settled import TRANSITIONS
 from qvi_contact import TriangleMesh, graded_lines
 from qvi_contact.basics.checks import FloatArray
 
@@ -37,13 +36,11 @@ Lines: TypeAlias = tuple[FloatArray, FloatArray]
 """x and y of a grid of rectangles, for codes that take such."""
 
 
-@dataclass(frozen=True)
-class Family:
+class Family(NamedTuple):
     """Meshes of one kind.
 
     Attributes
     ----------
-    name : as tables call it
     counted : whether the number is that of cells a side, and not a level from 0
     triangles : whether the cells are triangles, not rectangles
     to_transition : whether its meshes are graded to corner and transition, by what is known of the solution
@@ -53,7 +50,6 @@ class Family:
 
     """
 
-    name: str
     counted: bool
     triangles: bool
     to_transition: bool
@@ -77,45 +73,29 @@ def plain_mesh(family: str, friction: float, number: int) -> dict[str, Any]:
 
     """
     mesh = FAMILIES[family].make(friction, number)
-    if not isinstance(mesh, TriangleMesh):
-        return _rectangles(*mesh)
-    cells = counter_clockwise(mesh.vertices, mesh.cells)
-    edges = {name: mesh.edges(name) for name in ("left", "right", "bottom", "top")}
-    sides = {name: np.column_stack([each.first, each.second]).tolist() for name, each in edges.items()}
-    return {"vertices": mesh.vertices.tolist(), "cells": cells.tolist(), "sides": sides, "lines": None}
-
-
-def _rectangles(x: FloatArray, y: FloatArray) -> dict[str, Any]:
-    """`plain_mesh` of the rectangles between lines, node (i, j) with the number i + j (nx + 1)."""
-    stride, (row, column) = len(x), np.indices((len(y) - 1, len(x) - 1)).reshape(2, -1)
-    a = column + row * stride
-    across, up = np.arange(len(x) - 1), np.arange(len(y) - 1) * stride
-    ends = {"bottom": across, "top": across + (len(y) - 1) * stride}
-    sides = {name: np.column_stack([first, first + 1]) for name, first in ends.items()}
-    sides |= {name: np.column_stack([up + at, up + at + stride]) for name, at in (("left", 0), ("right", stride - 1))}
-    vertices = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
+    if isinstance(mesh, TriangleMesh):
+        edges = {name: mesh.edges(name) for name in ("left", "right", "bottom", "top")}
+        sides = {name: np.column_stack([each.first, each.second]) for name, each in edges.items()}
+        vertices, cells, lines = mesh.vertices, counter_clockwise(mesh.vertices, mesh.cells), None
+    else:  # rectangles between lines, node (i, j) with the number i + j (nx + 1)
+        x, y = mesh
+        stride, (row, column) = len(x), np.indices((len(y) - 1, len(x) - 1)).reshape(2, -1)
+        a = column + row * stride
+        across, up = np.arange(len(x) - 1), np.arange(len(y) - 1) * stride
+        first = {"left": up, "right": up + stride - 1, "bottom": across, "top": across + (len(y) - 1) * stride}
+        step = {"left": stride, "right": stride, "bottom": 1, "top": 1}
+        sides = {name: np.column_stack([place, place + step[name]]) for name, place in first.items()}
+        vertices = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
+        cells, lines = np.column_stack([a, a + 1, a + 1 + stride, a + stride]), [x.tolist(), y.tolist()]
     return {
-        "vertices": vertices.tolist(), "cells": np.column_stack([a, a + 1, a + 1 + stride, a + stride]).tolist(),
-        "sides": {name: sides[name].tolist() for name in ("left", "right", "bottom", "top")},
-        "lines": [x.tolist(), y.tolist()],
+        "vertices": vertices.tolist(), "cells": cells.tolist(), "lines": lines,
+        "sides": {name: pairs.tolist() for name, pairs in sides.items()},
     }  # fmt: skip
 
 
 def ratio(cells: int) -> float:
     """Ratio of each cell to the one before it on meshes graded to the corner, with so many cells a side."""
     return next((each for most, each in _RATIOS if cells <= most), _FINEST_RATIO)
-
-
-def _squares(_: float, number: int) -> Lines:
-    return (graded_lines(0.0, 1.0, number),) * 2
-
-
-def _to_corner(_: float, number: int) -> Lines:
-    return (graded_lines(0.0, 1.0, number, ratio(number)),) * 2
-
-
-def _cut_squares(_: float, number: int) -> TriangleMesh:
-    return TriangleMesh.rectangle((number, number))
 
 
 def _strips(shrinking: float) -> Callable[[float, int], Lines]:
@@ -160,35 +140,35 @@ def _bisected(friction: float, number: int) -> TriangleMesh:
     return coarse.graded([(1.0, 1.0), (transition, 1.0)], depths)
 
 
-def _coarsest(_: float, number: int) -> TriangleMesh:  # noqa: ARG001  # the code that refines it knows the number
-    return TriangleMesh.rectangle((1, 1))
-
-
 def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
     """The same triangles with their vertices in the positive sense."""
     (ax, ay), (bx, by) = ((vertices[cells[:, k]] - vertices[cells[:, 0]]).T for k in (1, 2))
     return np.where((ax * by < ay * bx)[:, None], cells[:, ::-1], cells)
 
 
-_KINDS: Final = (
-    Family("uniform", True, False, False, _squares, "n × n squares"),
-    Family("graded", True, False, False, _to_corner, "n × n rectangles that shrink towards the free corner"),
-    Family("cut squares", True, True, False, _cut_squares, "n × n squares, each cut into two triangles"),
-    Family(
-        "strips", False, False, True, _strips(0.5),
+FAMILIES: Final[Mapping[str, Family]] = {
+    "uniform": Family(
+        True, False, False, lambda _, n: (graded_lines(0.0, 1.0, n),) * 2, "n × n squares",
+    ),
+    "graded": Family(
+        True, False, False, lambda _, n: (graded_lines(0.0, 1.0, n, ratio(n)),) * 2,
+        "n × n rectangles that shrink towards the free corner",
+    ),
+    "cut squares": Family(
+        True, True, False, lambda _, n: TriangleMesh.rectangle((n, n)), "n × n squares, each cut into two triangles",
+    ),
+    "strips": Family(
+        False, False, True, _strips(0.5),
         "rectangles, each half as wide as the one before it towards corner and transition",
     ),
-    Family(
-        "narrow strips", False, False, True, _strips(0.25),
+    "narrow strips": Family(
+        False, False, True, _strips(0.25),
         "rectangles, each a quarter as wide as the one before it towards corner and transition",
     ),
-    Family(
-        "adaptive", False, True, False, _coarsest,
-        "one square cut into two triangles, bisected by the code until P/2 is within 10^-(2.5 + level/2)",
-        own=True,
+    "adaptive": Family(
+        False, True, False, lambda *_: TriangleMesh.rectangle((1, 1)),
+        "one square cut into two triangles, bisected by the code until P/2 is within 10^-(2.5 + level/2)", own=True,
     ),
-    Family("bisected", False, True, True, _bisected, "triangles, bisected again and again at corner and transition"),
-)  # fmt: skip
-
-FAMILIES: Final[Mapping[str, Family]] = {family.name: family for family in _KINDS}
+    "bisected": Family(False, True, True, _bisected, "triangles, bisected again and again at corner and transition"),
+}  # fmt: skip
 """Name → family."""

@@ -1,23 +1,22 @@
-"""The study of a run, and what a worker does for a case: the plate as plain data, solved by one code.
+"""The study of the plate: its models, one line each, and what a worker does for a case.
 
-Each case has a process of its own, so that its memory is its own.
+A further model is a line in `MODELS`; a further code is a module in `codes` that has `plate` (`codes.process.Build`),
+and a line in `CODES`. A case is the plate as plain data, solved by one code in a process of its own, so that its memory
+is its own.
 """
 
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from comparisons.lab.machine import PACKAGES
-from comparisons.lab.study import Study
-from comparisons.lab.study.declaration import Values
+from comparisons.lab.studies import PACKAGES, Study
 from comparisons.peers import LEVELS
-from comparisons.peers.meshes import FAMILIES, plain_mesh
-from comparisons.peers.models import CODES, MODELS, NAMED
+from comparisons.peers.meshes import FAMILIES, Family, plain_mesh
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Contact
@@ -26,13 +25,70 @@ from qvi_contact.runs import THREADS
 GETFEM: Final = "PYTHON_WITH_GETFEM"
 """Environment variable: another Python, in which GetFEM is installed."""
 
+TRIANGLES: Final = "triangles"
+BRACKET: Final = "bracket"
+
 _WARM_UP: Final = {True: 2, False: 0}  # number, by `Family.counted`, of the case that loads all libraries
-_PROCESS: Final = Path(__file__).with_name("codes") / "process.py"
 _LAST_WORDS: Final = 200
 _LOOKING: Final = 60.0  # seconds for another Python to say what it has
 
 
-def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions: int, levels: int = LEVELS) -> Study:
+class Code(NamedTuple):
+    """A code: its name, the module it comes as, the module of `codes` that uses it, its marker, and how to get it."""
+
+    name: str
+    library: str
+    module: str
+    marker: str
+    remedy: str = ""
+
+
+CODES: Final[Mapping[str, Code]] = {
+    TRIANGLES: Code("this package", "qvi_contact", "own", "o"),
+    BRACKET: Code("the bracket", "qvi_contact", "own", "x"),
+    "ngsolve": Code("NGSolve", "ngsolve", "with_ngsolve", "v", "python -m pip install ngsolve"),
+    "getfem": Code("GetFEM", "getfem", "with_getfem", ">",
+                   "apt install python3-getfem on Debian or Ubuntu, then --getfem /usr/bin/python3"),
+}  # fmt: skip
+"""Key → code."""
+
+
+class Model(NamedTuple):
+    """A discretisation of the plate: a key of `CODES`, one of `meshes.FAMILIES`, and what the code takes besides."""
+
+    code: str
+    mesh: str
+    options: Mapping[str, Any]
+
+    @property
+    def family(self) -> Family:
+        """Its meshes."""
+        return FAMILIES[self.mesh]
+
+
+MODELS: Final[Mapping[str, Model]] = {
+    "triangles, p = 4, cut squares": Model(TRIANGLES, "cut squares", {"degree": 4}),
+    **{f"triangles, p = {p}, bisected": Model(TRIANGLES, "bisected", {"degree": p}) for p in (3, 4, 5, 6)},
+    **{
+        f"NGSolve, p = {p}, {variant}, {mesh}": Model("ngsolve", mesh, {"order": p, "variant": variant})
+        for p, mesh, variant in (
+            (2, "uniform", "symmetric"), (3, "graded", "symmetric"),
+            *((p, "bisected", "symmetric") for p in (2, 3, 4, 5, 6)),
+            (3, "strips", "symmetric"), (4, "strips", "skew"),
+            (4, "narrow strips", "symmetric"), (6, "narrow strips", "symmetric"),
+        )
+    },
+    **{
+        f"GetFEM, Q{p}, {mesh}": Model("getfem", mesh, {"degree": p})
+        for p, mesh in ((2, "uniform"), (2, "graded"), (2, "strips"), (3, "strips"), (4, "strips"))
+    },
+    "bracket, p = 5, bisected": Model(BRACKET, "bisected", {"degree": 5, "bracket": 5}),
+    "bracket, p = 5, adaptive": Model(BRACKET, "adaptive", {"degree": 5, "adaptive": True}),
+}  # fmt: skip
+"""Name → model, in the order of the tables."""
+
+
+def peers_study(friction: Sequence[float], cells: Sequence[int], repetitions: int, levels: int = LEVELS) -> Study:
     """Every model whose code is installed, at every coefficient μ, on the meshes of its family.
 
     Those are of so many `cells` a side, or the first `levels`. Codes take turns on meshes of one number, so that what
@@ -45,37 +101,31 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
 
     """
     missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
-    factors: dict[str, tuple[Any, ...]] = {
-        "friction": tuple(dict.fromkeys(friction)),
-        "number": tuple(sorted(chosen[True] | chosen[False])),
-        "model": tuple(model.name for model in MODELS if model.code not in missing),
-        "repetitions": (repetitions,),
-    }
-
-    def keep(case: Values) -> bool:
-        return case["number"] in chosen[NAMED[case["model"]].family.counted]
-
-    return Study("peers", 2, run, factors, keep=keep, packages=(*PACKAGES, "ngsolve"))
+    cases = [
+        {"friction": mu, "number": number, "model": name, "repetitions": repetitions}
+        for mu in friction
+        for number in sorted(chosen[True] | chosen[False])
+        for name, model in MODELS.items()
+        if model.code not in missing and number in chosen[model.family.counted]
+    ]
+    packages = (*PACKAGES, "ngsolve")
+    return Study("peers", 2, "comparisons.peers.study:run", cases, packages=packages, threads=1)
 
 
 def missing_codes() -> tuple[str, ...]:
-    """Keys of the codes that are not installed."""
-    return tuple(key for key in CODES if not _installed(key))
-
-
-def _installed(key: str) -> bool:
-    """Whether this Python finds the code, or another one that was named for it does, which has to."""
-    code, other = CODES[key], os.environ.get(GETFEM)
-    if key != "getfem" or not other:
-        return find_spec(code.library) is not None
-    look = f"import importlib.util, sys; sys.exit(importlib.util.find_spec({code.library!r}) is None)"
-    try:
-        found = subprocess.run([other, "-c", look], capture_output=True, timeout=_LOOKING, check=False).returncode
-    except (OSError, ValueError, subprocess.SubprocessError):
-        found = 1
-    if found:
-        raise InputError("getfem", other, f"give a Python that finds the module {code.library}")
-    return True
+    """Keys of the codes that neither this Python finds nor, of GetFEM, another one that was named, which has to."""
+    other = os.environ.get(GETFEM)
+    missing = [key for key, code in CODES.items() if not (key == "getfem" and other) and not find_spec(code.library)]
+    if other:
+        look = "import importlib.util, sys; sys.exit(importlib.util.find_spec('getfem') is None)"
+        try:
+            done = subprocess.run([other, "-c", look], capture_output=True, timeout=_LOOKING, check=False)
+            found = not done.returncode
+        except (OSError, ValueError, subprocess.SubprocessError):
+            found = False
+        if not found:
+            raise InputError("getfem", other, "give a Python that finds the module getfem")
+    return tuple(missing)
 
 
 class ProcessError(RuntimeError):
@@ -96,11 +146,11 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
         If the process fails; the message has its last words.
 
     """
-    model = NAMED[case["model"]]
+    model = MODELS[case["model"]]
     order = {
-        "module": CODES[model.code].module, "options": dict(model.options), "repetitions": case["repetitions"],
-        "case": plate(case["friction"], model.mesh, case["number"]),
-        "warm_up": plate(case["friction"], model.mesh, _WARM_UP[FAMILIES[model.mesh].counted]),
+        "module": CODES[model.code].module, "problem": "plate", "options": dict(model.options),
+        "repetitions": case["repetitions"], "case": plate(case["friction"], model.mesh, case["number"]),
+        "warm_up": plate(case["friction"], model.mesh, _WARM_UP[model.family.counted]),
     }  # fmt: skip
     return answer_of(order, model.code)
 
@@ -128,10 +178,10 @@ def answer_of(order: Mapping[str, Any], code: str) -> dict[str, Any]:
     other = os.environ.get(GETFEM) if code == "getfem" else None
     interpreter, surroundings = other or sys.executable, {**os.environ, **dict.fromkeys(THREADS, "1")}
     surroundings["PYTHONPATH"] = "" if other else os.pathsep.join(sys.path)
+    script = Path(__file__).with_name("codes") / "process.py"
     done = subprocess.run(
-        [interpreter, str(_PROCESS)],
-        input=json.dumps(order).encode(), capture_output=True, env=surroundings, check=False,
-    )  # fmt: skip
+        [interpreter, str(script)], input=json.dumps(order).encode(), capture_output=True, env=surroundings, check=False
+    )
     if done.returncode:
         words = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
         raise ProcessError(f"{Path(interpreter).name} ended with status {done.returncode}: {words[-1][-_LAST_WORDS:]}")

@@ -127,14 +127,3 @@ def installed() -> tuple[str, ...]:
     """Solvers of the table that can be used here, in its order."""
     present = set(available())
     return tuple(name for name in TABLE if name in present or name in METHODS)
-
-
-def missing() -> tuple[str, ...]:
-    """Solvers of the table that are not installed."""
-    present = installed()
-    return tuple(name for name in TABLE if name not in present)
-
-
-def without_row() -> tuple[str, ...]:
-    """Inner solvers that are installed and not in the table: nobody has said yet what to ask them for."""
-    return tuple(name for name in available() if name not in TABLE)

@@ -14,7 +14,7 @@ are dependent also without doubling: an edge has four points and two or three pa
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from types import MappingProxyType
 from typing import Any, Final
@@ -32,7 +32,7 @@ from qvi_contact import (
     paper,
 )
 from qvi_contact.gallery import ssnv128
-from solvers import FrictionQVI, QVISolution, certify, solve_qvi
+from solvers import FrictionQVI, Law, QVISolution, certify, solve_qvi
 from solvers.basics.types import Vector
 from solvers.fixed_point.forms import Form, ProblemForm, make_form
 from solvers.inner.problem import Centre
@@ -133,7 +133,7 @@ class Instance:
 
     def given(self, bound: Vector) -> FrictionQVI:
         """The inner problem as an inequality of its own: friction with this bound, whatever the pressure."""
-        return self.qvi.changed(mu=np.zeros(self.qvi.m), cohesion=bound, cap=np.full(self.qvi.m, np.inf))
+        return self.qvi.with_bound(bound)
 
     @cached_property
     def facts(self) -> dict[str, Any]:
@@ -188,9 +188,11 @@ def _block(drag: float, push: float) -> Callable[[], FrictionQVI]:
 
 def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:
     """The same problem with every contact point twice, each at half the weight: row multipliers are shared out."""
-    twice = {name: np.tile(getattr(qvi, name), 2) for name in ("n0", "t0", "mu", "cohesion", "cap", "bilateral")}
     N, T = (csc_array(vstack([rows, rows])) for rows in (qvi.N, qvi.T))
-    return qvi.changed(N=N, T=T, W=np.tile(qvi.W, 2) / 2.0, traces=None, **twice)
+    contact = replace(qvi.contact, N=N, T=T, W=np.tile(qvi.W, 2) / 2.0, traces=None)
+    loads = replace(qvi.loads, n0=np.tile(qvi.n0, 2), t0=np.tile(qvi.t0, 2))
+    law = Law(np.tile(qvi.mu, 2), np.tile(qvi.cohesion, 2), np.tile(qvi.cap, 2), np.tile(qvi.bilateral, 2))
+    return FrictionQVI(qvi.stiffness, contact, loads, law)
 
 
 PROBLEMS: Final[Mapping[str, Described]] = MappingProxyType({

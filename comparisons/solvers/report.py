@@ -1,23 +1,44 @@
-"""The report of the comparison and its tables, from the stored rows alone."""
+"""The report of the comparison from the stored rows: one frame of runs, performance profiles, ratios, pictures.
 
+A time counts only if the certificate passed; a failure has no time and is never given one.
+"""
+
+import math
+import statistics
 from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import chain
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 from pandas import DataFrame, Series, concat
 
-from comparisons.lab.report import Document, environment_grids, render
-from comparisons.lab.report.numbers import NOTHING, count, percent, scientific, seconds, significant
-from comparisons.lab.study import StoredStudy
-from comparisons.lab.tables import Form, Grid, crossed
-from comparisons.solvers import measures
-from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE, Backend
-from comparisons.solvers.figures import figures
-from comparisons.solvers.measures import CONE_ENERGY, ERRORS, UNDOUBLED, ranking, runs_of, values_of
-from comparisons.solvers.outcomes import FALSE_ALARM
-from comparisons.solvers.tasks import INNER, OUTER
+from comparisons.lab.drawing import drawn, grid, plain_ticks
+from comparisons.lab.numbers import NOTHING, count, listing, percent, scientific, seconds, significant, span, spread
+from comparisons.lab.reports import Form, Report, crossed, render
+from comparisons.lab.studies import DONE, Row
+from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE, Backend
+from comparisons.solvers.problems import PROBLEMS
+from comparisons.solvers.study import (
+    COLD,
+    FALSE_ALARM,
+    FORMS,
+    GAVE_UP,
+    INNER,
+    MODEST,
+    NO_ANSWER,
+    OUTER,
+    RIGHT,
+    UNTRUE,
+    WARM,
+)
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots.style import PURPLE, SKY, new_figure
 from solvers.inner.registry import how_to_install
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 KINDS: Final = {
     "inner": "single inner problems",
@@ -26,77 +47,311 @@ KINDS: Final = {
 }
 """Kind of task → its name; sequences are warm where the solver can keep something."""
 
-_WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
-_LONGEST_LIST: Final = 40
-_UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
+SHIFT: Final = 1e-3
+"""Shift of geometric means [s]: differences far below a millisecond do not count."""
+
+RARELY: Final = 0.05
+"""Share of untrue answers below which a solver is not named in a sentence."""
+
+UNTIL: Final = 100.0
+"""Largest ratio of times that profiles show."""
+
+HIGHLIGHTED: Final = 5
+"""Curves of a panel that have a colour."""
+
+NEGLIGIBLE: Final = 1.2
+"""Ratio of times below which, and above whose inverse, times count as equal."""
+
+EQUAL_CELLS: Final = {"graded_8": "plate_8", "graded_16": "plate_16"}
+"""Problem on graded cells → the same on equal ones."""
+
+OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
+INSTANCE: Final = ("level", "problem", "form")
+"""What solvers are compared on, task by task."""
+
+_NAMED: Final = 3  # solvers that are ranked
+_FACTORS: Final = ("solver", "task", *INSTANCE)
+_NUMBERS: Final = ("seconds", "spread", "limit", "accuracy")
 _SIZES: Final = ("unknowns", "condensed", "points", "equations")
 _SHARES: Final = ("open", "stick", "slip")
-
-FORMS: Final[dict[str, Form]] = {
-    **dict.fromkeys(("share", "true", "spread", "within", *_SHARES), percent),
-    **dict.fromkeys((*ERRORS, "condition"), scientific), **dict.fromkeys((FALSE_ALARM, *_SIZES), count),
-    **dict.fromkeys(("mean", "smallest", "largest", "power"), partial(significant, digits=2)),
-    "iterations": significant, "words": lambda words: words or NOTHING,
-}  # fmt: skip
-"""Column of a table → how its values read."""
+_WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
+_UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
 
 
-def tables_of(runs: DataFrame) -> dict[str, DataFrame | Grid]:
-    """The tables by name."""
+def runs_of(rows: Sequence[Row]) -> DataFrame:
+    """One line a row, those without a result too.
+
+    The columns are solver, task, problem, form, level; seconds (median wall time [s]), spread (largest less smallest
+    time over the median), limit (wall time after which the case was ended [s]) and accuracy (smallest tolerance at
+    which the certificate passes), NaN where there is none; certified, whether the certificate passed at the level's
+    tolerance, or where there is no solution, whether that was said; status, what was said last; a number of problems
+    for each outcome; options, which the solver was given, and facts of the problem, None without an answer; feasible,
+    whether there is a solution, and kind of the problem; time of a success.
+    """
+    lines = []
+    for row in rows:
+        line = {name: row.case[name] for name in _FACTORS} | {"limit": row.environment.get("timeout_seconds")}
+        if row.status != DONE:
+            lines.append({**line, "certified": False, "status": row.status, NO_ANSWER: 1})
+            continue
+        found, times = row.result, row.result["seconds"]
+        right = row.certificate["passed"] if row.certificate else set(found["outcomes"]) == {RIGHT}
+        told = {name: found.get(name) for name in ("status", "options", "facts", "accuracy")}
+        lines.append(
+            {
+                **line,
+                **told,
+                **found["outcomes"],
+                "certified": right,
+                "seconds": statistics.median(times),
+                "spread": spread(times),
+            }
+        )
+    frame = DataFrame(lines, columns=[*_FACTORS, *_NUMBERS, *OUTCOMES, "certified", "status", "options", "facts"])
+    frame = frame.astype({**dict.fromkeys((*_NUMBERS, *OUTCOMES), float), "certified": bool})
+    frame[[*OUTCOMES]] = frame[[*OUTCOMES]].fillna(0).astype(int)
+    described = [PROBLEMS[name] for name in frame.problem]
+    frame["feasible"] = np.array([each.feasible for each in described], dtype=bool)
+    frame["kind"] = [each.kind for each in described]
+    frame["time"] = frame.seconds.where(frame.certified)
+    return frame
+
+
+def of_kind(runs: DataFrame, kind: str) -> DataFrame:
+    """The runs of a kind of task on problems that have a solution.
+
+    Sequences are warm by the solvers that can, cold by the others. Outer loops are those in condensed form, which is
+    what the package's own methods are compared with.
+    """
+    runs = runs[runs.feasible]
+    if kind != "sequence":
+        return runs[(runs.task == kind) & ((kind != OUTER) | (runs.form == "condensed"))]
+    sequences = runs[runs.task.isin([COLD, WARM])]
+    warm = sequences.task == WARM
+    return sequences[warm | ~warm.groupby([sequences[name] for name in ("solver", *INSTANCE)]).transform("any")]
+
+
+def performance_ratios(runs: DataFrame) -> DataFrame:
+    """For each instance and solver its time over the best time; infinite where it failed, NaN where it was not tried.
+
+    Of problems that have a solution. An instance that nobody solves is infinite for everybody: no profile reaches 1
+    then. Source: E. D. Dolan, J. J. Moré, Math. Program. 91 (2002).
+    """
+    tried = runs[runs.feasible]
+    times = tried.assign(time=tried.time.fillna(math.inf)).pivot(index=[*INSTANCE], columns="solver", values="time")
+    times = times[tried.solver.unique()]
+    return times.div(times.min(axis=1), axis=0).where(times < math.inf, times)
+
+
+def profile(ratios: Any, at: float) -> Any:
+    """Share of the instances tried whose ratio is at most `at`: of one solver, or of each."""
+    return (ratios <= at).sum() / ratios.count()
+
+
+def steps(ratios: "Series[float]", until: float) -> tuple[list[float], list[float]]:
+    """The profile as a step function: where it rises, from 1 to `until`, and its value from there on."""
+    x = sorted({1.0, until, *ratios[(ratios > 1.0) & (ratios < until)]})
+    return x, [profile(ratios, value) for value in x]
+
+
+def area(ratios: DataFrame, until: float) -> "Series[float]":
+    """Mean height of each profile from 1 to `until` on a logarithmic axis: 1 for always the fastest, 0 for never."""
+    return (1.0 - np.log(ratios.clip(lower=1.0)) / math.log(until)).clip(lower=0.0).mean()
+
+
+def shifted_mean(times: "Series[float]", shift: float = SHIFT) -> float:
+    """exp(mean log(t + shift)) − shift [s]; NaN of no times, and if one is unknown."""
+    return math.exp(np.log(times + shift).mean(skipna=False)) - shift
+
+
+def geometric_mean(values: "Series[float]") -> float:
+    """exp(mean log v); NaN of no values."""
+    return math.exp(np.log(values).mean())
+
+
+def beside(runs: DataFrame, others: DataFrame, on: Sequence[str]) -> DataFrame:
+    """The runs with the entries of the other one that agrees in these columns, named …_beside, where there is one.
+
+    The ratio is that of their times, NaN unless both succeeded.
+    """
+    both = runs.merge(others, on=[*on], suffixes=("", "_beside"))
+    return both.assign(ratio=both.time / both.time_beside)
+
+
+def warm_ratios(runs: DataFrame) -> DataFrame:
+    """Warm sequences beside cold ones."""
+    return beside(runs[runs.task == WARM], runs[runs.task == COLD], ("solver", *INSTANCE))
+
+
+def condensed_ratios(runs: DataFrame, task: str) -> DataFrame:
+    """Runs of a task in all unknowns beside those of the condensed form."""
+    full, condensed = (runs[(runs.task == task) & (runs.form == form)] for form in ("full", "condensed"))
+    return beside(full, condensed, ("solver", "level", "problem"))
+
+
+def by_solver(found: DataFrame) -> DataFrame:
+    """Solver → geometric mean, smallest, largest and number of its ratios, and how many are below 1; if it has any."""
+    ratios = found.assign(below=found.ratio < 1.0).groupby("solver", sort=False)
+    spans = ratios.ratio.agg(mean=geometric_mean, smallest="min", largest="max", number="count")
+    return spans.assign(below=ratios.below.sum())[spans.number > 0]
+
+
+def judged(runs: DataFrame) -> DataFrame:
+    """Runs of inner problems that have a solution, single ones and sequences: what was said of them can be true.
+
+    The column nobody says whether no answer of any solver was certified, of a sequence of no step, at this level and in
+    this form; what is "single" or "sequence".
+    """
+    found = runs[runs.feasible & (runs.task != OUTER)]
+    what = np.where(found.task == INNER, "single", "sequence")
+    certified = (found[RIGHT] + found[MODEST]).groupby([what, *(found[name] for name in INSTANCE)]).transform("sum")
+    return found.assign(what=what, nobody=certified == 0)
+
+
+def told_by(runs: DataFrame) -> DataFrame:
+    """Solver → number of inner problems that have a solution for each outcome, those of sequences one by one.
+
+    The column nobody counts untrue answers where no answer of anybody was certified, said how often "solved" was said,
+    share how much of that was untrue (NaN if it was never said).
+    """
+    found = judged(runs)
+    found = found.assign(nobody=found[UNTRUE].where(found.nobody, 0))
+    counts = found.groupby("solver", sort=False)[[*OUTCOMES, "nobody"]].sum()
+    said = counts[RIGHT] + counts[UNTRUE]
+    return counts.assign(said=said, share=counts[UNTRUE] / said)
+
+
+def ranking(runs: DataFrame, kind: str) -> list[tuple[str, int, int, float]]:
+    """Solver, problems solved of how many, share within twice the fastest time: the best ones.
+
+    At the accuracy in the middle that was run; none unless there are several solvers, all given every problem.
+    """
+    chosen = of_kind(runs, kind)
+    levels = [level for level in LEVELS if level in set(chosen.level)]
+    ratios = performance_ratios(chosen[chosen.level == ("mid" if "mid" in levels else "".join(levels[:1]))])
+    if ratios.shape[1] < 2 or ratios.isna().any(axis=None):
+        return []
+    solved = (ratios < float("inf")).sum()
+    merit = solved.to_frame("solved").assign(given=len(ratios), within=profile(ratios, 2.0))[solved > 0]
+    best = merit.sort_index().sort_values(["solved", "within"], ascending=False, kind="stable")
+    found = list(best.itertuples(name=None))
+    last = [(solved, within) for _, solved, _, within in found[:_NAMED]][-1:]
+    return [each for each in found if (each[1], each[3]) >= last[0]]
+
+
+def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
+    """One of the package's own methods: its step, what it solves, and how much longer the fastest outer loop takes."""
+    mine = runs[(runs.solver == name) & (runs.task == OUTER) & runs.feasible]
+    loops = runs[(runs.task == OUTER) & ~runs.solver.isin(METHODS)]
+    fastest = loops.groupby([*INSTANCE], as_index=False).time.min()
+    quotients = 1.0 / beside(mine, fastest, INSTANCE).ratio.dropna()
+    steps = {options["omega_T"] for options in mine.options.dropna() if "omega_T" in options}
     return {
-        "overview": overview(runs), "truth": truth(runs), "first": first(runs),
-        **{f"times-{kind}": speeds(measures.of_kind(runs, kind)) for kind in KINDS},
-        "kinds": kinds(runs), "twins": twins(runs), "warm": warm(runs), "forms": forms(runs),
-        "infeasible": infeasible(runs), "errors": errors(runs), "powers": powers(runs),
-        "problems": problems(runs), "failures": failures(runs),
+        "name": name, "solved": int(mine.certified.sum()), "given": len(mine), "both": len(quotients),
+        "ratio": geometric_mean(quotients), "span": _span(quotients),
+        "step": steps.pop() if len(steps) == 1 else None,
     }  # fmt: skip
 
 
-def _joined(runs: DataFrame, *names: str) -> list[str]:
-    """Some factors of each run as the name of its group."""
-    return [", ".join(each) for each in zip(*(runs[name] for name in names), strict=True)]
+def values_of(runs: DataFrame) -> dict[str, Any]:
+    """The numbers of the report's sentences."""
+    solvers = set(runs.solver)
+    return {
+        "levels": LEVELS, "margin": MARGIN, "until": UNTIL, "highlighted": HIGHLIGHTED, "negligible": NEGLIGIBLE,
+        "shift": SHIFT, "rarely": RARELY, "runs": len(runs), "problems": runs.problem.nunique(),
+        "backends": len(solvers - set(METHODS)),
+        "methods": [method_of(runs, name) for name in METHODS if name in solvers],
+        "feasible": int(runs.feasible.sum()), "certified": int((runs.feasible & runs.certified).sum()),
+        "first": ranking(runs, "inner"),
+        **_of_truth(runs), **_of_infeasible(runs), **_of_ratios(runs),
+    }  # fmt: skip
 
 
-def first(runs: DataFrame) -> DataFrame:
-    """Who solves most at the accuracy in the middle, and then most within twice the fastest time."""
-    lines = [
-        (name, solver, f"{solved} of {given}", within)
-        for kind, name in KINDS.items()
-        for solver, solved, given, within in ranking(runs, kind)
-    ]
-    return DataFrame(lines, columns=["kind", "solver", "solved", "within"])
+def _of_truth(runs: DataFrame) -> dict[str, Any]:
+    """Who says "solved" of what is not, and how much of that is about problems that nobody solves."""
+    told, found = told_by(runs), judged(runs)
+    often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
+    nobody = found[found.nobody].drop_duplicates(["what", *INSTANCE])
+    return {
+        "often": [f"{each.Index} ({percent(each.share)} of {each.said})" for each in often.itertuples()],
+        "seldom": int((told.share < RARELY).sum()), "untrue": int(told[UNTRUE].sum()),
+        "alarms": int(told[FALSE_ALARM].sum()), "nobody": len(nobody), "nobody_untrue": int(told.nobody.sum()),
+        "nobody_at": [f"{each.problem} ({each.what}, {each.form}, {each.level})" for each in nobody.itertuples()],
+    }  # fmt: skip
 
 
-def powers(runs: DataFrame) -> DataFrame:
-    """How the median error follows the tolerance asked for."""
-    found = measures.error_powers(runs)
-    energy = ["one more cone" if solver in CONE_ENERGY else "as it is" for solver in found]
-    return DataFrame({"solver": [*found], "power": [*found.values()], "energy": energy})
+def _of_infeasible(runs: DataFrame) -> dict[str, Any]:
+    """Who recognises inner problems without a solution, always; and who says "solved"."""
+    chosen = runs[~runs.feasible & (runs.task == INNER)]
+    recognised = chosen.groupby("solver", sort=False).certified.agg(["sum", "size"])
+    every = len(chosen.drop_duplicates([*INSTANCE]))
+    return {
+        "asked": int((recognised["size"] == every).sum()), "right": [*recognised.index[recognised["sum"] == every]],
+        "lied": int(chosen[UNTRUE].sum()),
+    }  # fmt: skip
+
+
+def _of_ratios(runs: DataFrame) -> dict[str, Any]:
+    """Graded cells beside equal ones, warm sequences beside cold ones, all unknowns beside condensed."""
+    single, warm = runs[runs.task == INNER], by_solver(warm_ratios(runs))["mean"]
+    some = single[single.problem.isin([*EQUAL_CELLS])]
+    on = ("twin", "solver", "form", "level")
+    pairs = beside(some.assign(twin=some.problem.map(EQUAL_CELLS)), single.assign(twin=single.problem), on)
+    forms = by_solver(condensed_ratios(runs, INNER))["mean"]
+    graded = pairs.groupby("form")[["certified", "certified_beside"]].mean().reindex([*FORMS])
+    return {
+        "graded": graded.T.to_dict("list"),
+        "gaining": listing([*warm.index[warm < 1.0 / NEGLIGIBLE]]),
+        "losing": listing([*warm.index[warm > NEGLIGIBLE]]),
+        "form": geometric_mean(forms), "form_span": _span(forms),
+    }  # fmt: skip
+
+
+def _span(values: "Series[float]") -> str:
+    return span(values, lambda value: significant(value, 2))
+
+
+def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
+    """The tables by name."""
+    first = [(name, solver, f"{solved} of {given}", within)
+             for kind, name in KINDS.items() for solver, solved, given, within in ranking(runs, kind)]  # fmt: skip
+    told = told_by(runs).reset_index()
+    single = runs[runs.task == INNER]
+    solvable, hopeless = single[single.feasible], runs[~runs.feasible]
+    warm = by_solver(warm_ratios(runs)).reset_index()
+    names = {INNER: "inner problem", OUTER: "outer loop"}
+    forms = {name: by_solver(condensed_ratios(runs, task)) for task, name in names.items()}
+    described = runs.dropna(subset="facts").drop_duplicates("problem")
+    facts = DataFrame([*described.facts], columns=[*_SIZES, "condition", *_SHARES]).astype(float)
+    return {
+        "problems": facts.assign(problem=described.problem.array, kind=described.kind.array),
+        "accuracies": crossed(solvable, "solver", "level", lambda found: scientific(found.accuracy.median())),
+        "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
+        "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
+        **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
+        "kinds": crossed(solvable.assign(column=solvable.kind + ", " + solvable.form), "solver", "column",
+                         lambda found: _share(found.certified)),
+        "warm": warm.assign(kept=[TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in warm.solver],
+                            faster=[f"{each.below} of {each.number}" for each in warm.itertuples()]),
+        "forms": concat(forms, names=["what", "solver"]).reset_index(),
+        "infeasible": crossed(hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form),
+                              "solver", "column", _words),
+    }  # fmt: skip
 
 
 def overview(runs: DataFrame) -> DataFrame:
     """Shares certified, by kind of task and level, and how often "solved" was untrue."""
     names = [f"{kind}, {level}" for kind in KINDS for level in LEVELS]
-    by_kind = concat({kind: measures.of_kind(runs, kind) for kind in KINDS}, names=["which"]).reset_index("which")
+    by_kind = concat({kind: of_kind(runs, kind) for kind in KINDS}, names=["which"]).reset_index("which")
     columns = by_kind.which + ", " + by_kind.level
     shares = by_kind.certified.groupby([by_kind.solver, columns]).agg(_share).unstack().reindex(columns=names)
-    told = shares.join(measures.told_by(runs)[["share", FALSE_ALARM]], how="outer").reindex(runs.solver.unique())
+    told = shares.join(told_by(runs)[["share", FALSE_ALARM]], how="outer").reindex(runs.solver.unique())
     return told.rename_axis("solver").reset_index()
 
 
 def _share(certified: "Series[bool]") -> str:
     """How many of so many runs are certified."""
     return f"{percent(certified.mean())} of {len(certified)}"
-
-
-def _certified(runs: DataFrame) -> str:
-    return _share(runs.certified)
-
-
-def truth(runs: DataFrame) -> DataFrame:
-    """What was said of each inner problem, beside whether it was true."""
-    told = measures.told_by(runs).reset_index()
-    return told.assign(true=1.0 - told.share)
 
 
 def speeds(chosen: DataFrame) -> DataFrame:
@@ -107,63 +362,13 @@ def speeds(chosen: DataFrame) -> DataFrame:
 
 def _speeds_at(runs: DataFrame) -> DataFrame:
     """Solver → texts of its shares and means at one level."""
-    ratios, times = measures.performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
+    ratios, times = performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
     limited = runs.time.fillna(runs.limit).groupby(runs.solver)
     return DataFrame({
-        **{name: measures.profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
-        "mean time": times.agg(measures.shifted_mean).map(seconds) + times.size().map(" ({})".format),
-        "mean, failures at the limit": limited.agg(measures.shifted_mean).map(seconds),
+        **{name: profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
+        "mean time": times.agg(shifted_mean).map(seconds) + times.size().map(" ({})".format),
+        "mean, failures at the limit": limited.agg(shifted_mean).map(seconds),
     })  # fmt: skip
-
-
-def errors(runs: DataFrame) -> DataFrame:
-    """Medians of the certificate's errors of single inner problems, and of iterations."""
-    groups = runs[runs.feasible & (runs.task == INNER)].groupby(["solver", "level"], sort=False)
-    medians = groups[[*ERRORS, "iterations", "spread"]].median()
-    failed = [
-        f"{size - sure} of {size}" for sure, size in groups.certified.agg(["sum", "size"]).itertuples(index=False)
-    ]
-    return medians.reset_index().assign(failed=failed)
-
-
-def kinds(runs: DataFrame) -> Grid:
-    """Shares certified of single inner problems, by kind of problem and form."""
-    chosen = runs[runs.feasible & (runs.task == INNER)]
-    return crossed(chosen.assign(column=_joined(chosen, "kind", "form")), "solver", "column", _certified)
-
-
-def twins(runs: DataFrame) -> Grid:
-    """Single inner problems with rows given twice, beside the same with each given once."""
-    pairs = measures.paired(runs, UNDOUBLED)
-    once = pairs.assign(problem=pairs.twin, certified=pairs.certified_beside, lost=pairs.lost_beside)
-    both = concat([pairs, once])[["solver", "problem", "certified", "lost"]]
-    names = [name for doubled in pairs.problem.unique() for name in (doubled, UNDOUBLED[doubled])]
-    shares = crossed(both, "solver", "problem", _certified, names)
-    lost = crossed(both, "solver", "problem", lambda found: str(found.lost.sum()), names)
-    rows = [(solver, *chain(*zip(each, others, strict=True)))
-            for (solver, *each), (_, *others) in zip(shares.rows, lost.rows, strict=True)]  # fmt: skip
-    return Grid("", ("solver", *(f"{name}: {text}" for name in names for text in ("certified", "no answer"))), rows)
-
-
-def warm(runs: DataFrame) -> DataFrame:
-    """Time of warm over that of cold sequences."""
-    found = measures.by_solver(measures.warm_ratios(runs)).reset_index()
-    found["kept"] = [TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in found.solver]
-    found["faster"] = [f"{each.below} of {each.number}" for each in found.itertuples()]
-    return found
-
-
-def forms(runs: DataFrame) -> DataFrame:
-    """Time in all unknowns over that of the condensed form."""
-    names = {INNER: "inner problem", OUTER: "outer loop"}
-    found = {name: measures.by_solver(measures.condensed_ratios(runs, task)) for task, name in names.items()}
-    return concat(found, names=["what", "solver"]).reset_index()
-
-
-def infeasible(runs: DataFrame) -> Grid:
-    """What was said of problems without a solution."""
-    chosen = runs[~runs.feasible]
-    return crossed(chosen.assign(column=_joined(chosen, "problem", "task", "form")), "solver", "column", _words)
 
 
 def _words(runs: DataFrame) -> str:
@@ -171,51 +376,145 @@ def _words(runs: DataFrame) -> str:
     return ", ".join(f"{word} ({number})" for word, number in sorted(counts.items()))
 
 
-def failures(runs: DataFrame) -> DataFrame:
-    """Runs that ended without an answer or by a failure of the back end, grouped by what was said."""
-    lost = runs[runs.lost]
-    lost = lost.assign(
-        words=lost.reason.str[:120], status=lost.status.str.replace("_", " "),
-        where=_joined(lost, "problem", "form", "task", "level"),
-    )  # fmt: skip
-    key = ["solver", "status", "words"]
-    found = lost.groupby(key, as_index=False).agg(runs=("where", "size"), where=("where", "first"))
-    return found.sort_values("runs", ascending=False, kind="stable").head(_LONGEST_LIST)
+_RATIOS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that axes tell
+_PALE: Final = "#c8c8c8"
+_COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, "#000000")
+_MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p")
+_LINES: Final = ("-", "--", "-.", ":")
+_BARS: Final[Mapping[str, tuple[str, str]]] = {
+    RIGHT: (BLUE, ""), UNTRUE: (VERMILLION, "////"), FALSE_ALARM: (PURPLE, "xxxx"), MODEST: (SKY, "...."),
+    GAVE_UP: ("#dddddd", ""), NO_ANSWER: (GREY, "\\\\\\\\"),
+}  # fmt: skip
 
 
-def problems(runs: DataFrame) -> DataFrame:
-    """Sizes and conditions of the problems."""
-    found = runs.dropna(subset="facts").drop_duplicates("problem")
-    facts = DataFrame([*found.facts], columns=[*_SIZES, "condition", *_SHARES]).astype(float)
-    return facts.assign(problem=found.problem.array, kind=found.kind.array)
+def profiles(runs: DataFrame) -> "Figure | None":
+    """A panel for each level, a step curve for each solver."""
+    if runs.empty:
+        return None
+    levels = [level for level in LEVELS if level in set(runs.level)]
+    figure = new_figure(3.9 * len(levels), 4.4)
+    panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
+    ratios = [performance_ratios(runs[runs.level == level]) for level in levels]
+    looks = _looks([_coloured(each) for each in ratios])
+    for axes, level, each in zip(panels, levels, ratios, strict=True):
+        _profile_panel(axes, each, looks)
+        axes.set_title(f"{level}: certified at {LEVELS[level]:.0e}", fontsize=9)
+        axes.set_xlabel("time over that of the fastest [-]")
+    panels[0].set_ylabel("share of problems solved [-]")
+    return figure
 
 
-def settings(runs: DataFrame) -> Grid:
-    """The table of accuracies, as the runs were given it."""
-    given = crossed(runs.dropna(subset="options"), "solver", "level", _options, tuple(LEVELS))
-    headings = ("solver", "what it is", *(f"{level}: certified at {LEVELS[level]:.0e}" for level in LEVELS))
-    rows = [(solver, TABLE.get(solver, _UNKNOWN).remark, *texts) for solver, *texts in given.rows]
-    return Grid("What every solver was asked for", headings, rows)
+def _coloured(ratios: DataFrame) -> list[str]:
+    """The best solvers by area, those that solve nothing left out."""
+    best = area(ratios, UNTIL).sort_index().sort_values(ascending=False, kind="stable").index
+    return [solver for solver in best if ratios[solver].min() < float("inf")][:HIGHLIGHTED]
 
 
-def _options(runs: DataFrame) -> str:
-    return ", ".join(f"`{name}={value}`" for name, value in sorted(runs.options.iloc[0].items())) or "no option"
+def _looks(panels: Sequence[Sequence[str]]) -> dict[str, tuple[str, str, str]]:
+    """Colour, marker and line of each solver of a picture; colours repeat from the eighth on, other markers do not."""
+    solvers = dict.fromkeys(solver for panel in panels for solver in panel)
+    return {
+        solver: (_COLOURS[k % len(_COLOURS)], _MARKERS[k % len(_MARKERS)], _LINES[k % len(_LINES)])
+        for k, solver in enumerate(solvers)
+    }
 
 
-def left_out(runs: DataFrame) -> Grid:
-    """Solvers that were not compared, and how to get them."""
-    rows = [(name, _how_to_compare(name)) for name in TABLE if name not in set(runs.solver)]
-    return Grid("Not compared", ("solver", "how to get it"), rows)
+def _profile_panel(axes: "Axes", ratios: DataFrame, looks: Mapping[str, tuple[str, str, str]]) -> None:
+    """The best by area in colour with markers, the others in grey."""
+    coloured = _coloured(ratios)
+    for solver in ratios.columns.drop(coloured):
+        axes.step(*steps(ratios[solver], UNTIL), where="post", color=_PALE, linewidth=0.9, zorder=1)
+    for solver in coloured:
+        colour, marker, line = looks[solver]
+        x, y = steps(ratios[solver], UNTIL)
+        label = f"{solver} ({(ratios[solver] < float('inf')).sum()} of {ratios[solver].count()})"
+        axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
+                  markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
+    _log_axis(axes, _RATIOS[_RATIOS.index(1.0) :])
+    axes.set(xlim=(1.0, UNTIL), ylim=(-0.02, 1.02))
+    grid(axes)
+    if coloured:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
 
 
-def _how_to_compare(name: str) -> str:
-    return "name it by --only" if name in METHODS else f"python -m {how_to_install(name)}, unless --only left it out"
+def _log_axis(axes: "Axes", ticks: Sequence[float]) -> None:
+    """Ratios along a logarithmic axis."""
+    from matplotlib.ticker import FixedLocator
+
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(FixedLocator(ticks))
+    plain_ticks(axes.xaxis)
 
 
-def report_of(study: StoredStudy) -> Document:
+def truth(runs: DataFrame) -> "Figure | None":
+    """A bar for each solver: what became of its inner problems, as shares."""
+    told = told_by(runs)[[*_BARS]]
+    if told.empty:
+        return None
+    shares = told.div(told.sum(axis=1), axis=0).sort_index().sort_values(RIGHT, kind="stable")
+    figure = new_figure(8.0, 0.9 + 0.27 * len(shares))
+    axes = figure.subplots()
+    starts = shares.cumsum(axis=1) - shares
+    for outcome, (colour, hatch) in _BARS.items():
+        if shares[outcome].any():
+            axes.barh(shares.index, shares[outcome], left=starts[outcome], color=colour, hatch=hatch,
+                      edgecolor="white", linewidth=0.4, label=outcome)  # fmt: skip
+    axes.set(xlim=(0.0, 1.0), xlabel="share of the inner problems that have a solution [-]")
+    figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
+    return figure
+
+
+def _solvers_down(axes: "Axes", solvers: Sequence[str], label: str) -> None:
+    """A line for each solver, and what is told along it."""
+    axes.set_yticks(range(len(solvers)), solvers)
+    axes.set_xlabel(label)
+    grid(axes, along="x")
+
+
+def warmth(runs: DataFrame) -> "Figure | None":
+    """A dot for each sequence: warm over cold time, and the geometric mean of each solver."""
+    ratios = warm_ratios(runs).dropna(subset="ratio").groupby("solver", sort=False).ratio
+    if not len(ratios):
+        return None
+    means = ratios.agg(geometric_mean).sort_values(ascending=False, kind="stable")
+    figure = new_figure(8.0, 1.0 + 0.3 * len(means))
+    axes = figure.subplots()
+    axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
+    for place, (solver, mean) in enumerate(means.items()):
+        values = ratios.get_group(solver)
+        axes.plot(values, [place] * len(values), color=SKY, marker="o", markersize=4, linestyle="none", alpha=0.7)
+        axes.plot([mean], [place], color=VERMILLION, marker="D", markersize=6, linestyle="none")
+    _log_axis(axes, _RATIOS)
+    _solvers_down(axes, [*means.index], "time of the warm over that of the cold sequence [-]")
+    return figure
+
+
+_FORMS: Final[Mapping[str, Form]] = {
+    **dict.fromkeys(("share", "true", "within", *_SHARES), percent),
+    **dict.fromkeys((FALSE_ALARM, *_SIZES), count), "condition": scientific,
+    **dict.fromkeys(("mean", "smallest", "largest"), partial(significant, digits=2)),
+}  # fmt: skip
+
+
+def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same one."""
-    runs = runs_of(study.rows)
-    grids = [settings(runs), left_out(runs), *environment_grids(study.rows)]
-    values = values_of(study.declaration, runs)
-    name, tables = study.declaration["name"], tables_of(runs)
-    return render("comparisons.solvers", name, values, tables, figures(runs), grids, forms=FORMS)
+    runs = runs_of(rows)
+    pictures: dict[str, Callable[[], Figure | None]] = {
+        "truth-shares": partial(truth, runs), "warmth": partial(warmth, runs),
+        **{f"profiles-{kind}": partial(profiles, of_kind(runs, kind)) for kind in (INNER, OUTER)},
+    }  # fmt: skip
+    given = crossed(
+        runs.dropna(subset="options"), "solver", "level",
+        lambda found: ", ".join(f"{name}={value}" for name, value in sorted(found.options.iloc[0].items()))
+        or "no option",
+        tuple(LEVELS),
+    )  # fmt: skip
+    given.insert(1, "what it is", [TABLE.get(solver, _UNKNOWN).remark for solver in given.solver])
+    lacking = [(name, f"python -m {how_to_install(name)}") for name in TABLE if name not in {*runs.solver, *METHODS}]
+    settings = {
+        "What every solver was asked for": given,
+        "Not compared": DataFrame(lacking, columns=["solver", "how to get it"]),
+    }
+    drawings = {name: drawn(name, draw) for name, draw in pictures.items()}
+    return render("comparisons.solvers", "solvers", values_of(runs), tables_of(runs), drawings, rows, settings,
+                  forms=_FORMS)  # fmt: skip

@@ -1,46 +1,229 @@
-"""The study as a declaration, in full and quick.
+"""What is done for one case of the study: a solver, a task, a problem, a form, a level of accuracy.
 
-The product of tasks, problems, forms, levels and solvers is thinned out where a combination means nothing or costs too
-much; `keep` says where.
+| task  | what is timed                                                                                       |
+|-------|-----------------------------------------------------------------------------------------------------|
+| inner | the inner problem with the bound of the solution: the solver's object made, and solved              |
+| cold  | the bounds that an outer loop meets, one after the other, each with a new object and no start       |
+| warm  | the same with one object, which keeps what it can and gets the last answer as a start               |
+| outer | the whole inequality: the fixed point on σ_N with this inner solver, or a method of the package     |
+
+Before anything is timed the solver does the task once on the smallest problem, so that imports and first uses do not
+count. Problem and form are there already: the factorisation of K and the condensation of an inner problem belong to no
+solver. Inner problems are posed at `Instance.centre`, the same for all solvers. Every run of an outer loop with
+condensed inner problems condenses anew; the package's own methods find what they need in the factors.
 """
 
-from collections.abc import Sequence
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
 from typing import Any, Final
 
-from comparisons.lab.machine import PACKAGES
-from comparisons.lab.study import Study
-from comparisons.lab.study.declaration import Values
+from comparisons.lab.studies import PACKAGES, Study
+from comparisons.solvers import accuracies
 from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE
-from comparisons.solvers.problems import PROBLEMS
-from comparisons.solvers.tasks import COLD, INNER, OUTER, TASKS, WARM, solve_case
+from comparisons.solvers.problems import PROBLEMS, Instance, instance
+from solvers import Certificate, QVISolution, certify, solve_qvi
+from solvers.basics.status import Status
+from solvers.basics.types import Vector
+from solvers.fixed_point.forms import Form
+from solvers.inner.problem import InnerSolution
+from solvers.inner.registry import make_inner
+
+INNER, COLD, WARM, OUTER = "inner", "cold", "warm", "outer"
+TASKS: Final = (INNER, COLD, WARM, OUTER)
+
+BUDGET: Final = 1.0
+"""Seconds after which a run is not repeated any more."""
+
+_FIRST: Final = "plate_4"
+_PRIMAL: Final = ("equality", "normal", "friction")
+_DUAL: Final = ("stationarity", "sign")
+_COMPLEMENTARITY: Final = ("complementarity_normal", "complementarity_tangential")
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A case in objects."""
+
+    problem: Instance
+    form: Form
+    solver: str
+    level: str
+
+    @property
+    def tolerance(self) -> float:
+        """Of the certificate."""
+        return accuracies.LEVELS[self.level]
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Of the solver."""
+        return accuracies.options(self.solver, self.level)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a solver said of one problem, and what the certificate says."""
+
+    status: Status
+    message: str
+    iterations: int
+    certificate: Certificate
+
+
+Runner = Callable[[], tuple[float, list[Answer]]]
+
+
+def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
+    """The task of the study; see the module for what a case is, and `_summary` for what comes back.
+
+    Besides, "seconds" are the wall times [s] of the runs, "options" those that the solver was given, "facts" those of
+    the problem.
+    """
+    task = case["task"]
+    _first_use(task, case["form"], case["solver"], case["level"])
+    setup = Setup(instance(case["problem"]), case["form"], case["solver"], case["level"])
+    answers, seconds = _repeated(setup, task, case["runs"])
+    return {**_summary(answers, setup), "seconds": seconds, "options": setup.options, "facts": setup.problem.facts}
+
+
+@cache
+def _first_use(task: str, form: Form, solver: str, level: str) -> None:
+    """Once in a process, on the smallest problem."""
+    _repeated(Setup(instance(_FIRST), form, solver, level), task, runs=1)
+
+
+def _repeated(setup: Setup, task: str, runs: int) -> tuple[list[Answer], list[float]]:
+    """Answers of the first run, and wall times of up to `runs` runs, fewer where they take long."""
+    run = _outer_run(setup) if task == OUTER else _inner_run(setup, task)
+    found, answers = run()
+    seconds = [found]
+    while len(seconds) < runs and sum(seconds) < BUDGET:
+        seconds.append(run()[0])
+    return answers, seconds
+
+
+def _inner_run(setup: Setup, task: str) -> Runner:
+    problem, form = setup.problem, setup.problem.form(setup.form)
+    bounds = (problem.bound,) if task == INNER else problem.bounds
+    thresholds = [form.threshold(bound) for bound in bounds]
+    problem.centre(setup.form)  # computed now, not when time is taken
+
+    def run() -> tuple[float, list[Answer]]:
+        began = time.perf_counter()
+        found = _sequence(setup, thresholds, task == WARM)
+        seconds = time.perf_counter() - began
+        return seconds, [_judged(setup, bound, each) for bound, each in zip(bounds, found, strict=True)]
+
+    return run
+
+
+def _sequence(setup: Setup, thresholds: Sequence[Vector], keep: bool) -> list[InnerSolution]:
+    """The inner problems for these bounds, all posed at one centre so that cold and warm ones are the same."""
+    form, centre = setup.problem.form(setup.form), setup.problem.centre(setup.form)
+    solver, found = None, list[InnerSolution]()
+    for threshold in thresholds:
+        if solver is None or not keep:
+            solver = make_inner(setup.solver, form.problem, accuracies.asked(setup.level), setup.options)
+        found.append(solver.solve(threshold, centre, found[-1] if keep and found else None))
+    return found
+
+
+def _judged(setup: Setup, bound: Vector, inner: InnerSolution) -> Answer:
+    """By the certificate of the inner problem on the original data, in all unknowns whatever the form was."""
+    form, given = setup.problem.form(setup.form), setup.problem.given(bound)
+    if inner.finite:
+        result = form.expand(inner)
+        certificate = certify(given, result.z, result.m_N, result.m_T, result.nu, setup.tolerance)
+    else:
+        certificate = certify(given, None, None, None, None, setup.tolerance)
+    return Answer(inner.status, inner.message, inner.iterations, certificate)
+
+
+def _outer_run(setup: Setup) -> Runner:
+    settings: dict[str, Any] = {"method": setup.solver, **setup.options}
+    if setup.solver not in accuracies.METHODS:
+        settings = {
+            "method": "fixed-point", "inner": setup.solver, "form": setup.form, "inner_options": setup.options,
+            "inner_tolerance": accuracies.asked(setup.level),
+        }  # fmt: skip
+    _ = setup.problem.bound  # factorises K and computes the bonded state
+
+    def run() -> tuple[float, list[Answer]]:
+        began = time.perf_counter()
+        found = solve_qvi(setup.problem.qvi, tolerance=setup.tolerance, **settings)
+        return time.perf_counter() - began, [_whole(found)]
+
+    return run
+
+
+def _whole(found: QVISolution) -> Answer:
+    return Answer(found.status, found.message, found.iterations, found.certificate)
+
+
+def _summary(answers: Sequence[Answer], setup: Setup) -> dict[str, Any]:
+    """What is kept of the answers.
+
+    "steps", "outcomes" (outcome → number of answers), "status" and "message" of the first that was not solved or else
+    of the last, "iterations" of all; errors are the largest of all steps, and the certificate that of the worst one.
+    Without a solution there are no errors and no certificate.
+    """
+    feasible = setup.problem.described.feasible
+    told = next((each for each in answers if each.status is not Status.SOLVED), answers[-1])
+    counts = Counter(outcome(each.status, each.certificate.passed, feasible) for each in answers)
+    found: dict[str, Any] = {
+        "steps": len(answers), "outcomes": dict(sorted(counts.items())), "status": told.status.value,
+        "message": " ".join(told.message.split()), "iterations": sum(each.iterations for each in answers),
+    }  # fmt: skip
+    if not feasible:
+        return found
+    worst = max((each.certificate for each in answers), key=lambda certificate: certificate.accuracy)
+    errors = {
+        name: max(each.certificate.measures[measure] for each in answers for measure in measures)
+        for name, measures in (("primal", _PRIMAL), ("dual", _DUAL), ("complementarity", _COMPLEMENTARITY))
+    }
+    certificate = {
+        "passed": worst.passed, "tolerance": worst.tolerance, "accuracy": worst.accuracy, "worst": worst.worst,
+        "measures": dict(worst.measures),
+    }  # fmt: skip
+    return {**found, **errors, "accuracy": worst.accuracy, "certificate": certificate}
+
+
+# The study as a declaration, in full and quick.
+#
+# The product of tasks, problems, forms, levels and solvers is thinned out where a combination means nothing or costs
+# too
+# much; `keep` says where.
+
 
 FORMS: Final = ("full", "condensed")
-FULL_NAME, QUICK_NAME = "solvers", "solvers-quick"
-RUNS: Final = {FULL_NAME: 3, QUICK_NAME: 2}
-"""Study → runs of each case, as long as they are quick."""
-
 QUICK: Final = ("plate_8", "graded_8", "ssnv128_4", "dragged_block")
 """Problems of the quick study."""
 
 LIBRARIES: Final = ("daqp", "ecos", "highspy", "osqp", "piqp", "proxsuite", "qpalm", "quadprog", "scs")
-"""Distributions of solvers beside those of `comparisons.lab.machine`."""
+"""Distributions of solvers beside those of most studies."""
 
 
 def declared(solvers: Sequence[str], quick: bool = False) -> Study:
-    """The study of these solvers.
+    """The study of these solvers."""
+    names, runs, kept = (QUICK, 2, _quick) if quick else (tuple(PROBLEMS), 3, keep)
+    factors = {
+        "task": TASKS,
+        "problem": names,
+        "form": FORMS,
+        "level": tuple(LEVELS),
+        "solver": solvers,
+        "runs": (runs,),
+    }
+    cases = [dict(zip(factors, values, strict=True)) for values in product(*factors.values())]
+    task = "comparisons.solvers.study:solve_case"
+    return Study("solvers", 2, task, [case for case in cases if kept(case)], (*PACKAGES, *LIBRARIES))
 
-    Another choice of solvers is another study, with a store of its own.
-    """
-    name = QUICK_NAME if quick else FULL_NAME
-    problems = QUICK if quick else tuple(PROBLEMS)
-    factors: dict[str, tuple[Any, ...]] = {
-        "task": TASKS, "problem": problems, "form": FORMS, "level": tuple(LEVELS), "solver": tuple(solvers),
-        "runs": (RUNS[name],),
-    }  # fmt: skip
-    return Study(name, 2, solve_case, factors, keep=_quick if quick else keep, packages=(*PACKAGES, *LIBRARIES))
 
-
-def keep(values: Values) -> bool:
+def keep(values: Mapping[str, Any]) -> bool:
     """Whether a case is part of the full study.
 
     * Methods of the package solve whole inequalities, condensed; the rest of the table does everything.
@@ -59,8 +242,40 @@ def keep(values: Values) -> bool:
     return task == INNER or form == "condensed" or described.small
 
 
-def _quick(values: Values) -> bool:
+def _quick(values: Mapping[str, Any]) -> bool:
     """Sequences and outer loops only condensed, at one level, and where there is a solution."""
     single = values["task"] == INNER
     feasible = PROBLEMS[values["problem"]].feasible
     return keep(values) and (single or (values["form"] == "condensed" and values["level"] == "mid" and feasible))
+
+
+# What an answer was worth: what the solver said of it, beside what the certificate says.
+#
+# | outcome       | said              | problem with a solution               | problem without          |
+# |---------------|-------------------|---------------------------------------|--------------------------|
+# | right         | solved            | certificate passes                    | -                        |
+# | right         | infeasible        | -                                     | always                   |
+# | untrue        | solved            | certificate fails                     | always                   |
+# | false alarm   | infeasible        | always                                | -                        |
+# | modest        | anything else     | certificate passes                    | -                        |
+# | gave up       | anything else     | certificate fails                     | always                   |
+#
+# "Untrue" is a lie told in good faith: the solver's own test passed. Unbounded counts as infeasible where there is a
+# solution, and as giving up where there is none.
+
+
+RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP = "right", "untrue", "false alarm", "modest", "gave up"
+
+NO_ANSWER: Final = "no answer"
+"""Of a run that ended without a result: out of time or memory, or the process died."""
+
+
+def outcome(said: Status, passed: bool, feasible: bool) -> str:
+    """The outcome of an answer, see the module."""
+    if said is Status.SOLVED:
+        return RIGHT if passed and feasible else UNTRUE
+    if said is Status.INFEASIBLE and not feasible:
+        return RIGHT
+    if said in (Status.INFEASIBLE, Status.UNBOUNDED) and feasible:
+        return FALSE_ALARM
+    return MODEST if passed and feasible else GAVE_UP

@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 from pandas import DataFrame
 
-from comparisons.lab.report import Document, environment_grids, render
-from comparisons.lab.study import Row, Study, frame_of
+from comparisons.lab.reports import Report, render
+from comparisons.lab.studies import Row, Study, frame_of
 from comparisons.wild.practical import stated
 from qvi_contact import QVIError, Refinement, SolveError, refine, solve
 from qvi_contact.basics.certainty import Certainty
@@ -20,16 +20,13 @@ from qvi_contact.refinement import RefinementStatus, places, reference_problem
 from qvi_contact.refinement.outcome import Measure
 from solvers import Status
 
-NAME: Final = "estimates"
-EACH: Final = 200
-QUICK: Final = 6
 MOST_UNKNOWNS: Final = 1500
 """Of an answer; the reference has about ten times as many."""
 
 
 def declared(count: int) -> Study:
     """The study of the first problems of the generator."""
-    return Study(NAME, 1, solve_case, {"number": tuple(range(count))})
+    return Study("estimates", 1, "comparisons.wild.estimates:solve_case", [{"number": n} for n in range(count)])
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -117,23 +114,16 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
     }  # fmt: skip
 
 
-_FORMS = dict.fromkeys(("target", "error", "off", "doubt"), "{:.1e}".format) | {"ratio": "{:.2f}".format}
-
-
-def report(rows: Sequence[Row]) -> Document:
+def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same one."""
     runs = runs_of(rows)
-    tables = {"kinds": _kinds(runs), "missed": runs[runs.judged & ~runs.held], "others": runs[~runs.judged]}
-    return render(
-        "comparisons.wild", NAME, values_of(runs), tables, {}, environment_grids(rows),
-        forms={**_FORMS, **dict.fromkeys(("q05", "q50", "q95"), "{:.2f}".format)}, template="estimates.md",
-    )  # fmt: skip
-
-
-def _kinds(runs: DataFrame) -> DataFrame:
-    """One line a kind of quantity and certainty: how many were judged and held, and quantiles of the ratio."""
     judged = runs[runs.judged].assign(kind=runs.quantity.str.rpartition(".")[2].str.replace("_", " "))
     groups = judged.groupby(["kind", "certainty"])
-    found = groups.agg(judged=("held", "size"), held=("held", "sum"))
     quantiles = {f"q{level:02d}": groups.ratio.quantile(level / 100.0) for level in (5, 50, 95)}
-    return found.assign(**quantiles).reset_index()
+    kinds = groups.agg(judged=("held", "size"), held=("held", "sum")).assign(**quantiles).reset_index()
+    tables = {"kinds": kinds, "missed": judged[~judged.held], "others": runs[~runs.judged]}
+    forms = dict.fromkeys(("target", "error", "off", "doubt"), "{:.1e}".format) | dict.fromkeys(
+        ("ratio", *quantiles), "{:.2f}".format
+    )
+    return render("comparisons.wild", "estimates", values_of(runs), tables, {}, rows, forms=forms,
+                  template="estimates.md")  # fmt: skip

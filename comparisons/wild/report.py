@@ -5,12 +5,12 @@ from typing import Any, Final
 
 from pandas import DataFrame, crosstab
 
-from comparisons.lab.report import Document, environment_grids, render
-from comparisons.lab.report.numbers import seconds
-from comparisons.lab.study import Row, frame_of
-from comparisons.wild.enumeration import EXISTS, NONE, UNDECIDED
+from comparisons.lab.numbers import seconds
+from comparisons.lab.reports import Report, render
+from comparisons.lab.studies import Row, frame_of
 from comparisons.wild.generator import FAMILIES
-from comparisons.wild.study import ACCEPTED, FOREIGN, INFEASIBLE, NAME, OPEN, REFUSED, SOLVED, WRONG
+from comparisons.wild.judge import EXISTS, NONE, UNDECIDED
+from comparisons.wild.study import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, WRONG
 
 BROKEN: Final = "broken"
 """Outcome of a case that ended without a result: out of time or memory, or its process died."""
@@ -43,19 +43,14 @@ def problems_of(rows: Sequence[Row]) -> DataFrame:
     return problems.assign(order=order).sort_values("order", kind="stable", ignore_index=True)
 
 
-def counts_of(problems: DataFrame) -> dict[str, int]:
-    """Outcome → how many, in the order of `ORDER`."""
-    counts = problems.outcome.value_counts()
-    return {name: int(counts.get(name, 0)) for name in ORDER}
-
-
 def values_of(problems: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
     unanswered = problems[problems.outcome == OPEN]
     solvable, admissible = problems[problems.solvable], problems[problems.admissible]
     present = {name: text for name, text in FAMILIES.items() if name in set(problems.family)}
     return {
-        **counts_of(problems), "problems": len(problems), "families": present, "longest": LONGEST,
+        **{name: int((problems.outcome == name).sum()) for name in ORDER},
+        "problems": len(problems), "families": present, "longest": LONGEST,
         "slow": int(problems.slow.sum()), "solvable": len(solvable), "admissible": len(admissible),
         "missed": int(unanswered.solvable.sum()), "stuck": int(unanswered.admissible.sum()),
         "hopeless": int((unanswered.exists == NONE).sum()), "unknown": int((unanswered.exists == UNDECIDED).sum()),
@@ -92,21 +87,16 @@ def _open_reason(found: Any) -> str:
     return "too large to enumerate, or out of time: the load may be beyond a sliding limit"
 
 
-def report(rows: Sequence[Row]) -> Document:
-    """The report; the same rows give the same one."""
+def report(rows: Sequence[Row]) -> Report:
+    """The report; the same rows give the same one. It has failed if there is trouble."""
     problems = problems_of(rows)
     named = problems.assign(problem=problems.family + " " + problems.number.astype(str))
-    tables = {
-        "outcomes": _outcomes(problems), "troubles": named[named.trouble | named.slow],
-        "open": named[named.outcome == OPEN],
-    }  # fmt: skip
-    forms = {"seconds": lambda value: seconds(value, 2)}
-    settings = environment_grids(rows)
-    return render("comparisons.wild", NAME, values_of(problems), tables, {}, settings, forms=forms)
-
-
-def _outcomes(problems: DataFrame) -> DataFrame:
-    """One line a family: how many problems, and how many of each outcome; seconds of the slowest."""
     counts = crosstab(problems.family, problems.outcome).reindex(problems.family.unique(), columns=ORDER, fill_value=0)
     families = problems.groupby("family")
-    return counts.assign(problems=families.size(), seconds=families.seconds.max()).reset_index()
+    tables = {
+        "outcomes": counts.assign(problems=families.size(), seconds=families.seconds.max()).reset_index(),
+        "troubles": named[named.trouble | named.slow], "open": named[named.outcome == OPEN],
+    }  # fmt: skip
+    forms = {"seconds": lambda value: seconds(value, 2)}
+    return render("comparisons.wild", "wild", values_of(problems), tables, {}, rows, forms=forms,
+                  failed=bool(problems.trouble.any()))  # fmt: skip

@@ -22,19 +22,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from comparisons.lab.machine import PACKAGES
-from comparisons.lab.study import Study
-from comparisons.wild.enumeration import EXISTS, UNDECIDED, enumerated
+from comparisons.lab.studies import PACKAGES, Study
 from comparisons.wild.generator import FAMILIES, Wild, wild_problem
-from comparisons.wild.judge import Comparison, compare, wrong
+from comparisons.wild.judge import EXISTS, UNDECIDED, Comparison, compare, enumerated, wrong
 from qvi_contact import ContactResult, InputError, QVIError, solve
 from solvers import Status
 from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
-
-NAME: Final = "wild"
-EACH, QUICK = 61, 5
-"""Problems of a family, in full and quick."""
 
 REFUSED, ACCEPTED, SOLVED, WRONG = "refused", "accepted", "solved", "wrong"
 INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
@@ -59,13 +53,14 @@ SECOND: Final = "qp:daqp"
 """Inner solver that judges compatibility: an active-set method, of another kind than the default."""
 
 
-def declared(families: Sequence[str], each: int) -> Study:
-    """The study of these families, all of them if none is named; a run that was stopped has as many of each."""
+def declared(families: Sequence[str], each: int, first: int = 0) -> Study:
+    """Problems `first`, `first` + 1, … of these families, or of all; a run that is stopped has as many of each."""
     for name in families:
         if name not in FAMILIES:
             raise InputError("only", name, f"there is no such family: choose among {', '.join(FAMILIES)}")
-    chosen = tuple(name for name in FAMILIES if not families or name in families)
-    return Study(NAME, 4, solve_case, {"number": tuple(range(each)), "family": chosen}, packages=(*PACKAGES, "daqp"))
+    chosen = [name for name in FAMILIES if not families or name in families]
+    cases = [{"number": number, "family": name} for number in range(first, first + each) for name in chosen]
+    return Study("wild", 4, "comparisons.wild.study:solve_case", cases, (*PACKAGES, "daqp"))
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:

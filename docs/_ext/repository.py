@@ -14,9 +14,7 @@ from docutils import nodes
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 
-from comparisons.lab.report import Document
-from comparisons.lab.report.page import as_page
-from comparisons.lab.report.reader import title_of
+from comparisons.lab.reports import Report
 
 REPORTS = Path(__file__).parents[2] / "comparisons" / "reports"
 MARK = "% reports"
@@ -30,7 +28,7 @@ _MANY = 4  # columns of a table that is too wide for a phone
 def reports() -> Iterator[tuple[str, Path]]:
     """Title and Markdown of each report, several in a folder or one."""
     for path in sorted(REPORTS.glob("*/*.md")):
-        yield title_of(path.read_text(encoding="utf-8")), path
+        yield Report.read(path).title, path
 
 
 def _replace(_app: Sphinx, docname: str, source: list[str]) -> None:
@@ -85,7 +83,7 @@ def _copy(app: Sphinx, exception: Exception | None) -> None:
     shutil.copytree(REPORTS, target, dirs_exist_ok=True)
     for _, path in reports():
         page = (target / path.relative_to(REPORTS)).with_suffix(".html")
-        page.write_text(as_page(Document.read(path)), encoding="utf-8")
+        page.write_text(Report.read(path).html(), encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -62,7 +62,7 @@ from qvi_contact.version import __version__
 from solvers import Iteration, solve_qvi
 from solvers.basics.progress import narrated, watched
 from solvers.factorisation import FactorisationError
-from solvers.solve import check_settings
+from solvers.solve import Settings
 
 _DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
 _CELL_DEGREE = 5  # of φ: the work of its stresses is then integrated exactly
@@ -279,7 +279,7 @@ def bracket(
     options: dict[str, Any] = {"callback": callback}
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
-    check_settings(options)
+    _ = Settings.of(**options)
     given = fixed_bound_problem(result)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
         story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})

@@ -51,8 +51,7 @@ class FixedBoundProblem:
         qvi = self.discretization.qvi
         if not qvi.m:
             return qvi
-        bound = np.maximum(self.threshold.ravel(), 0.0)
-        return qvi.changed(mu=np.zeros(qvi.m), cohesion=bound, cap=np.full(qvi.m, np.inf))
+        return qvi.with_bound(np.maximum(self.threshold.ravel(), 0.0))
 
     @property
     def bounds(self) -> Mapping[str, FloatArray]:

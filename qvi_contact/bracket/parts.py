@@ -96,7 +96,7 @@ class EdgeTractions:
             _polynomials(discretization, joined([getattr(rows, name) for rows in limited]))
             for name in ("cohesion", "shear_limit")
         )
-        pressure = qvi.pressed(discretization.space.contact_rule.at_rows(normal))
+        pressure = qvi.law.pressed(discretization.space.contact_rule.at_rows(normal))
         law = cohesion + (qvi.mu * pressure).reshape(cohesion.shape)
 
         def below(first: FloatArray, second: FloatArray) -> BoolArray:

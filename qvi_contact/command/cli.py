@@ -732,7 +732,7 @@ def methods(as_json: bool) -> None:
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
-    from solvers.factorisation.dense import DENSE
+    from solvers.factorisation.base import DENSE
     from solvers.solve import METHODS
 
     factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
@@ -754,10 +754,10 @@ def _given(**options: Any) -> dict[str, Any]:
 
 def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
     """Arguments of `solve`: those of the file, less the options of a method that is not taken, and those given."""
-    from solvers.solve import default_method
+    from solvers.solve import Settings
 
     options = {name: value for name, value in file.solve_options.items() if name not in file.element}
-    if "method" in given and given["method"] != default_method(options):
+    if "method" in given and given["method"] != Settings.of(**options).method:
         kept = ("inner", "tolerance", "factorisation", "threads", "time_limit")
         options = {name: value for name, value in options.items() if name in kept}
     return options | file.element | given
@@ -848,7 +848,7 @@ def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[s
             f"qvi-contact: a bound is missing, so there is no duality gap to draw in {targets['plot']}", err=True
         )
     elif "plot" in targets:
-        from qvi_contact.plots.bracket import bracket_figure
+        from qvi_contact.plots.bounds import bracket_figure
         from qvi_contact.plots.style import save_figure
 
         save_figure(targets["plot"], bracket_figure(found, file.units, file.title))

@@ -204,7 +204,7 @@ def _qvi(
     def selection(columns: IntArray) -> sparse.csc_array:
         return sparse.csc_array((np.ones(m), (np.arange(m), columns)), shape=(m, 2 * n))
 
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=sparse.csc_array(C),
         f=f,
         N=selection(rows),

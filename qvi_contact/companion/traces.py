@@ -261,7 +261,7 @@ class _OnLine:
 
     @property
     def degree(self) -> int:
-        return self.columns.shape[1] - 1
+        return int(self.columns.shape[1]) - 1
 
     def summed(self, values: FloatArray) -> FloatArray:
         """Sums (n,) at coefficients of values (e, p + 1) on edges."""

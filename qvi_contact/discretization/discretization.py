@@ -27,7 +27,7 @@ from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
-from solvers import EnergyRoot, FrictionQVI, Traces
+from solvers import ContactMatrices, EnergyRoot, FrictionQVI, Law, Loads, Stiffness, Traces
 from solvers.basics.types import Stated
 
 DEFAULT_DEGREE: Final = 4
@@ -67,10 +67,13 @@ def _algebraic(posed: Posed, before: Posed | None = None, known: FrictionQVI | N
     rows = _Rows(posed)
     if before is None or known is None or not _same_matrices(posed, before):
         return _assembled(posed, rows)
-    A = known.A if _equal(posed.plates.A, before.plates.A) else sparse.csc_array(posed.plates.A)
+    contact = known.contact
+    if not _equal(posed.plates.A, before.plates.A):
+        contact = replace(contact, A=sparse.csc_array(posed.plates.A))
     root, at_rest = _root_and_rest(posed, before, known)
     load = rows.load
-    return known.changed(**rows.data, f=load - at_rest, root=root, load=load, A=A, b=posed.plates.b)
+    loads = Loads(load - at_rest, *rows.at_rest, posed.plates.b, root, load)
+    return FrictionQVI(known.stiffness, contact, loads, rows.law)
 
 
 def _root_and_rest(posed: Posed, before: Posed, known: FrictionQVI) -> tuple[EnergyRoot, FloatArray]:
@@ -94,18 +97,18 @@ def _assembled(posed: Posed, rows: _Rows) -> FrictionQVI:
     if least <= 0.0:
         remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
         raise InputError("ContactProblem.mesh", posed.space.smallest, remedy)
+    f, root = rows.load - elimination.basis.T @ (of_particular - energy.load), energy.root(elimination)
     return FrictionQVI(
-        K=K.T,  # the same matrix, compressed by columns
-        f=rows.load - elimination.basis.T @ (of_particular - energy.load),
-        N=sparse.csc_array(N),
-        T=sparse.csc_array(T),
-        root=energy.root(elimination),
-        load=rows.load,
-        A=sparse.csc_array(posed.plates.A),
-        b=posed.plates.b,
-        traces=Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
-        places=energy.places(elimination),
-        **rows.data,
+        Stiffness(K.T, root, energy.places(elimination)),  # Kᵀ is the same matrix, compressed by columns
+        ContactMatrices(
+            sparse.csc_array(N),
+            sparse.csc_array(T),
+            rows.weights,
+            sparse.csc_array(posed.plates.A),
+            Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
+        ),
+        Loads(f, *rows.at_rest, posed.plates.b, root, rows.load),
+        rows.law,
     )
 
 
@@ -130,8 +133,8 @@ class _Rows:
         return np.asarray(self._posed.elimination.basis.T @ load)
 
     @property
-    def data(self) -> dict[str, Any]:
-        """Vectors of (D2) by row."""
+    def at_rest(self) -> tuple[FloatArray, FloatArray]:
+        """n0 and t0 (m,)."""
         problem, scales, limited = self._posed.problem, self._posed.scales, self._limited
         parameters, interpolation = self.traces
         n0, t0 = np.split(interpolation @ (parameters @ self._posed.elimination.particular), 2)
@@ -139,15 +142,29 @@ class _Rows:
             rows.rule.at_rows(potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure)
             for rows in limited
         ]
-        return {
-            "n0": n0 + joined(fixed),
-            "t0": t0,
-            "mu": joined([rows.row_limits.friction for rows in limited]),
-            "W": joined([rows.row_weights for rows in limited]),
-            "cohesion": joined([rows.row_limits.cohesion for rows in limited]),
-            "cap": joined([rows.row_limits.cap for rows in limited]),
-            "bilateral": joined([rows.bilateral for rows in limited]).astype(bool),
-        }
+        return n0 + joined(fixed), t0
+
+    @property
+    def weights(self) -> FloatArray:
+        """W (m,)."""
+        return joined([rows.row_weights for rows in self._limited])
+
+    @property
+    def law(self) -> Law:
+        """What bounds the tractions."""
+        return law_of(self._limited)
+
+
+def law_of(contacts: Sequence[ContactRows]) -> Law:
+    """The law of contacts one after the other, tied ones left out."""
+    limited = [rows for rows in contacts if rows.law != "tied"]
+    limits = [rows.row_limits for rows in limited]
+    return Law(
+        joined([each.friction for each in limits]),
+        joined([each.cohesion for each in limits]),
+        joined([each.cap for each in limits]),
+        joined([rows.bilateral for rows in limited]).astype(bool),
+    )
 
 
 def _same_matrices(posed: Posed, before: Posed) -> bool:
@@ -271,8 +288,13 @@ class Discretization(Posed, Stated):
         ]
         load = self.qvi.T.T @ joined(change)
         assert self.qvi.load is not None
-        qvi = self.qvi.changed(f=self.qvi.f + load, load=self.qvi.load + load)
+        qvi = self.qvi.with_loads(f=self.qvi.f + load, load=self.qvi.load + load)
         return replace(self, contacts=contacts, qvi=qvi)
+
+    def with_law(self, problem: ContactProblem) -> Discretization:
+        """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
+        contacts = contact_rows(problem, self.space, self.scales)
+        return replace(self, problem=problem, contacts=contacts, qvi=replace(self.qvi, law=law_of(contacts)))
 
     def everywhere(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""

@@ -11,11 +11,11 @@ __getattr__ = front(
     {
         "arcs": ("arc_offsets", "cross"),
         "curves": ("Curve",),
-        "edges": ("frames_along",),
+        "edges": ("frames_along", "outward_normals"),
         "gmsh": ("divided_corners",),
         "grid": ("SIDES",),
         "outline": ("Outline", "polygons"),
         "selection": ("edges_on_segment",),
-        "topology": ("Topology", "outward_normals"),
+        "topology": ("Topology",),
     },
 )

@@ -154,7 +154,9 @@ def barycentric_of(corners: FloatArray, bends: FloatArray, t: FloatArray) -> Flo
         tau = _tau(at, s, r)
         chord = corners[cell, b] - corners[cell, a]
         bulge = arc_offsets(chord, bends[cell, s], tau[:, None])[:, 0] - tau[:, None] * chord
-        found[cell, point] += _slopes(corners[cell], r[:, None] * bulge)
+        u, v, along = corners[cell, 1] - corners[cell, 0], corners[cell, 2] - corners[cell, 0], r[:, None] * bulge
+        second, third = cross(along, v) / cross(u, v), cross(u, along) / cross(u, v)
+        found[cell, point] += np.column_stack([-second - third, second, third])
     return found
 
 
@@ -213,11 +215,3 @@ def _arc(first: FloatArray, second: FloatArray, bend: FloatArray, t: FloatArray)
     chord = second - first
     slope = turned(chord * stretches(bend)[:, None], angles(bend, t[:, None])[:, 0])
     return first + arc_offsets(chord, bend, t[:, None])[:, 0], slope
-
-
-def _slopes(corners: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Changes of barycentric coordinates (n, 3) along vectors (n, 2)."""
-    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = cross(u, v)
-    second, third = cross(vectors, v) / area, cross(u, vectors) / area
-    return np.column_stack([-second - third, second, third])

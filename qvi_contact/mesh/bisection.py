@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,8 @@ from qvi_contact.mesh.curves import MeshParts, bends_of, bent_too_far
 from qvi_contact.mesh.flaws import same_places
 from qvi_contact.mesh.topology import Topology
 
-_DIVISIONS = 6  # halvings of an arc until its triangle is high enough
+_DIVISIONS: Final = 6  # halvings of an arc until its triangle is high enough
+_ROUNDING: Final = 1e-9  # of angles, as a share
 
 
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
@@ -54,6 +55,7 @@ def divided_at_arcs(mesh: MeshParts) -> MeshParts:
 
 def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> MeshParts:
     """The mesh with fans of triangles of at most this angle [rad] around vertices, see `TriangleMesh.fanned`."""
+    angle *= 1.0 + _ROUNDING
     for vertex in np.asarray(vertices, dtype=np.int64).tolist():
         done = 0
         while done < layers or _angles_at(mesh, vertex)[1].max() > angle:

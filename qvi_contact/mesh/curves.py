@@ -4,7 +4,7 @@ Vertices are looked for along a curve by halving. Between two of them the curve 
 parameter; derivatives are those of the polynomial through these points, and its angle is known along its length then.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
@@ -29,7 +29,7 @@ from qvi_contact.mesh.arcs import (
     stretches,
     turned,
 )
-from qvi_contact.mesh.selection import checked_pairs
+from qvi_contact.mesh.selection import checked_pairs, point
 from qvi_contact.mesh.topology import OPPOSITE, Topology
 
 ROUNDING: Final = 1.5e-6
@@ -75,11 +75,6 @@ class Arc:
         del parents
         return replace(self, edges=pairs)
 
-    def scaled(self, factor: float) -> "Arc":
-        """The same, so many times as large."""
-        x, y = self.centre
-        return Arc((factor * x, factor * y), factor * self.radius, self.edges)
-
     def stated(self) -> dict[str, object]:
         """What problem files say of it beside its edges."""
         return {"centre": list(self.centre), "radius": self.radius}
@@ -95,7 +90,7 @@ class Arc:
         """
         of = f"{name}." if name else ""
         pairs = checked_pairs(name or "edges", self.edges, topology, vertices)
-        found = Arc(_point(f"{of}centre", self.centre), positive_number(f"{of}radius", self.radius), pairs)
+        found = Arc(point(f"{of}centre", self.centre), positive_number(f"{of}radius", self.radius), pairs)
         ends = vertices[np.unique(pairs)]
         off = np.abs(np.hypot(*(ends - np.array(found.centre)).T) - found.radius)
         worst = int(np.argmax(off))
@@ -104,12 +99,6 @@ class Arc:
             remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this circle: correct centre or radius"
             raise InputError(f"{of}radius", found.radius, remedy)
         return found
-
-
-def _point(name: str, value: object) -> tuple[float, float]:
-    if not isinstance(value, Iterable) or isinstance(value, str) or len(pair := tuple(value)) != 2:
-        raise InputError(name, value, "give a pair (x, y)")
-    return finite_number(name, pair[0]), finite_number(name, pair[1])
 
 
 _LEVEL: Final = 1e-9  # angle between a chord and the line that angles count from that is rounding of data [rad]
@@ -153,11 +142,6 @@ class Curve:
         is_first, is_second = ((pairs[:, 0] == parents[:, k]) & (pairs[:, 1] != parents[:, 1]) for k in (0, 1))
         found = np.where(is_first[:, None], first, np.where(is_second[:, None], reversed_bends(second), whole))
         return Curve(pairs, found)
-
-    def scaled(self, factor: float) -> "Curve":
-        """The same, so many times as large: angles stay what they are."""
-        del factor
-        return self
 
     def stated(self) -> dict[str, object]:
         """What problem files say of it beside its edges."""
@@ -370,7 +354,12 @@ def fitted(
     given = replace(given, closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
     numbers, places = np.unique(edges, return_inverse=True)
     found = _nearest(given, vertices[numbers], t, samples)
-    _refuse_off(given, vertices[numbers], given.points(found), size)
+    off = np.hypot(*(given.points(found) - vertices[numbers]).T)
+    worst = int(np.argmax(off))
+    if off[worst] > ROUNDING * size:
+        x, y = vertices[numbers[worst]]
+        remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this curve: correct the curve, or its ends"
+        raise InputError(name, function, remedy)
     first, second = found[places.reshape(edges.shape)].T
     if given.closed:
         second = second - (stop - start) * np.rint((second - first) / (stop - start))
@@ -390,16 +379,6 @@ def _nearest(given: _Given, places: FloatArray, t: FloatArray, samples: FloatArr
         ahead = ((given.points(middle) - places) * along).sum(axis=1) > 0.0
         low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
     return np.asarray((low + high) / 2.0)
-
-
-def _refuse_off(given: _Given, places: FloatArray, points: FloatArray, size: float) -> None:
-    """`InputError` where a vertex is further from its point of the curve than rounding of data."""
-    off = np.hypot(*(points - places).T)
-    worst = int(np.argmax(off))
-    if off[worst] > ROUNDING * size:
-        x, y = places[worst]
-        remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this curve: correct the curve, or its ends"
-        raise InputError(given.name, given.function, remedy)
 
 
 def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArray) -> FloatArray:

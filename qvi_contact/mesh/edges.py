@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh.arcs import angles, arc_offsets, stretches, turned
+from qvi_contact.mesh.arcs import angles, arc_offsets, reversed_bends, stretches, turned
+from qvi_contact.mesh.topology import Topology
+
+_UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,40 @@ class Edges:
     def stretch(self) -> FloatArray:
         """Lengths over those of the chords (n,): 1 on straight edges."""
         return stretches(self.bend)
+
+
+def outward_normals(vertices: FloatArray, cells: IntArray, topology: Topology, edges: IntArray) -> FloatArray:
+    """Unit normals of edges that point out of the first triangle at each, shape (k, 2)."""
+    first, second = vertices[topology.ends[edges]].swapaxes(0, 1)
+    along = second - first
+    normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    inner = vertices[cells[topology.cells[edges, 0]]].mean(axis=1)
+    inward = ((inner - first) * normal).sum(axis=1) > 0.0
+    return np.asarray(np.where(inward[:, None], -normal, normal))
+
+
+def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: FloatArray, numbers: IntArray) -> Edges:
+    """Edges of a topology by number (k,), which bend so (e, n), with the normals, tangents and cells of `Edges`."""
+    first, second = topology.ends[numbers].T
+    along = vertices[second] - vertices[first]
+    length = np.hypot(*along.T)
+    tangent = along / length[:, None]
+    back = _points_back(tangent)
+    tangent = np.where(back[:, None], -tangent, tangent)
+    normal = outward_normals(vertices, cells, topology, numbers)
+    beside = topology.cells[numbers]
+    swapped = (beside[:, 1] >= 0) & _points_back(normal[:, ::-1])
+    normal = np.where(swapped[:, None], -normal, normal)
+    beside = np.where(swapped[:, None], beside[:, ::-1], beside)
+    bend = np.where(back[:, None], reversed_bends(bends[numbers]), bends[numbers])
+    length = length * stretches(bend)
+    return Edges(np.where(back, second, first), np.where(back, first, second), beside, normal, tangent, length, bend)
+
+
+def _points_back(vectors: FloatArray) -> BoolArray:
+    """Whether vectors (n, 2) point to the left, or straight down."""
+    upright = np.abs(vectors[:, 0]) <= _UPRIGHT
+    return np.asarray(np.where(upright, vectors[:, 1], vectors[:, 0]) < 0.0)
 
 
 def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:

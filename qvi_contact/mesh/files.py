@@ -114,8 +114,11 @@ def _read(reader: str, path: Path) -> NamedCells:
             if reader == "abaqus":
                 found = module.read(_abaqus_text(path))
             else:
-                copy = Path(folder) / path.name
-                _copy_med(path, copy)
+                h5py, copy = load("h5py"), Path(folder) / path.name
+                with h5py.File(path, "r") as given, h5py.File(copy, "w") as kept:
+                    _check_med(h5py, path, given)
+                    for name in filter(given.__contains__, _NEEDED):
+                        given.copy(name, kept)
                 found = module.read(copy)
             return _named_cells(path, found)
     except InputError:
@@ -201,16 +204,6 @@ _NEEDED: Final = ("ENS_MAA", "FAS")
 _MOST_OBJECTS: Final = 100_000
 _DEEPEST: Final = 20
 """Groups inside each other; MED needs 6, and a group may lie inside itself."""
-
-
-def _copy_med(path: Path, copy: Path) -> None:
-    """Copy meshes and their families, of at most `LARGEST` bytes unfolded; nothing that is outside the file."""
-    h5py = load("h5py")
-    with h5py.File(path, "r") as given, h5py.File(copy, "w") as kept:
-        _check_med(h5py, path, given)
-        for name in _NEEDED:
-            if name in given:
-                given.copy(name, kept)
 
 
 def _check_med(h5py: Any, path: Path, given: Any) -> None:

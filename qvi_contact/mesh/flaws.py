@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.arcs import cross
 from qvi_contact.mesh.selection import numbers_of
 from qvi_contact.mesh.topology import Topology
 
@@ -50,10 +51,11 @@ def checked_cells(cells: ArrayLike, vertices: FloatArray) -> IntArray:
 
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
     """`InputError` unless triangles are a mesh of one piece."""
-    _refuse_flat(vertices, cells)
-    _refuse_unused(vertices, cells)
-    _refuse_overlaps(vertices, cells, topology)
-    piece = _pieces(cells, topology)
+    _refuse_triangles(vertices, cells, topology)
+    inner = topology.cells[topology.count == 2]
+    graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(len(cells), len(cells)))
+    of_cell = csgraph.connected_components(graph, directed=False)[1]
+    piece = np.asarray(of_cell, dtype=np.int64)  # of each triangle: those joined by edges
     same, hanging = same_places(vertices), _hanging(vertices, topology)
     _refuse_meeting(vertices, cells, topology, piece, same, hanging)
     if len(same):
@@ -77,51 +79,31 @@ def _refuse(value: object, what: str, at: FloatArray) -> NoReturn:
     raise InputError("TriangleMesh", value, what.format(f"({at[0]:.6g}, {at[1]:.6g})"))
 
 
-def _refuse_flat(vertices: FloatArray, cells: IntArray) -> None:
+def _refuse_triangles(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
+    """`InputError` if triangles have no area or overlap at an edge, or vertices belong to none."""
     a, b, c = vertices[cells].swapaxes(0, 1)
     sides = np.stack([b - a, c - b, a - c])
-    longest = np.square(sides).sum(axis=2).max(axis=0)
-    doubled = np.abs(sides[0, :, 0] * sides[1, :, 1] - sides[0, :, 1] * sides[1, :, 0])
-    flat = doubled <= _FLAT * longest
+    flat = np.abs(cross(sides[0], sides[1])) <= _FLAT * np.square(sides).sum(axis=2).max(axis=0)
     if flat.any():
         cell = int(np.argmax(flat))
         _refuse(cells[cell].tolist(), "the triangle of these vertices at {} has no area: leave it out", a[cell])
-
-
-def _refuse_unused(vertices: FloatArray, cells: IntArray) -> None:
     used = np.zeros(len(vertices), dtype=bool)
     used[cells] = True
     if not used.all():
         vertex = int(np.argmin(used))
         _refuse(vertex, "this vertex at {} belongs to no triangle: leave it out", vertices[vertex])
-
-
-def _refuse_overlaps(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
+    first, second = vertices[topology.ends].swapaxes(0, 1)
     if topology.count.max() > 2:
         edge = int(np.argmax(topology.count > 2))
-        middle = vertices[topology.ends[edge]].mean(axis=0)
-        _refuse(
-            topology.ends[edge].tolist(), "more than two triangles share the edge of these vertices around {}", middle
-        )
-    inner = np.flatnonzero(topology.count == 2)
-    first, second = vertices[topology.ends[inner]].swapaxes(0, 1)
-    along = second - first
-    across = []
-    for side in (0, 1):
-        towards = vertices[cells[topology.cells[inner, side]]].mean(axis=1) - first
-        across.append(along[:, 0] * towards[:, 1] - along[:, 1] * towards[:, 0])
-    folded = across[0] * across[1] > 0.0
+        remedy = "more than two triangles share the edge of these vertices around {}"
+        _refuse(topology.ends[edge].tolist(), remedy, (first[edge] + second[edge]) / 2.0)
+    centres = (a + b + c)[topology.cells] / 3.0
+    one, other = (cross(second - first, centres[:, side] - first) for side in (0, 1))
+    folded = (topology.count == 2) & (one * other > 0.0)
     if folded.any():
-        edge = int(inner[np.argmax(folded)])
+        edge = int(np.argmax(folded))
         remedy = "the two triangles at the edge of these vertices around {} lie on the same side of it and overlap"
-        _refuse(topology.ends[edge].tolist(), remedy, vertices[topology.ends[edge]].mean(axis=0))
-
-
-def _pieces(cells: IntArray, topology: Topology) -> IntArray:
-    """The piece of each triangle, numbered from 0: those joined by edges."""
-    inner = topology.cells[topology.count == 2]
-    graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(len(cells), len(cells)))
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1])
+        _refuse(topology.ends[edge].tolist(), remedy, (first[edge] + second[edge]) / 2.0)
 
 
 def _hanging(vertices: FloatArray, topology: Topology) -> IntArray:
@@ -134,7 +116,7 @@ def _hanging(vertices: FloatArray, topology: Topology) -> IntArray:
     edge, vertex = _near(vertices[candidates], first, second, lengths * (0.5 - 1e-6))
     vertex = candidates[vertex]
     offset = vertices[vertex] - first[edge]
-    distance = np.abs(along[edge, 0] * offset[:, 1] - along[edge, 1] * offset[:, 0]) / lengths[edge]
+    distance = np.abs(cross(along[edge], offset)) / lengths[edge]
     hanging = distance <= _ON_EDGE * lengths[edge]
     return np.column_stack([vertex[hanging], outer[edge[hanging]]])
 
@@ -191,13 +173,8 @@ def _refuse_pieces(vertices: FloatArray, cells: IntArray, topology: Topology, pi
     if count == 1:
         return
     second = piece[topology.cells[topology.boundary, 0]] == 1
-    distance, at = min(
-        (
-            _nearest(vertices, boundary[second], boundary[~second]),
-            _nearest(vertices, boundary[~second], boundary[second]),
-        ),
-        key=lambda found: found[0],
-    )
+    lines = boundary[second], boundary[~second]
+    distance, at = min((_nearest(vertices, *each) for each in (lines, lines[::-1])), key=lambda found: found[0])
     if distance <= _SPACE * float(np.ptp(vertices, axis=0).max()):
         remedy = (
             f"the body consists of this many pieces, and two are {distance:.3g} apart at {{}}: if bodies touch across "

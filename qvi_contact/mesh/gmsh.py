@@ -8,16 +8,17 @@ whose reader has gone is an exception; the process would end there without a wor
 would be lost. They are kept.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from threading import Lock
 from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.arcs import cross
 from qvi_contact.mesh.curves import Arc, MeshParts
 from qvi_contact.mesh.outline import Polygon, Polygons
 from qvi_contact.mesh.topology import Topology
@@ -54,24 +55,8 @@ def meshed(shape: Polygons) -> MeshParts:
         If gmsh or a system library it needs is missing, gmsh cannot divide the body, or an inner line leaves it.
 
     """
-    gmsh = _gmsh()
-    unit = 2.0 ** -round(np.log2(shape.length))  # gmsh has absolute tolerances; a power of two changes no digit
-    with _LOCK, foreign_code(), _session(gmsh):
-        try:
-            made = _mesh(gmsh, shape.scaled(unit))
-            arcs = [arc.scaled(1.0 / unit) for arc in made.arcs]
-            return made._replace(vertices=made.vertices / unit, arcs=arcs)
-        except Exception as error:
-            if type(error) is not Exception:  # gmsh raises bare ones with a text
-                raise
-            told = " ".join(str(error).split()) or "no reason given"
-            raise InputError("outline", told, "gmsh cannot divide this body: look for lines that cross") from error
-
-
-def _gmsh() -> Any:
-    """The library, or how to get it."""
     try:
-        return load("gmsh")
+        gmsh = load("gmsh")
     except ImportError as error:
         remedy = "outlines are divided by gmsh: python -m pip install gmsh"
         raise InputError("outline", "gmsh", remedy) from error
@@ -79,6 +64,14 @@ def _gmsh() -> Any:
         told = " ".join(str(error).split())
         remedy = f"gmsh needs libraries of the system ({told}): on Debian and Ubuntu {_LIBRARIES}"
         raise InputError("outline", "gmsh", remedy) from error
+    with _LOCK, foreign_code(), _session(gmsh):
+        try:
+            return _Drawing(gmsh, shape).meshed()
+        except Exception as error:
+            if type(error) is not Exception:  # gmsh raises bare ones with a text
+                raise
+            told = " ".join(str(error).split()) or "no reason given"
+            raise InputError("outline", told, "gmsh cannot divide this body: look for lines that cross") from error
 
 
 @contextmanager
@@ -105,128 +98,116 @@ def _session(gmsh: Any) -> Iterator[None]:
             gmsh.finalize()
 
 
-def _mesh(gmsh: Any, shape: Polygons) -> MeshParts:
-    occ = gmsh.model.occ
-    drawn = [_drawn(occ, polygon) for polygon in (shape.outer, *shape.holes)]
-    body = (2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in drawn]))
-    inner = [
-        (1, line) for polygon in (*shape.joints.values(), *shape.regions.values()) for line in _drawn(occ, polygon)
-    ]
-    points = [(0, occ.addPoint(*place, 0.0)) for place in shape.points.tolist()]
-    surfaces = [body[1]]
-    if inner or points:  # the surface is cut along lines
-        surfaces = [tag for dimension, tag in occ.fragment([body], [*inner, *points])[1][0] if dimension == 2]
-    occ.synchronize()
-    _set_sizes(gmsh, shape)
-    gmsh.model.mesh.generate(2)
-    return _parts(gmsh, shape, surfaces)
+class _Drawing:
+    """An outline in gmsh.
 
+    gmsh has absolute tolerances, so the body is about one unit long there: a power of two changes no digit.
+    """
 
-def _drawn(occ: Any, polygon: Polygon) -> list[int]:
-    """The polygon's pieces as lines and arcs of gmsh."""
-    tags = [occ.addPoint(x, y, 0.0) for x, y in polygon.points.tolist()]
-    ends, drawn, middles = zip(tags, [*tags[1:], tags[0]], strict=True), [], []
-    for (first, second), (x, y) in zip(ends, polygon.centres.tolist(), strict=False):
-        if np.isnan(x):
-            drawn.append(occ.addLine(first, second))
-        else:
-            middles.append(occ.addPoint(x, y, 0.0))
-            drawn.append(occ.addCircleArc(first, middles[-1], second))
-    occ.remove([(0, tag) for tag in middles])
-    return drawn
+    def __init__(self, gmsh: Any, shape: Polygons) -> None:
+        self._gmsh, self._shape, self._unit = gmsh, shape, 2.0 ** -round(np.log2(shape.length))
 
+    def meshed(self) -> MeshParts:
+        """Vertices, triangles, edges by name, triangles by region."""
+        gmsh, shape, occ = self._gmsh, self._shape, self._gmsh.model.occ
+        drawn = [self._drawn(polygon) for polygon in (shape.outer, *shape.holes)]
+        body = (2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in drawn]))
+        lines = [self._drawn(polygon) for polygon in (*shape.joints.values(), *shape.regions.values())]
+        inner = [(1, line) for each in lines for line in each]
+        inner += [(0, occ.addPoint(*place, 0.0)) for place in (self._unit * shape.points).tolist()]
+        surfaces = [body[1]]
+        if inner:  # the surface is cut along lines
+            surfaces = [tag for dimension, tag in occ.fragment([body], inner)[1][0] if dimension == 2]
+        occ.synchronize()
+        self._set_sizes()
+        gmsh.model.mesh.generate(2)
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        points = np.asarray(coordinates, dtype=float).reshape(-1, 3)[:, :2] / self._unit
+        cells = np.concatenate([self._elements(2, tag) for tag in sorted(surfaces)])
+        used = np.flatnonzero(np.isin(tags, cells))
+        vertex = np.full(int(tags.max()) + 1, -1)
+        vertex[tags[used].astype(np.int64)] = np.arange(len(used))
+        vertices, cells = points[used], vertex[cells]
+        ends, pairs = dict[int, FloatArray](), dict[int, IntArray]()  # of each curve of gmsh
+        for _, tag in gmsh.model.getEntities(1):
+            both = [abs(point) for _, point in gmsh.model.getBoundary([(1, tag)])]
+            ends[tag] = np.array([gmsh.model.getValue(0, point, [])[:2] for point in both]) / self._unit
+            pairs[tag] = vertex[self._elements(1, tag)]
+        edge_sets = {name: np.concatenate([pairs[tag] for tag in on]) for name, on in self._named(ends).items()}
+        for name, found in edge_sets.items():
+            if (found < 0).any():
+                remedy = "this inner line leaves the body: end it on the boundary or inside"
+                raise InputError(f"joints.{name}", name, remedy)
+        cells = divided_corners(vertices, cells, np.concatenate(list(pairs.values())))
+        centres = vertices[cells].mean(axis=1)
+        regions = {name: np.flatnonzero(polygon.holds(centres)) for name, polygon in shape.regions.items()}
+        for name, chosen in regions.items():
+            if not len(chosen):
+                raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
+        return MeshParts(vertices, cells, edge_sets, regions, self._arcs(ends, pairs))
 
-def _set_sizes(gmsh: Any, shape: Polygons) -> None:
-    """Sizes at all points, the smallest where several are given at one place."""
-    places = np.concatenate([*(polygon.points for polygon in shape.every), shape.points])
-    sizes = np.concatenate([*(polygon.sizes for polygon in shape.every), shape.sizes])
-    gmsh.option.setNumber("Mesh.MeshSizeMax", float(sizes.max()))
-    for entity in gmsh.model.getEntities(0):
-        at = np.array(gmsh.model.getValue(*entity, [])[:2])
-        here = np.hypot(*(places - at).T) <= shape.rounding
-        gmsh.model.mesh.setSize([entity], float(sizes[here].min()) if here.any() else shape.largest)
+    def _drawn(self, polygon: Polygon) -> list[int]:
+        """The polygon's pieces as lines and arcs."""
+        occ = self._gmsh.model.occ
+        tags = [occ.addPoint(x, y, 0.0) for x, y in (self._unit * polygon.points).tolist()]
+        ends, drawn, middles = zip(tags, [*tags[1:], tags[0]], strict=True), [], []
+        for (first, second), (x, y) in zip(ends, (self._unit * polygon.centres).tolist(), strict=False):
+            if np.isnan(x):
+                drawn.append(occ.addLine(first, second))
+            else:
+                middles.append(occ.addPoint(x, y, 0.0))
+                drawn.append(occ.addCircleArc(first, middles[-1], second))
+        occ.remove([(0, tag) for tag in middles])
+        return drawn
 
+    def _set_sizes(self) -> None:
+        """Sizes at all points, the smallest where several are given at one place."""
+        gmsh, shape, unit = self._gmsh, self._shape, self._unit
+        places = np.concatenate([*(polygon.points for polygon in shape.every), shape.points])
+        sizes = np.concatenate([*(polygon.sizes for polygon in shape.every), shape.sizes])
+        gmsh.option.setNumber("Mesh.MeshSizeMax", unit * float(sizes.max()))
+        for entity in gmsh.model.getEntities(0):
+            at = np.array(gmsh.model.getValue(*entity, [])[:2]) / unit
+            here = np.hypot(*(places - at).T) <= shape.rounding
+            gmsh.model.mesh.setSize([entity], unit * float(sizes[here].min() if here.any() else shape.largest))
 
-def _parts(gmsh: Any, shape: Polygons, surfaces: Sequence[int]) -> MeshParts:
-    """Vertices, triangles, edges by name, triangles by region."""
-    tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    number = np.full(int(tags.max()) + 1, -1)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
-    points = np.asarray(coordinates, dtype=float).reshape(-1, 3)[:, :2]
-    cells = number[np.concatenate([_elements(gmsh, 2, tag) for tag in sorted(surfaces)])]
-    used = np.unique(cells)
-    vertex = np.full(len(points), -1)
-    vertex[used] = np.arange(len(used))
-    pairs = {tag: vertex[number[_elements(gmsh, 1, tag)]] for _, tag in gmsh.model.getEntities(1)}
-    ends, edge_sets = _ends(gmsh), {}
-    for name, curves in _curves(ends, shape).items():
-        edge_sets[name] = np.concatenate([pairs[tag] for tag in curves])
-        if (edge_sets[name] < 0).any():
-            raise InputError(
-                f"joints.{name}", name, "this inner line leaves the body: end it on the boundary or inside"
-            )
-    cells = divided_corners(points[used], vertex[cells], np.concatenate(list(pairs.values())))
-    centres = points[used][cells].mean(axis=1)
-    regions = {name: np.flatnonzero(polygon.holds(centres)) for name, polygon in shape.regions.items()}
-    for name, chosen in regions.items():
-        if not len(chosen):
-            raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
-    return MeshParts(points[used], cells, edge_sets, regions, _arcs(ends, shape, pairs))
+    def _elements(self, dimension: int, tag: int) -> IntArray:
+        """Tags of nodes (k, 2) or (k, 3) of the lines or triangles of a curve or surface, kinds 1 and 2 of gmsh."""
+        nodes = self._gmsh.model.mesh.getElementsByType(dimension, tag)[1]
+        return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)
 
+    def _on(self, polygon: Polygon, pieces: BoolArray, ends: Mapping[int, FloatArray]) -> list[int]:
+        """The curves both ends of which lie on one and the same of some pieces (k,) of a polygon."""
+        near = {tag: polygon.distances(both)[:, pieces] <= self._shape.rounding for tag, both in ends.items()}
+        return [tag for tag, close in near.items() if close.all(axis=0).any()]
 
-def _arcs(ends: Mapping[int, FloatArray], shape: Polygons, pairs: Mapping[int, IntArray]) -> list[Arc]:
-    """The edges on each circle, from those of each curve of gmsh, (k, 2) by its number, and the curve's ends."""
-    found = dict[tuple[float, float, float], set[int]]()
-    for polygon in shape.every:
-        for centre in np.unique(polygon.centres[np.isfinite(polygon.centres[:, 0])], axis=0):
-            alike = (polygon.centres == centre).all(axis=1)
-            for radius in np.unique(np.hypot(*(polygon.pieces[alike, 0] - centre).T).round(12)).tolist():
-                own = alike & (np.abs(np.hypot(*(polygon.pieces[:, 0] - centre).T) - radius) <= _ON_CIRCLE * radius)
-                on = {tag for tag, both in ends.items() if _on_one(polygon.distances(both)[:, own], shape.rounding)}
-                found.setdefault((*centre.tolist(), radius), set()).update(on)
-    taken, arcs = set[int](), []
-    for (x, y, radius), tags in found.items():
-        new = sorted(tags - taken)  # a line that two parts of the outline share is one
-        taken.update(tags)
-        if new:
-            arcs.append(Arc((x, y), radius, np.concatenate([pairs[tag] for tag in new])))
-    return arcs
+    def _named(self, ends: Mapping[int, FloatArray]) -> dict[str, list[int]]:
+        """Curves by the name of the piece of the outline on which they lie."""
+        shape, found = self._shape, dict[str, list[int]]()
+        lines = [(name, p) for p in (shape.outer, *shape.holes) for name in dict.fromkeys(filter(None, p.names))]
+        for name, polygon in (*lines, *shape.joints.items()):
+            joint = shape.joints.get(name) is polygon
+            pieces = np.array([joint or other == name for other in polygon.names])
+            found[name] = sorted({*found.get(name, []), *self._on(polygon, pieces, ends)})
+        return found
 
-
-def _ends(gmsh: Any) -> dict[int, FloatArray]:
-    """Both ends (2, 2) of each curve of gmsh."""
-    found = {}
-    for entity in gmsh.model.getEntities(1):
-        tags = [abs(tag) for _, tag in gmsh.model.getBoundary([entity])]
-        found[entity[1]] = np.array([gmsh.model.getValue(0, tag, [])[:2] for tag in tags])
-    return found
-
-
-def _curves(ends: Mapping[int, FloatArray], shape: Polygons) -> dict[str, list[int]]:
-    """Curves of gmsh by the name of the piece of the outline on which both their ends lie."""
-    named = [
-        (name, polygon, [other == name for other in polygon.names])
-        for polygon in (shape.outer, *shape.holes)
-        for name in dict.fromkeys(filter(None, polygon.names))
-    ]
-    named += [(name, polygon, [True] * len(polygon.names)) for name, polygon in shape.joints.items()]
-    found: dict[str, list[int]] = {}
-    for name, polygon, pieces in named:
-        on = [tag for tag, both in ends.items() if _on_one(polygon.distances(both)[:, pieces], shape.rounding)]
-        found[name] = sorted({*found.get(name, []), *on})
-    return found
-
-
-def _on_one(distances: FloatArray, near: float) -> bool:
-    """Whether all points are near to one and the same piece, from their distances (points, pieces)."""
-    return bool((distances <= near).all(axis=0).any())
-
-
-def _elements(gmsh: Any, dimension: int, tag: int) -> IntArray:
-    """Nodes (k, 2) or (k, 3) of the lines or triangles of a curve or surface."""
-    kind = {1: 1, 2: 2}[dimension]
-    nodes = gmsh.model.mesh.getElementsByType(kind, tag)[1]
-    return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)
+    def _arcs(self, ends: Mapping[int, FloatArray], pairs: Mapping[int, IntArray]) -> list[Arc]:
+        """The edges on each circle, from the edges (k, 2) of each curve."""
+        found = dict[tuple[float, float, float], set[int]]()
+        for polygon in self._shape.every:
+            for centre in np.unique(polygon.centres[np.isfinite(polygon.centres[:, 0])], axis=0):
+                radii = np.hypot(*(polygon.pieces[:, 0] - centre).T)
+                alike = (polygon.centres == centre).all(axis=1)
+                for radius in np.unique((self._unit * radii[alike]).round(12) / self._unit).tolist():
+                    own = alike & (np.abs(radii - radius) <= _ON_CIRCLE * radius)
+                    found.setdefault((*centre.tolist(), radius), set()).update(self._on(polygon, own, ends))
+        taken, arcs = set[int](), []
+        for (x, y, radius), tags in found.items():
+            new = sorted(tags - taken)  # a line that two parts of the outline share is one
+            taken.update(tags)
+            if new:
+                arcs.append(Arc((x, y), radius, np.concatenate([pairs[tag] for tag in new])))
+        return arcs
 
 
 def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:
@@ -252,16 +233,11 @@ def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> I
         other = int(pair[pair != cell][0])
         a, d = (int(np.setdiff1d(cells[each], (b, c))[0]) for each in (cell, other))
         turned = np.array([[a, b, d], [a, d, c]])
-        if _sharpest(vertices[turned]) > _SHARPEST:
+        sides = np.roll(vertices[turned], -1, axis=1) - vertices[turned]
+        before = -np.roll(sides, 1, axis=1)
+        lengths = np.hypot(*np.moveaxis(sides, 2, 0)) * np.hypot(*np.moveaxis(before, 2, 0))
+        sines = cross(sides, before) / lengths  # of another sign in a triangle that is turned over
+        if (sines * np.sign(sines[0, 0])).min() > _SHARPEST:
             changed[[cell, other]] = turned
             touched[pair] = True
     return changed
-
-
-def _sharpest(corners: FloatArray) -> float:
-    """The least sine of an angle of two triangles (2, 3, 2) that share an edge; negative if one is turned over."""
-    sides = np.roll(corners, -1, axis=1) - corners
-    before = -np.roll(sides, 1, axis=1)
-    cross = sides[..., 0] * before[..., 1] - sides[..., 1] * before[..., 0]
-    sines = cross / (np.hypot(*np.moveaxis(sides, 2, 0)) * np.hypot(*np.moveaxis(before, 2, 0)))
-    return float((sines * np.sign(sines[0, 0])).min())

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import (
     BoolArray,
     FloatArray,
-    IntArray,
     finite_number,
     positive_number,
     real_array,
@@ -123,44 +122,39 @@ def on_line(name: str, value: object, lines: FloatArray) -> float:
 def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshParts:
     """The triangles of a grid, and its sides "bottom", "right", "top" and "left"; see `TriangleMesh.grid`."""
     lines = checked_lines("x", x), checked_lines("y", y)
-    across, up, body = _without_long_cells(*lines, _checked_mask(active, (len(lines[1]) - 1, len(lines[0]) - 1)))
+    shape = len(lines[1]) - 1, len(lines[0]) - 1
+    remedy = f"give a boolean array of shape (ny, nx) = {shape}"
+    try:
+        mask = np.ones(shape, dtype=bool) if active is None else np.array(active)
+    except ValueError as error:  # rows of different lengths
+        raise InputError("active", active, remedy) from error
+    if mask.dtype != bool or mask.shape != shape:
+        raise InputError("active", active, remedy)
+    if not mask.any():
+        raise InputError("active", active, "at least one cell must belong to the body")
+    across, up, body = _without_long_cells(*lines, mask)
+    padded = ~np.pad(body, 1)
+    below, right, above, left = padded[:-2, 1:-1], padded[1:-1, 2:], padded[2:, 1:-1], padded[1:-1, :-2]
+    # A diagonal runs into more corners of the body than the other one would, or away from the middle of the grid.
+    rising, falling = (below & left).astype(int) + (above & right), (below & right).astype(int) + (above & left)
+    upper, right_half = (2 * np.arange(count) + 1 >= count for count in body.shape)
     row, column = np.nonzero(body)
+    falls = np.where(falling == rising, upper[:, None] != right_half, falling > rising)[row, column]
     stride = len(across)
     a = column + row * stride  # corners of each cell, counterclockwise from the lower left one
     b, c, d = a + 1, a + 1 + stride, a + stride
-    falling = _falling(body)[row, column]
-    first = np.column_stack([a, b, np.where(falling, d, c)])
-    second = np.column_stack([np.where(falling, b, a), c, d])
+    first = np.column_stack([a, b, np.where(falls, d, c)])
+    second = np.column_stack([np.where(falls, b, a), c, d])
     cells = np.stack([first, second], axis=1).reshape(-1, 3)
-    padded = np.pad(body, 1)
-    sides = {
-        "bottom": (a, b, padded[:-2, 1:-1]),
-        "right": (b, c, padded[1:-1, 2:]),
-        "top": (d, c, padded[2:, 1:-1]),
-        "left": (a, d, padded[1:-1, :-2]),
-    }
     used = np.unique(cells)
     number = np.full(len(across) * len(up), -1)
     number[used] = np.arange(len(used))
     sets = {}
-    for name, (start, stop, beyond) in sides.items():
-        exposed = ~beyond[row, column]
+    for name, start, stop, free in zip(SIDES, (a, b, d, a), (b, c, c, d), (below, right, above, left), strict=True):
+        exposed = free[row, column]
         sets[name] = number[np.column_stack([start[exposed], stop[exposed]])]
     vertices = np.column_stack([across[used % stride], up[used // stride]])
     return MeshParts(vertices, number[cells], sets)
-
-
-def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
-    remedy = f"give a boolean array of shape (ny, nx) = {shape}"
-    try:
-        active = np.ones(shape, dtype=bool) if mask is None else np.array(mask)
-    except ValueError as error:  # rows of different lengths
-        raise InputError("active", mask, remedy) from error
-    if active.dtype != bool or active.shape != shape:
-        raise InputError("active", mask, remedy)
-    if not active.any():
-        raise InputError("active", mask, "at least one cell must belong to the body")
-    return active
 
 
 def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -169,24 +163,23 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
     Lines go through the whole grid: those that cut a long cell make others thinner, which may then need cuts the other
     way. Where that takes more than one round, or makes a small grid a large one, a grid is the wrong mesh for the body.
     """
-    most = max(_FEW_CELLS, 4 * active.size)
+    most, lines = max(_FEW_CELLS, 4 * active.size), [x, y]
     for axis in (0, 1):
-        width, height = np.diff(x), np.diff(y)
-        if axis == 0:
-            thinnest = np.where(active, height[:, None], np.inf).min(axis=0)
-            pieces = np.ceil(width / (LONGEST * thinnest) - 1e-9)
-        else:
-            thinnest = np.where(active, width, np.inf).min(axis=1)
-            pieces = np.ceil(height / (LONGEST * thinnest) - 1e-9)
-        count = np.maximum(pieces, 1.0)
-        if count.max() == 1.0:
+        own, other = np.diff(lines[axis]), np.diff(lines[1 - axis])
+        thinnest = np.where(active if axis == 0 else active.T, other[:, None], np.inf).min(axis=0)
+        pieces = np.maximum(np.ceil(own / (LONGEST * thinnest) - 1e-9), 1.0)
+        if pieces.max() == 1.0:
             continue
-        if count.sum() * active.shape[axis] > most:
+        if pieces.sum() * active.shape[axis] > most:
             break
-        if axis == 0:
-            x, active = _divided(x, count.astype(np.int64)), np.repeat(active, count.astype(np.int64), axis=1)
-        else:
-            y, active = _divided(y, count.astype(np.int64)), np.repeat(active, count.astype(np.int64), axis=0)
+        count = pieces.astype(np.int64)
+        place, start = np.repeat(np.arange(len(count)), count), lines[axis][:-1]
+        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        lines[axis] = checked_lines(
+            "lines", np.append(start[place] + own[place] * (step / count[place]), lines[axis][-1])
+        )
+        active = np.repeat(active, count, axis=1 - axis)
+    x, y = lines
     width, height = np.diff(x), np.diff(y)[:, None]
     elongation = np.where(active, np.maximum(width / height, height / width), 1.0)
     if elongation.max() > (1.0 + 1e-6) * LONGEST:
@@ -198,26 +191,3 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
         )
         raise InputError("TriangleMesh.grid", float(elongation.max()), remedy)
     return x, y, active
-
-
-def _divided(lines: FloatArray, count: IntArray) -> FloatArray:
-    """Lines with each interval cut into so many equal parts."""
-    place = np.repeat(np.arange(len(count)), count)
-    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    inner = lines[place] + (lines[place + 1] - lines[place]) * (step / count[place])
-    return checked_lines("lines", np.append(inner, lines[-1]))
-
-
-def _falling(active: BoolArray) -> BoolArray:
-    """Cells (ny, nx) cut from upper left to lower right.
-
-    Those are the ones in more such corners of the body than of the others, and where that does not say it those in the
-    upper left and lower right quarters of the grid, by their number of cells.
-    """
-    padded = np.pad(active, 1)
-    below, above = ~padded[:-2, 1:-1], ~padded[2:, 1:-1]
-    left, right = ~padded[1:-1, :-2], ~padded[1:-1, 2:]
-    rising = (below & left).astype(int) + (above & right)
-    falling = (below & right).astype(int) + (above & left)
-    upper, right_half = (2 * np.arange(count) + 1 >= count for count in active.shape)
-    return np.asarray(np.where(falling == rising, upper[:, None] != right_half, falling > rising))

@@ -7,7 +7,7 @@ there are to be. The edges of the triangles know the circle, so that the body en
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -16,7 +16,6 @@ from qvi_contact.basics.checks import (
     BoolArray,
     FloatArray,
     IntArray,
-    finite_number,
     mapping,
     positive_number,
     true_or_false,
@@ -24,6 +23,7 @@ from qvi_contact.basics.checks import (
 from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.flaws import LARGEST
+from qvi_contact.mesh.selection import point
 
 Point: TypeAlias = tuple[float, float]
 
@@ -66,11 +66,11 @@ class Corner:
     size: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "at", _point("Corner.at", self.at))
+        object.__setattr__(self, "at", point("Corner.at", self.at))
         if not isinstance(self.name, str):
             raise InputError("Corner.name", self.name, "give a string")
         if self.centre is not None:
-            object.__setattr__(self, "centre", _point("Corner.centre", self.centre))
+            object.__setattr__(self, "centre", point("Corner.centre", self.centre))
         if self.size is not None:
             positive_number("Corner.size", self.size)
         object.__setattr__(self, "clockwise", true_or_false("Corner.clockwise", self.clockwise))
@@ -78,7 +78,7 @@ class Corner:
     @classmethod
     def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> tuple[Corner, Corner]:
         """A whole circle as two arcs, for holes, regions and closed joints."""
-        (x, y), radius = _point("centre", centre), positive_number("radius", radius)
+        (x, y), radius = point("centre", centre), positive_number("radius", radius)
         return cls((x + radius, y), name, (x, y), size=size), cls((x - radius, y), name, (x, y), size=size)
 
 
@@ -168,23 +168,6 @@ class Polygons:
     sizes: FloatArray
     largest: float
 
-    def scaled(self, factor: float) -> Polygons:
-        """The same, so many times as large."""
-
-        def scale(polygon: Polygon) -> Polygon:
-            centres = factor * polygon.centres
-            return replace(polygon, points=factor * polygon.points, sizes=factor * polygon.sizes, centres=centres)
-
-        return Polygons(
-            scale(self.outer),
-            tuple(map(scale, self.holes)),
-            {name: scale(polygon) for name, polygon in self.joints.items()},
-            {name: scale(polygon) for name, polygon in self.regions.items()},
-            factor * self.points,
-            factor * self.sizes,
-            factor * self.largest,
-        )
-
     @property
     def length(self) -> float:
         """The longer side of the bounding box [length]."""
@@ -210,29 +193,22 @@ def polygons(outline: Outline) -> Polygons:
     holes = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(outline.holes)))
     for kind, what in (("joints", "names to lines"), ("regions", "names to lines"), ("sizes", "points to sizes")):
         mapping(kind, getattr(outline, kind), what)
-    joints = {name: _joint(f"joints.{name}", line, size) for name, line in outline.joints.items()}
+    joints = dict[str, Polygon]()
+    for name, line in outline.joints.items():  # one whose last corner begins an arc can only lead back to the first
+        closed = any(isinstance(corner, Corner) and corner.centre is not None for corner in _listed(line)[-1:])
+        joints[name] = _polygon(f"joints.{name}", line, size, closed=closed)
     regions = {name: _polygon(f"regions.{name}", line, size, closed=True) for name, line in outline.regions.items()}
     for kind, names in (("joints", joints), ("regions", regions)):
         for name in names:
             if not isinstance(name, str) or not name:
                 raise InputError(kind, name, "give names that are not empty")
-    places = [_point("sizes", at) for at in outline.sizes]
+    places = [point("sizes", at) for at in outline.sizes]
     sizes = [positive_number(f"sizes[{at}]", given) for at, given in outline.sizes.items()]
     found = Polygons(outer, holes, joints, regions, np.array(places).reshape(-1, 2), np.array(sizes), size)
-    _check_place(found)
+    _check_sizes(found)
     _check_boundary(found)
-    _check_inside(found)
-    _check_work(found)
     _check_gaps(found)
     return found
-
-
-def _joint(name: str, line: Line, size: float) -> Polygon:
-    """An open line, or a closed one if an arc begins at its last corner: it can only lead back to the first."""
-    last = _listed(line)[-1:]
-    return _polygon(
-        name, line, size, closed=any(isinstance(corner, Corner) and corner.centre is not None for corner in last)
-    )
 
 
 def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
@@ -281,11 +257,23 @@ def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatAr
     return points
 
 
-def _check_place(found: Polygons) -> None:
-    """The body has a length, and lies near the origin compared with it."""
+def _check_sizes(found: Polygons) -> None:
+    """The body has a length, near the origin compared with it, and sizes do not make too many triangles."""
     farthest = max(float(np.abs(polygon.points).max()) for polygon in found.every)
     if not found.length > 0.0 or farthest > _FARTHEST * found.length:
         raise InputError("corners", farthest, f"the body is {found.length:g} long: move it to the origin")
+    smallest = min([found.largest, *(float(p.sizes.min()) for p in found.every), *found.sizes.tolist()])
+    if smallest < _SMALLEST * found.length:
+        raise InputError("size", smallest, f"is too small for a body of length {found.length:g}: give more")
+    edges = sum(
+        float((np.hypot(*np.diff(p.pieces, axis=1)[:, 0].T) / p.sizes[: len(p.names)]).sum()) for p in found.every
+    )
+    x, y = found.outer.points.T
+    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2.0
+    triangles = 4.0 / np.sqrt(3.0) * area / found.largest**2 + edges
+    if triangles > _MOST_TRIANGLES:
+        remedy = f"makes about {triangles:.0e} triangles, at most {_MOST_TRIANGLES}: give more"
+        raise InputError("size", found.largest, remedy)
 
 
 def _check_gaps(found: Polygons) -> None:
@@ -310,7 +298,7 @@ def _check_gaps(found: Polygons) -> None:
 
 
 def _check_boundary(found: Polygons) -> None:
-    """Boundary lines must not cross or touch, and holes lie in the body."""
+    """Boundary lines must not cross or touch, holes and places with sizes of their own lie in the body."""
     lines = [("corners", found.outer), *((f"holes[{k}]", hole) for k, hole in enumerate(found.holes))]
     pieces = np.concatenate([polygon.pieces for _, polygon in lines])
     if len(pieces) > _MOST_LINES:
@@ -324,10 +312,6 @@ def _check_boundary(found: Polygons) -> None:
         start = hole.points[:1]
         if not found.outer.holds(start)[0] or any(other.holds(start)[0] for other in others):
             raise InputError(f"holes[{k}]", tuple(start[0].tolist()), "this hole is not inside the body: move it")
-
-
-def _check_inside(found: Polygons) -> None:
-    """Places with a size of their own lie in the body or on its boundary."""
     inside = found.outer.holds(found.points)
     for hole in found.holes:
         inside &= ~hole.holds(found.points)
@@ -337,28 +321,12 @@ def _check_inside(found: Polygons) -> None:
         raise InputError("sizes", tuple(found.points[np.argmin(inside)].tolist()), "give points of the body")
 
 
-def _check_work(found: Polygons) -> None:
-    """Sizes so small that there would be too many triangles are refused before the work begins."""
-    smallest = min([found.largest, *(float(p.sizes.min()) for p in found.every), *found.sizes.tolist()])
-    if smallest < _SMALLEST * found.length:
-        raise InputError("size", smallest, f"is too small for a body of length {found.length:g}: give more")
-    edges = sum(
-        float((np.hypot(*np.diff(p.pieces, axis=1)[:, 0].T) / p.sizes[: len(p.names)]).sum()) for p in found.every
-    )
-    x, y = found.outer.points.T
-    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2.0
-    triangles = 4.0 / np.sqrt(3.0) * area / found.largest**2 + edges
-    if triangles > _MOST_TRIANGLES:
-        remedy = f"makes about {triangles:.0e} triangles, at most {_MOST_TRIANGLES}: give more"
-        raise InputError("size", found.largest, remedy)
-
-
 def _crossing(pieces: FloatArray, counts: Sequence[int]) -> int | None:
     """A piece (k, 2, 2) that meets another one elsewhere than at the end they share as neighbours; None if none does.
 
     Pieces come as closed lines one after the other, of so many pieces each.
     """
-    following = np.concatenate([start + np.roll(np.arange(count), -1) for start, count in _starts(counts)])
+    following = np.concatenate([np.roll(part, -1) for part in np.split(np.arange(len(pieces)), np.cumsum(counts)[:-1])])
     low, high = pieces.min(axis=1), pieces.max(axis=1)
     order = np.argsort(low[:, 0], kind="stable")
     ends = np.searchsorted(low[order, 0], high[order, 0], side="right")
@@ -366,29 +334,13 @@ def _crossing(pieces: FloatArray, counts: Sequence[int]) -> int | None:
         others = order[place + 1 : end]  # those that begin before this one ends, from left to right
         others = others[(low[others, 1] <= high[k, 1]) & (high[others, 1] >= low[k, 1])]
         neighbours = (following[others] == k) | (others == following[k])
-        if (_meet(pieces[k], pieces[others]) & ~neighbours).any():
+        (a, b), (c, d) = pieces[k], pieces[others].swapaxes(0, 1)
+        of_c, of_d = _side(a, b, c), _side(a, b, d)
+        meet = (of_c * of_d <= 0) & (_side(c, d, a) * _side(c, d, b) <= 0)
+        back = (of_c == 0) & (of_d == 0) & ((d - c) @ (b - a) < 0.0)  # a neighbour that lies on the piece
+        if np.where(neighbours, back, meet).any():
             return int(k)
-        for other in others[neighbours].tolist():
-            if _turns_back(pieces[k], pieces[other]):
-                return int(k)
     return None
-
-
-def _meet(piece: FloatArray, others: FloatArray) -> BoolArray:
-    """Whether a piece (2, 2) has a point in common with others (m, 2, 2) whose boxes meet its own."""
-    (a, b), (c, d) = piece, others.swapaxes(0, 1)
-    return np.asarray((_side(a, b, c) * _side(a, b, d) <= 0) & (_side(c, d, a) * _side(c, d, b) <= 0))
-
-
-def _turns_back(piece: FloatArray, neighbour: FloatArray) -> bool:
-    """Whether a piece lies on the neighbour that it shares an end with."""
-    (a, b), (c, d) = piece, neighbour
-    straight = _side(a, b, c) == 0 and _side(a, b, d) == 0
-    return bool(straight and (b - a) @ (d - c) < 0.0)
-
-
-def _starts(counts: Sequence[int]) -> list[tuple[int, int]]:
-    return list(zip(np.concatenate([[0], np.cumsum(counts)[:-1]]).tolist(), counts, strict=True))
 
 
 def _side(a: FloatArray, b: FloatArray, p: FloatArray) -> IntArray:
@@ -403,9 +355,3 @@ def _listed(line: object) -> Sequence[Any]:
     if not isinstance(line, Sequence) or isinstance(line, str):
         raise InputError("outline", line, "give a list of corners, and of such lists for holes")
     return line
-
-
-def _point(name: str, value: object) -> Point:
-    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str) or len(value) != 2:
-        raise InputError(name, value, "give a pair (x, y)")
-    return finite_number(name, value[0]), finite_number(name, value[1])

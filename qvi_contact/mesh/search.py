@@ -13,7 +13,7 @@ from qvi_contact.mesh.arcs import reference_of
 
 _INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
 _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
-_TOGETHER: Final = 64  # points that are looked for in all triangles at a time
+_TOGETHER: Final = 256  # points that are looked for in all triangles at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +28,8 @@ class PointSearch:
         Coordinates of these [length].
     sides : (m, 3, k) array
         How their sides bend, see `mesh.arcs`.
+    curved : (m,) bool array
+        Whether any of them bends.
     reach : (m,) array
         Radii of circles at the centres of the corners that hold the triangles, arcs included [length].
 
@@ -36,11 +38,8 @@ class PointSearch:
     cells: IntArray
     corners: FloatArray
     sides: FloatArray
+    curved: BoolArray
     reach: FloatArray
-
-    @cached_property
-    def _curved(self) -> BoolArray:
-        return np.asarray(self.sides.any(axis=(1, 2)))
 
     @cached_property
     def _centres(self) -> cKDTree:
@@ -90,7 +89,7 @@ class PointSearch:
         area = ux * vy - uy * vx
         second, third = (wx * vy - wy * vx) / area, (ux * wy - uy * wx) / area
         found = np.column_stack([1.0 - second - third, second, third])
-        bent = self._curved[cells]
+        bent = self.curved[cells]
         if bent.any():
             found[bent] = reference_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
         return found

@@ -6,7 +6,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.topology import Topology
 
@@ -27,6 +27,13 @@ def new_name(name: object, taken: Iterable[str] = (), what: str = "edge set") ->
     if name in taken:
         raise InputError("name", name, f"this {what} exists already: choose another name")
     return name
+
+
+def point(name: str, value: object) -> tuple[float, float]:
+    """A pair of finite coordinates, or `InputError`."""
+    if not isinstance(value, Iterable) or isinstance(value, str) or len(pair := tuple(value)) != 2:
+        raise InputError(name, value, "give a pair (x, y)")
+    return finite_number(name, pair[0]), finite_number(name, pair[1])
 
 
 def numbers_of(name: str, value: Any, kind: type) -> Any:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, IntArray
 
 OPPOSITE = ((1, 2), (0, 2), (0, 1))
 """Corners of the edges of a triangle, edge s opposite to corner s."""
@@ -63,16 +63,6 @@ class Topology:
         wanted = np.minimum(one, other) * self.base + np.maximum(one, other)
         at = np.minimum(np.searchsorted(self.keys, wanted), len(self.keys) - 1)
         return np.where(self.keys[at] == wanted, at, -1)
-
-
-def outward_normals(vertices: FloatArray, cells: IntArray, topology: Topology, edges: IntArray) -> FloatArray:
-    """Unit normals of edges that point out of the first triangle at each, shape (k, 2)."""
-    first, second = vertices[topology.ends[edges]].swapaxes(0, 1)
-    along = second - first
-    normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
-    inner = vertices[cells[topology.cells[edges, 0]]].mean(axis=1)
-    inward = ((inner - first) * normal).sum(axis=1) > 0.0
-    return np.asarray(np.where(inward[:, None], -normal, normal))
 
 
 def chains(ends: IntArray) -> list[IntArray]:

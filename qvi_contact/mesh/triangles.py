@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import barycentric_of, reversed_bends, stretches
+from qvi_contact.mesh.arcs import barycentric_of, stretches
 from qvi_contact.mesh.bisection import bisected, divided_at_arcs, fanned
 from qvi_contact.mesh.curves import AnyArc, Arc, Curve, CurveFunction, MeshParts, bends_of, fitted, refuse_bad_arcs
-from qvi_contact.mesh.edges import Edges, points_along
+from qvi_contact.mesh.edges import Edges, edges_of, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.gmsh import meshed
@@ -35,14 +35,13 @@ from qvi_contact.mesh.selection import (
     selected,
     triangles_in_box,
 )
-from qvi_contact.mesh.topology import Topology, chains, outward_normals
+from qvi_contact.mesh.topology import Topology, chains
 from solvers.basics.names import known_name
 from solvers.basics.types import Stated, load
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
 
-_UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 _EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
 _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
@@ -330,23 +329,25 @@ class TriangleMesh(Stated):
     @cached_property
     def boundary(self) -> Edges:
         """All edges of the boundary, in the order of `topology`."""
-        return self._edges(np.flatnonzero(self.topology.boundary))
+        return edges_of(self.vertices, self.cells, self.topology, self.bends, np.flatnonzero(self.topology.boundary))
 
     @cached_property
     def interior(self) -> Edges:
         """All edges between two triangles, in the order of `topology`; the first triangle is the lower or left one."""
-        return self._edges(np.flatnonzero(~self.topology.boundary))
+        return edges_of(self.vertices, self.cells, self.topology, self.bends, np.flatnonzero(~self.topology.boundary))
 
     @cached_property
     def hole_edges(self) -> BoolArray:
         """Which edges of `boundary` bound a hole rather than the outside, shape (edges,): all but the largest line."""
+        holes = np.ones(len(self.boundary), dtype=bool)
+        if len(self.outlines) == 1:
+            return ~holes
         place = np.cumsum(self.topology.boundary) - 1
         sizes = []  # areas that the lines enclose, negative around holes
         for line in self.outlines:
             edges = self.boundary.take(place[line])
             middle = points_along(self.vertices, edges, np.array([0.5]))[:, 0] - self.origin
             sizes.append(abs(float(((middle * edges.normal).sum(axis=1) * edges.length).sum())))
-        holes = np.ones(len(self.boundary), dtype=bool)
         holes[place[self.outlines[int(np.argmax(sizes))]]] = False
         return holes
 
@@ -417,23 +418,6 @@ class TriangleMesh(Stated):
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
         return self._places[known_name("name", name, {"edge sets and joints": self.edge_sets})][0]
-
-    def _edges(self, numbers: IntArray) -> Edges:
-        """Edges of `topology` with normals and tangents."""
-        first, second = self.topology.ends[numbers].T
-        along = self.vertices[second] - self.vertices[first]
-        length = np.hypot(*along.T)
-        tangent = along / length[:, None]
-        back = _points_back(tangent)
-        tangent = np.where(back[:, None], -tangent, tangent)
-        normal = outward_normals(self.vertices, self.cells, self.topology, numbers)
-        cells = self.topology.cells[numbers]
-        swapped = (cells[:, 1] >= 0) & _points_back(normal[:, ::-1])
-        normal = np.where(swapped[:, None], -normal, normal)
-        cells = np.where(swapped[:, None], cells[:, ::-1], cells)
-        bend = np.where(back[:, None], reversed_bends(self.bends[numbers]), self.bends[numbers])
-        length = length * stretches(bend)
-        return Edges(np.where(back, second, first), np.where(back, first, second), cells, normal, tangent, length, bend)
 
     def with_edges(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more named part of the boundary.
@@ -586,7 +570,7 @@ class TriangleMesh(Stated):
         corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
         lengths = self._edge_lengths * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
         reach = (1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0)  # arcs stay that near
-        return PointSearch(self.cells, self.corners, self.sides, reach)
+        return PointSearch(self.cells, self.corners, self.sides, self.curved, reach)
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
@@ -664,7 +648,7 @@ class TriangleMesh(Stated):
             How often triangles at the vertices are made half as long, at least: before angles are halved they are.
 
         """
-        return TriangleMesh(*fanned(self._parts, vertices, angle * (1.0 + _UPRIGHT), layers))
+        return TriangleMesh(*fanned(self._parts, vertices, angle, layers))
 
     @property
     def _parts(self) -> MeshParts:
@@ -707,9 +691,3 @@ class TriangleMesh(Stated):
                 remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
                 raise InputError("depth", depth, remedy) from error
         return mesh
-
-
-def _points_back(vectors: FloatArray) -> BoolArray:
-    """Whether vectors (n, 2) point to the left, or straight down."""
-    upright = np.abs(vectors[:, 0]) <= _UPRIGHT
-    return np.asarray(np.where(upright, vectors[:, 1], vectors[:, 0]) < 0.0)

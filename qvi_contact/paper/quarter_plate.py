@@ -133,7 +133,7 @@ class QuarterPlate:
         weights = np.outer(self._along_x.sizes, GAUSS_WEIGHTS).ravel()
         nothing = np.zeros(len(weights))
         load = -(normal.T @ weights)
-        return FrictionQVI(
+        return FrictionQVI.from_arrays(
             K=sparse.csc_array(self._root.R.T @ self._root.R), f=load, N=normal, n0=nothing, T=shear, t0=nothing,
             mu=np.full(len(weights), self.friction), W=weights, root=self._root, load=load, traces=self._traces(),
         )  # fmt: skip

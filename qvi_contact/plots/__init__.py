@@ -51,8 +51,7 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "bracket": ("bracket_figure",),
-        "companion": ("deformed_figure",),
+        "bounds": ("bracket_figure", "deformed_figure"),
         "fields": ("stress_crosses",),
         "inline": ("inline_svg",),
         "labels": ("value_range",),

@@ -1,6 +1,6 @@
 """Stresses over the whole body: crosses of principal stresses, and components as coloured fields."""
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from qvi_contact.plots.style import (
     BLUE,
     VERMILLION,
     bounding_box,
+    colour_bar,
     draw_grid,
     draw_outline,
     frame,
@@ -85,11 +86,15 @@ def principal_stress_map(
     draw_grid(axes, mesh)
     width = float(np.clip(0.25 * np.median(spacing) * points_per_length(axes, mesh), 0.2, 1.1))
     stress_crosses(axes, np.stack([x, y], axis=-1), stress, spacing, full, width)
-    frame(axes, mesh)
-    if units is not None:
-        _label_axes(axes, plain_units(units))
+    frame(axes, mesh, units and plain_units(units))
     if legend:
-        _legend(axes, full, plain_units(units))
+        from matplotlib.lines import Line2D
+
+        handles = [
+            Line2D([], [], color=BLUE, label="compression"),
+            Line2D([], [], color=VERMILLION, linestyle=(0, (1, 1)), marker="o", markersize=3, label="tension"),
+        ]
+        legend_below(axes, handles, f"arm length: {full:.4g} {plain_units(units).stress}")
     return maximum
 
 
@@ -114,6 +119,8 @@ def stress_crosses(
         Of the lines, in points.
 
     """
+    from matplotlib.collections import EllipseCollection
+
     first, second, angle = principal_stresses(stress)
     least = 1e-3 * float(max(np.abs(first).max(), np.abs(second).max()))
     for values, turn in ((first, 0.0), (second, np.pi / 2)):
@@ -123,7 +130,10 @@ def stress_crosses(
         pushed, pulled = values < -least, values > least
         axes.add_collection(lines(ends[pushed], BLUE, "solid", width))
         axes.add_collection(lines(ends[pulled], VERMILLION, (0, (1, 1)), width))
-        _dots(axes, ends[pulled], spacing[pulled])
+        size = _DOT * np.repeat(spacing[pulled], 2)  # of round dots at both ends, smaller in small cells
+        dots: dict[str, Any] = {"offsets": ends[pulled].reshape(-1, 2), "offset_transform": axes.transData}
+        look: dict[str, Any] = {"units": "xy", "facecolors": VERMILLION, "edgecolors": "none"}
+        axes.add_collection(EllipseCollection(size, size, np.zeros_like(size), **look, **dots))
 
 
 def stress_field(
@@ -132,7 +142,6 @@ def stress_field(
     component: str = "von_mises",
     units: Units | None = None,
     limits: tuple[float | None, float | None] = (None, None),
-    colour_bar: bool = True,
 ) -> "TriMesh":
     """Draw one scalar stress as a coloured field, each cell from its own element.
 
@@ -153,13 +162,11 @@ def stress_field(
     limits : (float, float), optional
         Stresses at the ends of the colour bar [stress]. None stands for the extreme of what is drawn; with both so, the
         range is centred on zero where both signs occur.
-    colour_bar : bool
-        Whether to add a colour bar.
 
     Returns
     -------
     matplotlib TriMesh
-        The field, for a colour bar of one's own.
+        The field.
 
     """
     mesh, units = result.problem.mesh, plain_units(units)
@@ -167,14 +174,11 @@ def stress_field(
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells])
     field = draw_values(axes, samples.points, samples.triangles, values, limits)
     draw_outline(axes, mesh)
-    frame(axes, mesh)
-    _label_axes(axes, units)
-    if colour_bar:
-        low, high = field.get_clim()
-        beyond = (bool(values.min() < low), bool(values.max() > high))
-        extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
-        label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
-        axes.figure.colorbar(field, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label, extend=extend)
+    frame(axes, mesh, units)
+    low, high = field.get_clim()
+    beyond = (bool(values.min() < low), bool(values.max() > high))
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+    colour_bar(axes, field, f"{COMPONENT_LABELS[component]} [{units.stress}]", extend)
     return field
 
 
@@ -185,35 +189,29 @@ def draw_values(
     values: FloatArray,
     limits: tuple[float | None, float | None] = (None, None),
 ) -> "TriMesh":
-    """Draw values (n,) at points (n, 2) as colours that run through triangles (t, 3), in `colour_range`."""
+    """Draw values (n,) at points (n, 2) as colours that run through triangles (t, 3).
+
+    Values of one sign get a sequential map, dark where they are small; values of both signs a diverging one that is
+    white at zero. A field that is uniform up to rounding gets a range that does not show the rounding.
+    """
     from matplotlib.tri import Triangulation
 
-    (low, high), colours = colour_range(values, limits)
+    extremes = float(np.nanmin(values)), float(np.nanmax(values))
+    low, high = (extreme if limit is None else limit for extreme, limit in zip(extremes, limits, strict=True))
+    size = max(abs(low), abs(high))
+    if low < -1e-6 * size and high > 1e-6 * size:
+        low, high, colours = (-size, size, "PuOr_r") if limits == (None, None) else (low, high, "PuOr_r")
+    else:
+        if high - low <= 1e-6 * size or size == 0.0:
+            middle, half = (low + high) / 2.0, 0.05 * size or 1.0
+            low, high = middle - half, middle + half
+        colours = "cividis" if high > -low else "cividis_r"
     shape = Triangulation(points[:, 0], points[:, 1], triangles)
     field: TriMesh = axes.tripcolor(
         shape, values, shading="gouraud", cmap=colours, vmin=low, vmax=high, rasterized=True
     )
     field.set_in_layout(False)  # or a layout asks for the extent of every triangle
     return field
-
-
-def colour_range(
-    values: FloatArray, limits: tuple[float | None, float | None] = (None, None)
-) -> tuple[tuple[float, float], str]:
-    """Ends of the colour bar and name of the colour map for values, of which NaN do not count.
-
-    Values of one sign get a sequential map, dark where they are small; values of both signs a diverging one that is
-    white at zero. A field that is uniform up to rounding gets a range that does not show the rounding.
-    """
-    extremes = float(np.nanmin(values)), float(np.nanmax(values))
-    low, high = (extreme if limit is None else limit for extreme, limit in zip(extremes, limits, strict=True))
-    size = max(abs(low), abs(high))
-    if low < -1e-6 * size and high > 1e-6 * size:
-        return ((-size, size) if limits == (None, None) else (low, high)), "PuOr_r"
-    if high - low <= 1e-6 * size or size == 0.0:
-        middle, half = (low + high) / 2.0, 0.05 * size or 1.0
-        low, high = middle - half, middle + half
-    return (low, high), "cividis" if high > -low else "cividis_r"
 
 
 def _evenly(result: ContactResult, crosses: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None:
@@ -231,32 +229,3 @@ def _evenly(result: ContactResult, crosses: int) -> tuple[FloatArray, FloatArray
     if not len(points):
         return None
     return *points.T, result.stress(*points.T), np.full(len(points), steps.min())
-
-
-def _dots(axes: "Axes", ends: FloatArray, spacing: FloatArray) -> None:
-    """Round dots at both ends of segments (n, 2, 2), in sizes that shrink with the cells."""
-    from matplotlib.collections import EllipseCollection
-
-    size = _DOT * np.repeat(spacing, 2)
-    axes.add_collection(
-        EllipseCollection(
-            size, size, np.zeros_like(size), units="xy", offsets=ends.reshape(-1, 2), offset_transform=axes.transData,
-            facecolors=VERMILLION, edgecolors="none",
-        )
-    )  # fmt: skip
-
-
-def _label_axes(axes: "Axes", units: Units) -> None:
-    axes.set_xlabel(f"x [{units.length}]")
-    axes.set_ylabel(f"y [{units.length}]")
-
-
-def _legend(axes: "Axes", full: float, units: Units) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], color=BLUE, label="compression"),
-        Line2D([], [], color=VERMILLION, linestyle=(0, (1, 1)), marker="o", markersize=3, label="tension"),
-    ]
-    title = f"arm length: {full:.4g} {units.stress}"
-    legend_below(axes, handles, title)

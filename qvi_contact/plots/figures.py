@@ -19,7 +19,7 @@ from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, plain_text, plain_units, settings
 from qvi_contact.plots.tractions import contact_tractions
-from qvi_contact.problem.conditions import CARTESIAN, Condition, Displacement, components
+from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.sampling import cell_factors, von_mises
@@ -83,7 +83,9 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
     if len(names) > _PANELS:
         title += f" Without a panel of tractions: {', '.join(names[_PANELS:])}."
     names = names[:_PANELS]
-    top = _panel_height(result.problem, _WIDTH / (3 if names else 2)) + 2.1  # titles and legends
+    low, high = bounding_box(result.problem.mesh)
+    width = _WIDTH / (3 if names else 2)
+    top = float(np.clip(0.72 * width * (high[1] - low[1]) / (high[0] - low[0]), 2.4, 7.0)) + 2.1  # titles and legends
     with settings():
         figure = new_figure(_WIDTH, top + (3.4 if names else 0.0))
         figure.set_layout_engine("constrained", h_pad=_APART)
@@ -200,15 +202,17 @@ def history_figure(
     if isinstance(history, Mapping):
         loops: Mapping[str, tuple[ArrayLike, ArrayLike]] = history
     else:
-        forces = _forces_of(history)
-        first = next((step for step in history.steps if step.has_state), None)
-        loops = {} if first is None else _loops(history, first.problem)
+        steps = [step for step in history.steps if step.has_state]
+        for step in steps:
+            for name, line in step.contacts.items():
+                forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
+        loops = _loops(history, steps[0].problem) if steps else {}
     contacts, shown = list(forces)[:_PANELS], list(loops)[:_PANELS]
     if not contacts and not shown:
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
-    steps = max(map(len, forces.values()), default=0)
-    if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < steps):
-        raise InputError("times", times, f"give the times of all {steps} steps")
+    count = max(map(len, forces.values()), default=0)
+    if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
+        raise InputError("times", times, f"give the times of all {count} steps")
     with settings():
         rows = bool(contacts) + bool(shown)
         figure = new_figure(max(4.6, 3.6 * max(len(contacts), len(shown))), 3.6 if rows == 1 else 6.8)
@@ -225,9 +229,7 @@ def history_figure(
     return figure
 
 
-def hysteresis_loop(
-    axes: "Axes", displacement: ArrayLike, force: ArrayLike, units: Units | None = None, label: str | None = None
-) -> None:
+def hysteresis_loop(axes: "Axes", displacement: ArrayLike, force: ArrayLike, units: Units | None = None) -> None:
     """Draw the tangential force of a contact against the displacement that drives it: a dot a step, the first hollow.
 
     Parameters
@@ -240,8 +242,6 @@ def hysteresis_loop(
         Tangential force a unit of thickness [stress × length].
     units : Units, optional
         Labels.
-    label : str, optional
-        Name for a legend.
 
     Raises
     ------
@@ -256,7 +256,7 @@ def hysteresis_loop(
         raise InputError("hysteresis_loop", shapes, "give displacements and forces as rows of one length")
     axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
     axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
-    axes.plot(moved, carried, color=BLUE, marker="o", markersize=3, linewidth=1.0, label=label and plain_text(label))
+    axes.plot(moved, carried, color=BLUE, marker="o", markersize=3, linewidth=1.0)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     axes.locator_params(axis="x", nbins=6)
     axes.plot(moved[:1], carried[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
@@ -269,24 +269,19 @@ def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[Arr
 
     Edge sets moved across if these move the body; none if nothing moves, as under loads that change.
     """
-    driven = [condition.edges for condition in problem.conditions if _is_driven(problem, condition)]
+    moved = [condition for condition in problem.conditions if isinstance(condition, Displacement)]
+    driven = []
+    for condition in moved:
+        tangent = problem.mesh.edges(condition.edges).tangent[0]
+        if {CARTESIAN[int(np.argmax(np.abs(tangent)))], "tangential"} & set(components(condition)):
+            driven.append(condition.edges)
     loops: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name in (*(contact.name for contact in problem.contacts), *driven):
         with suppress(InputError):  # an obstacle at rest while displacements move the body
             loops.setdefault(name, history.loop(name))
-    for condition in problem.conditions if not loops else ():
-        if isinstance(condition, Displacement):
-            loops.setdefault(condition.edges, history.loop(condition.edges))
+    for condition in moved if not loops else ():
+        loops.setdefault(condition.edges, history.loop(condition.edges))
     return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
-
-
-def _is_driven(problem: ContactProblem, condition: Condition) -> bool:
-    """Whether this is a displacement along its edges."""
-    if not isinstance(condition, Displacement):
-        return False
-    given, tangent = components(condition), problem.mesh.edges(condition.edges).tangent[0]
-    along = CARTESIAN[int(np.argmax(np.abs(tangent)))]
-    return along in given or "tangential" in given
 
 
 def _states(part: "SubFigure", result: ContactResult, units: Units, with_contacts: bool) -> None:
@@ -334,15 +329,6 @@ def _tractions(part: "SubFigure", result: ContactResult, names: Sequence[str], u
     part.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles), frameon=False)
 
 
-def _forces_of(history: LoadHistory) -> dict[str, list[tuple[float, float]]]:
-    """Normal and tangential force of each contact in each step that has a state, which is read once."""
-    forces: dict[str, list[tuple[float, float]]] = {}
-    for step in history.steps:
-        for name, line in step.contacts.items() if step.has_state else ():
-            forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
-    return forces
-
-
 def _forces(
     axes: "Axes", forces: Sequence[tuple[float, float]], name: str, units: Units, times: FloatArray | None
 ) -> None:
@@ -361,12 +347,6 @@ def _forces(
     axes.set_ylabel(f"force [{units.engineering_force}]")
     axes.locator_params(axis="x", integer=times is None)
     axes.legend(frameon=False)
-
-
-def _panel_height(problem: ContactProblem, width: float) -> float:
-    """Height [inch] that suits a panel of this width showing the body with equal scales."""
-    low, high = bounding_box(problem.mesh)
-    return float(np.clip(0.72 * width * (high[1] - low[1]) / (high[0] - low[0]), 2.4, 7.0))
 
 
 def _wrapped(title: str, figure: "Figure") -> str:

@@ -47,17 +47,15 @@ def inline_svg(svg: str, name: str, label: str) -> str:
     Matplotlib numbers its ids anew in each picture: each gets `name` and "--" in front, and so does each reference to
     it. A style sheet for all elements holds for those of the picture only. The least width keeps text readable.
     """
-    scoped = _STYLE_SHEET.sub(rf"\1#{name}--svg *{{", _TAG.sub(lambda tag: _prefixed(tag[0], name), svg))
-    return _TAG.sub(lambda tag: _labelled(tag[0], name, label), scoped, count=1).rstrip() + "\n"
 
+    def prefixed(tag: re.Match[str]) -> str:
+        return _REFERENCE.sub(lambda match: f"{name}--{match[0]}", _ID.sub(rf"{name}--\1", tag[0]))
 
-def _prefixed(tag: str, name: str) -> str:
-    """A tag with its ids and references."""
-    return _REFERENCE.sub(lambda match: f"{name}--{match[0]}", _ID.sub(rf"{name}--\1", tag))
+    def labelled(tag: re.Match[str]) -> str:
+        width = _WIDTH.search(tag[0])
+        least = f' style="min-width: {_READABLE * _PIXELS_PER_POINT * float(width[1]):.0f}px"' if width else ""
+        start = f'<svg id="{name}--svg" role="img" aria-label="{html.escape(label)}"{least}'
+        return start + tag[0].removeprefix("<svg")
 
-
-def _labelled(tag: str, name: str, label: str) -> str:
-    """The tag of the svg element."""
-    width = _WIDTH.search(tag)
-    least = f' style="min-width: {_READABLE * _PIXELS_PER_POINT * float(width[1]):.0f}px"' if width else ""
-    return f'<svg id="{name}--svg" role="img" aria-label="{html.escape(label)}"{least}{tag[len("<svg") :]}'
+    scoped = _STYLE_SHEET.sub(rf"\1#{name}--svg *{{", _TAG.sub(prefixed, svg))
+    return _TAG.sub(labelled, scoped, count=1).rstrip() + "\n"

@@ -13,7 +13,6 @@ from qvi_contact.problem.conditions import CARTESIAN, LOCAL, Condition, Displace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from matplotlib.text import Text
 
 Spot: TypeAlias = tuple[FloatArray, dict[str, Any]]
@@ -32,23 +31,17 @@ def merged(conditions: Sequence[Condition]) -> list[Condition]:
     found: list[Condition] = []
     for condition in conditions:
         for index, other in enumerate(found):
-            together = _together(other, condition)
-            if together is not None:
-                found[index] = together
+            if not isinstance(other, (Traction, Displacement)) or not isinstance(condition, type(other)):
+                continue
+            more: dict[str, Any] = components(condition)
+            names = {*components(other), *more}
+            apart = len(names) == len(components(other)) + len(more)
+            if other.edges == condition.edges and apart and (names <= set(CARTESIAN) or names <= set(LOCAL)):
+                found[index] = replace(other, **more)
                 break
         else:
             found.append(condition)
     return found
-
-
-def _together(one: Condition, other: Condition) -> Condition | None:
-    """One condition instead of two that give a component each, in one frame, of a traction or displacement."""
-    if not isinstance(one, (Traction, Displacement)) or not isinstance(other, type(one)) or one.edges != other.edges:
-        return None
-    more: dict[str, Any] = components(other)
-    names = {*components(one), *more}
-    apart = len(names) == len(components(one)) + len(more)
-    return replace(one, **more) if apart and (names <= set(CARTESIAN) or names <= set(LOCAL)) else None
 
 
 def alignment(normal: FloatArray) -> dict[str, Any]:
@@ -72,23 +65,18 @@ def wrapped(text: str) -> str:
     return plain_text(textwrap.fill(text, _WRAP, subsequent_indent="   ", break_on_hyphens=False))
 
 
-def _place_panels(figure: "Figure", axes: "Axes") -> None:
-    """Put all panels where they will be drawn; drawing them without a picture takes as long again."""
-    if axes.get_axes_locator() is not None:  # a panel inside another one, which gets its place while that is drawn
-        figure.draw_without_rendering()
-        return
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-    axes.apply_aspect()
-
-
 def spread(axes: "Axes", written: Sequence[Written]) -> None:
     """Move each text to the first of its spots where it covers none of those before it; without one it stays."""
     figure = axes.get_figure(root=True)
     if figure is None or not written:
         return
-    _place_panels(figure, axes)  # sizes are known once the layout is
+    engine = figure.get_layout_engine()
+    if axes.get_axes_locator() is not None:  # a panel inside another one, which gets its place while that is drawn
+        figure.draw_without_rendering()
+    else:  # sizes are known once the layout is; drawing without a picture would take as long again
+        if engine is not None:
+            engine.execute(figure)
+        axes.apply_aspect()
     taken: list[Any] = []
     for text, spots in written:
         for place, align in (*spots, spots[0]):

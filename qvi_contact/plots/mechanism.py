@@ -7,8 +7,9 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.limit.load_factor import Collapse
 from qvi_contact.mechanism import Mechanism
+from qvi_contact.mesh.arcs import cross, turned
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.plots.style import BLUE, lines
+from qvi_contact.plots.style import BLUE, LONGEST, lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 _DEEPEST: Final = 0.95  # share of the triangles that dissipate less than what has the deepest colour
 _STILL: Final = 0.02  # share of the largest velocity below which nothing is drawn
 _ARROW: Final = 0.002  # width of arrows, as a share of the picture's
-_FARTHEST: Final = 0.08  # share of the body's length at which the largest displacement is drawn
 
 
 def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> None:
@@ -57,8 +57,8 @@ def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
     from matplotlib.collections import PolyCollection
 
     motion = collapse.motion
-    one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
-    density = motion.dissipation / np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    a, b, c = mesh.corners.swapaxes(0, 1)
+    density = motion.dissipation / np.abs(cross(b - a, c - a))
     shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
     colours = np.column_stack([np.tile([0.9, 0.45, 0.0], (len(shade), 1)), 0.85 * shade])
     axes.add_collection(PolyCollection(list(mesh.corners), facecolors=colours, edgecolors="none", zorder=1.5))
@@ -66,7 +66,7 @@ def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
     largest = float(np.hypot(*speed.T).max())
     moving = np.hypot(*speed.T) > _STILL * largest
     x, y = mesh.corners.mean(axis=1)[moving].T
-    u, v = speed[moving].T * (_FARTHEST * mesh.length / max(largest, 1e-300))
+    u, v = speed[moving].T * (LONGEST * mesh.length / max(largest, 1e-300))
     axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=1.0, width=_ARROW, color=BLUE, zorder=4)
     for name, moved in motion.contacts.items():
         edges = mesh.edges(name) if name in (*mesh.edge_names, *mesh.joint_names) else None
@@ -87,10 +87,8 @@ def moved_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:
     ends = np.stack([mesh.vertices[first], mesh.vertices[second]], axis=1)
     for number, motion in enumerate(mechanism.motions):
         chosen = mechanism.blocks[cells] == number
-        scale = _FARTHEST * mesh.length
+        scale = LONGEST * mesh.length
         turn = np.arctan(scale * motion.rotation)
         arm = ends[chosen] - motion.centre
-        cosine, sine = np.cos(turn), np.sin(turn)
-        rotated = np.stack([cosine * arm[..., 0] - sine * arm[..., 1], sine * arm[..., 0] + cosine * arm[..., 1]], -1)
-        ends[chosen] = motion.centre + rotated + scale * np.array([motion.x, motion.y])
+        ends[chosen] = motion.centre + turned(arm, turn) + scale * np.array([motion.x, motion.y])
     return np.asarray(ends)

@@ -1,27 +1,34 @@
 """Contact lines before and after: obstacles, gaps, slips."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
-from qvi_contact.plots.style import GREY, STATE_LOOK, draw_outline, frame, legend_below, lines, plain_units
+from qvi_contact.plots.style import (
+    GREY,
+    LEAST,
+    LONGEST,
+    STATE_LOOK,
+    draw_outline,
+    frame,
+    legend_below,
+    lines,
+    magnified,
+    plain_units,
+)
 from qvi_contact.plots.symbols import CORNER, ground
 from qvi_contact.solution.contact_line import ContactState
-from qvi_contact.solution.contact_path import ContactPath
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
 
-_LONGEST: Final = 0.08  # share of the body's length at which the largest displacement is drawn
-_ROUNDING: Final = 1e-5  # displacements below this share of what strains the body are not magnified any further
 _MARKERS: Final = 24  # at most about so many markers along one piece of a contact
 
 
@@ -60,7 +67,6 @@ def deformed_contact(
     contacts: str | Sequence[str] | None = None,
     factor: float | None = None,
     units: Units | None = None,
-    legend: bool = True,
 ) -> float:
     """Draw contact lines before and after: the obstacle, the body's surface, and which parts are open, stick or slip.
 
@@ -83,8 +89,6 @@ def deformed_contact(
         body's length.
     units : Units, optional
         Labels.
-    legend : bool
-        Whether to add a legend, with the factor as its title.
 
     Returns
     -------
@@ -92,26 +96,32 @@ def deformed_contact(
         The factor.
 
     """
+    from matplotlib.lines import Line2D
+
     mesh, units = result.problem.mesh, plain_units(units)
-    motions = [_motion(result, name) for name in _names(result, contacts)]
+    known = list(result.contacts)
+    names = known if contacts is None else [contacts] if isinstance(contacts, str) else contacts
+    motions = [_motion(result, known_name("contacts", name, {"contacts": known})) for name in names]
     if factor is None:
-        factor = _automatic_factor(motions, mesh.length, _ROUNDING * result.discretization.scales.displacement)
+        sizes = [np.abs(motion.faces).max(axis=(1, 2), initial=0.0) for motion in motions]
+        for motion, size in zip(motions, sizes, strict=True):
+            size[1] /= 1.0 if motion.joint else 3.0  # an obstacle far away does not hide how the body moves
+        largest = np.max([LEAST * result.discretization.scales.displacement, *(size.max() for size in sizes)])
+        factor = magnified(float(largest), mesh.length)
     draw_outline(axes, mesh, "#bbbbbb")
     for motion in motions:
         for piece in motion.pieces:
             _draw_piece(axes, motion, piece, factor, mesh.length)
-    frame(axes, mesh, margin=1.5 * _LONGEST)
-    axes.set_xlabel(f"x [{units.length}]")
-    axes.set_ylabel(f"y [{units.length}]")
-    if legend:
-        legend_below(axes, list(_legend_entries(motions)), f"displacements × {factor:g}")
+    frame(axes, mesh, units, margin=1.5 * LONGEST)
+    entries = [Line2D([], [], color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), label="undeformed")]
+    if any(not motion.joint for motion in motions):
+        entries.append(Line2D([], [], color="black", linewidth=1.0, label="obstacle"))
+    for kind, (colour, marker, filling) in STATE_LOOK.items():
+        if any((motion.state == kind).any() for motion in motions):
+            look: dict[str, Any] = {"marker": marker, "markersize": 4, "markerfacecolor": filling}
+            entries.append(Line2D([], [], color=colour, label=ContactState(kind).name.lower(), **look))
+    legend_below(axes, entries, f"displacements × {factor:g}")
     return factor
-
-
-def _names(result: ContactResult, contacts: str | Sequence[str] | None) -> list[str]:
-    known = list(result.contacts)
-    names = known if contacts is None else [contacts] if isinstance(contacts, str) else list(contacts)
-    return [known_name("contacts", name, {"contacts": known}) for name in names]
 
 
 def _motion(result: ContactResult, name: str) -> _Motion:
@@ -128,44 +138,18 @@ def _motion(result: ContactResult, name: str) -> _Motion:
     else:
         gap, offset = unit * rows.gap, unit * discretization.offsets()[index]
         body = (gap - line.gap)[:, None] * normal + moved
-        faces = np.stack([body, gap[:, None] * normal + offset[:, None] * along]) + _plate_motion(result, name, place)
+        faces = np.stack([body, gap[:, None] * normal + offset[:, None] * along])
+        plate = next(contact.plate for contact in result.problem.contacts if contact.name == name)
+        if plate is not None and name in result.plates:  # one that is driven by force
+            motion, (x, y) = result.plates[name], place.T - np.array(plate.pivot)[:, None]
+            faces += np.column_stack([motion.x - motion.rotation * y, motion.y + motion.rotation * x])
     order = line.path.points(points.count).ravel()
-    pieces = _pieces(line.path, points.edges.normal[line.path.edges], points.count)
-    return _Motion(place[order], faces[:, order], normal[order], line.state[order], rows.joint, pieces)
-
-
-def _plate_motion(result: ContactResult, name: str, place: FloatArray) -> FloatArray:
-    """Displacement of a plate driven by force at points (m, 2), zero for other obstacles."""
-    if name not in result.plates:
-        return np.zeros_like(place)
-    motion = result.plates[name]
-    plate = next(contact.plate for contact in result.problem.contacts if contact.name == name)
-    assert plate is not None  # as it has moved
-    x, y = place.T - np.array(plate.pivot)[:, None]
-    return np.column_stack([motion.x - motion.rotation * y, motion.y + motion.rotation * x])
-
-
-def _pieces(path: ContactPath, normals: FloatArray, count: int) -> tuple[slice, ...]:
-    """Points in order, so many an edge, of each row of adjoining edges with these normals (n, 2)."""
+    normals = points.edges.normal[line.path.edges]
     corner = (normals[1:] * normals[:-1]).sum(axis=1) < CORNER
-    breaks = (np.diff(path.line) != 0) | corner
-    ends = [0, *(count * (np.flatnonzero(breaks) + 1)).tolist(), count * len(path.edges)]
-    return tuple(slice(a, b) for a, b in pairwise(ends))
-
-
-def _automatic_factor(motions: Sequence[_Motion], length: float, least: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that keeps displacements within `_LONGEST` of the body's length.
-
-    Obstacles may reach three times as far, so that one far away does not hide how the body moves; displacements below
-    `least` count as that large, so that rounding is not shown.
-    """
-    largest = least
-    for motion in motions:
-        sizes = np.abs(motion.faces).max(axis=(1, 2), initial=0.0)
-        largest = max(largest, float(sizes[0]), float(sizes[1]) / (1.0 if motion.joint else 3.0))
-    wanted = _LONGEST * length / largest
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
+    breaks = np.flatnonzero((np.diff(line.path.line) != 0) | corner) + 1
+    ends = [0, *(points.count * breaks).tolist(), len(order)]
+    pieces = tuple(slice(a, b) for a, b in pairwise(ends))
+    return _Motion(place[order], faces[:, order], normal[order], line.state[order], rows.joint, pieces)
 
 
 def _draw_piece(axes: "Axes", motion: _Motion, piece: slice, factor: float, length: float) -> None:
@@ -175,28 +159,11 @@ def _draw_piece(axes: "Axes", motion: _Motion, piece: slice, factor: float, leng
     axes.plot(*place.T, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
     if not motion.joint:
         ground(axes, second, motion.normal[piece], 0.025 * length)
+    state, step = motion.state[piece], -(-len(place) // _MARKERS)
     for face in (first, second) if motion.joint else (first,):
-        _draw_face(axes, face, motion.state[piece])
-
-
-def _draw_face(axes: "Axes", face: FloatArray, state: IntArray) -> None:
-    step = -(-len(face) // _MARKERS)
-    for kind, (colour, marker, filling) in STATE_LOOK.items():
-        chosen = state == kind
-        segments = np.stack([face[:-1], face[1:]], axis=1)[chosen[:-1]]
-        axes.add_collection(lines(segments, colour, "solid", 1.4))
-        marked = face[step // 2 :: step][chosen[step // 2 :: step]]
-        axes.plot(*marked.T, linestyle="none", marker=marker, markersize=4, color=colour, markerfacecolor=filling)
-
-
-def _legend_entries(motions: Sequence[_Motion]) -> "Iterator[Line2D]":
-    from matplotlib.lines import Line2D
-
-    yield Line2D([], [], color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), label="undeformed")
-    if any(not motion.joint for motion in motions):
-        yield Line2D([], [], color="black", linewidth=1.0, label="obstacle")
-    present = set(np.concatenate([np.empty(0, dtype=np.int64), *(motion.state for motion in motions)]).tolist())
-    for kind, (colour, marker, filling) in STATE_LOOK.items():
-        if kind in present:
-            name = ContactState(kind).name.lower()
-            yield Line2D([], [], color=colour, marker=marker, markersize=4, markerfacecolor=filling, label=name)
+        for kind, (colour, marker, filling) in STATE_LOOK.items():
+            chosen = state == kind
+            segments = np.stack([face[:-1], face[1:]], axis=1)[chosen[:-1]]
+            axes.add_collection(lines(segments, colour, "solid", 1.4))
+            marked = face[step // 2 :: step][chosen[step // 2 :: step]]
+            axes.plot(*marked.T, linestyle="none", marker=marker, markersize=4, color=colour, markerfacecolor=filling)

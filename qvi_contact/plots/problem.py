@@ -102,10 +102,8 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
         sketch.condition(condition)
     sketch.names()
     sketch.legend()
-    frame(axes, problem.mesh, margin=_AWAY + _ARROW + 0.06)
+    frame(axes, problem.mesh, sketch.units, margin=_AWAY + _ARROW + 0.06)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
-    axes.set_xlabel(f"x [{sketch.units.length}]")
-    axes.set_ylabel(f"y [{sketch.units.length}]")
     spread(axes, sketch.written)
 
 
@@ -161,12 +159,18 @@ class _Sketch:
                 text += f", strength {material.strength.kind}"
             if len(present) > 1:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
-                self._number(cells.mean(axis=1), str(index + 1))
+                middles = cells.mean(axis=1)  # its number stands in the cell nearest to the middle of all of its cells
+                place = middles[np.argmin(np.hypot(*(middles - middles.mean(axis=0)).T))]
+                box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.6}
+                look_of = {"fontsize": "small", "bbox": box, "zorder": 6, **_CENTRED}
+                self.axes.text(place[0], place[1], str(index + 1), **look_of)
             if index < _MATERIALS:
                 self.entries.append(Patch(**look, edgecolor="#999999", label=wrapped(text)))
         draw_grid(self.axes, mesh)
         draw_outline(self.axes, mesh, "#999999", 0.6)
-        self._potential()
+        values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *mesh.vertices.T)
+        if np.ptp(values) > 0.0:
+            self._entry(value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
 
     def condition(self, condition: Condition) -> None:
         """One condition in its symbols."""
@@ -207,7 +211,8 @@ class _Sketch:
     def symmetry(self, condition: Symmetry, pieces: Sequence[Run]) -> None:
         self._line(pieces, _MIRROR)
         for run in pieces:
-            self._symbols(self._beside(run), "o", filled=False, colour=GREEN)
+            places = self._beside(run)
+            self._symbols(places, np.ones(len(places.points), dtype=bool), "o", False, GREEN)
         self.groups["symmetry"].append(condition.edges)
 
     def contact(self, contact: Contact, pieces: Sequence[Run]) -> None:
@@ -282,18 +287,14 @@ class _Sketch:
             vectors += size[:, None] * _directions(name, places)
         return vectors
 
-    def _largest(self, kind: type[Traction] | type[Displacement]) -> float:
-        """Length of the longest vector among all conditions of a kind."""
-        conditions = [each for each in merged(self.problem.conditions) if isinstance(each, kind)]
-        found = (
-            np.hypot(*self._vectors(condition, run.ends_and_points(self.length / _SAMPLES)).T).max()
-            for condition in conditions
-            for run in self._runs(condition)
-        )
-        return float(max(found, default=0.0))
-
     def _arrows(self, condition: Traction | Displacement, pieces: Sequence[Run], look: dict[str, Any]) -> None:
-        largest = self._largest(type(condition))
+        """Arrows, the longest one of all conditions of a kind in full length."""
+        alike = [other for other in merged(self.problem.conditions) if isinstance(other, type(condition))]
+        largest = max(
+            float(np.hypot(*self._vectors(other, run.ends_and_points(self.length / _SAMPLES)).T).max())
+            for other in alike
+            for run in self._runs(other)
+        )
         for run in pieces:
             places = run.points(_SPACING * self.length)
             vectors = self._vectors(condition, places) * (_ARROW * self.length / largest)
@@ -301,41 +302,30 @@ class _Sketch:
 
     def _supports(self, pieces: Sequence[Run], held: Sequence[str]) -> None:
         """Triangles that point at the body, diamonds where only a component along the side is held."""
-        for run in pieces:
-            places = self._beside(run)
-            across = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) > _ACROSS
-            both = len(held) == 2
-            along = ~across & (not both)
-            self._symbols(_chosen(places, along), "d", filled=both, colour=BLUE)
-            self._triangles(_chosen(places, ~along), filled=both)
-
-    def _triangles(self, places: Places, filled: bool) -> None:
         from matplotlib.markers import MarkerStyle
         from matplotlib.transforms import Affine2D
 
-        angles = np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0  # from "^" to the way into the body
-        for angle in np.unique(np.round(angles)):
-            chosen = _chosen(places, np.round(angles) == angle)
-            marker = MarkerStyle("^", transform=Affine2D().scale(*_SLIM).rotate_deg(float(angle)))
-            self._symbols(chosen, marker, filled=filled, colour=BLUE)
+        both = len(held) == 2
+        for run in pieces:
+            places = self._beside(run)
+            along = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) <= _ACROSS
+            along &= not both
+            self._symbols(places, along, "d", both, BLUE)
+            angles = np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0  # from "^" to the way into the body
+            for angle in np.unique(np.round(angles[~along])):
+                marker = MarkerStyle("^", transform=Affine2D().scale(*_SLIM).rotate_deg(float(angle)))
+                self._symbols(places, ~along & (np.round(angles) == angle), marker, both, BLUE)
 
     def _beside(self, run: Run) -> Places:
         """Places of symbols beside a run."""
         places = run.points(_SPACING * self.length, least=1)
         return places._replace(points=places.points + _AWAY * self.length * places.normals)
 
-    def _symbols(self, places: Places, marker: Any, filled: bool, colour: str) -> None:
-        if not len(places.points):
-            return
-        face = colour if filled else "white"
-        look: dict[str, Any] = {
-            "linestyle": "none",
-            "markersize": 4.5,
-            "color": colour,
-            "markerfacecolor": face,
-            "zorder": 4,
-        }
-        self.axes.plot(*places.points.T, marker=marker, **look)
+    def _symbols(self, places: Places, chosen: BoolArray, marker: Any, filled: bool, colour: str) -> None:
+        if chosen.any():
+            look: dict[str, Any] = {"linestyle": "none", "markersize": 4.5, "color": colour, "zorder": 4}
+            face = colour if filled else "white"
+            self.axes.plot(*places.points[chosen].T, marker=marker, markerfacecolor=face, **look)
 
     def _obstacle(self, contact: Contact, pieces: Sequence[Run]) -> None:
         """Hatched lines whose distance from the body shows how the gap varies, and the force on a plate."""
@@ -408,25 +398,9 @@ class _Sketch:
                     about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if name == "M" else ""
                     yield value_range(name, np.array([value]), unit) + about
 
-    def _potential(self) -> None:
-        vertices = self.problem.mesh.vertices
-        values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *vertices.T)
-        if np.ptp(values) > 0.0:
-            self._entry(value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
-
-    def _number(self, middles: FloatArray, text: str) -> None:
-        """A material's number in the cell nearest to the middle of all of its cells."""
-        place = middles[np.argmin(np.hypot(*(middles - middles.mean(axis=0)).T))]
-        box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.6}
-        self.axes.text(place[0], place[1], text, ha="center", va="center", fontsize="small", bbox=box, zorder=6)
-
 
 def _directions(component: str, places: Places) -> FloatArray:
     """Unit vectors (n, 2) of a component at places."""
     if component in LOCAL:
         return places.normals if component == "normal" else places.tangents
     return np.tile(np.eye(2)[CARTESIAN.index(component)], (len(places.points), 1))
-
-
-def _chosen(places: Places, mask: BoolArray) -> Places:
-    return Places(*(values[mask] for values in places))

@@ -27,6 +27,7 @@ from solvers.basics.types import load
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
@@ -35,6 +36,12 @@ PURPLE, SKY = "#CC79A7", "#56B4E9"
 
 CHORDS: Final = 8
 """Lines that stand for an arc, and for other edges drawn beside arcs."""
+
+LONGEST: Final = 0.08
+"""Share of the body's length at which the largest displacement is drawn."""
+
+LEAST: Final = 1e-5
+"""Share of what strains the body, below which displacements are not magnified any further."""
 
 STATE_LOOK: Final[dict[ContactState, tuple[str, str, str]]] = {
     ContactState.OPEN: (GREY, "o", "white"),
@@ -194,13 +201,31 @@ def bounding_box(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
     return np.asarray(vertices.min(axis=0)), np.asarray(vertices.max(axis=0))
 
 
-def frame(axes: "Axes", mesh: TriangleMesh, margin: float = 0.03) -> None:
-    """Show the whole body, equal scales in both directions, with a margin as a share of its length."""
+def frame(axes: "Axes", mesh: TriangleMesh, units: Units | None = None, margin: float = 0.03) -> None:
+    """Show the whole body, equal scales in both directions, with a margin as a share of its length.
+
+    Axes are labelled where units are given.
+    """
     axes.set_aspect("equal")
     low, high = bounding_box(mesh)
     margin *= mesh.length
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
+    if units is not None:
+        axes.set_xlabel(f"x [{units.length}]")
+        axes.set_ylabel(f"y [{units.length}]")
+
+
+def magnified(largest: float, length: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that keeps displacements within `LONGEST` of the body's length."""
+    wanted = LONGEST * length / largest
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
+
+
+def colour_bar(axes: "Axes", artist: "ScalarMappable", label: str, extend: str = "neither") -> None:
+    """Add a colour bar as high as the axes to their right."""
+    axes.figure.colorbar(artist, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label, extend=extend)
 
 
 def points_per_length(axes: "Axes", mesh: TriangleMesh) -> float:

@@ -117,7 +117,7 @@ def _runs_of(mesh: TriangleMesh, edges: Edges) -> Iterator[Run]:
     onward, back = edges.second == following.first, edges.first == following.second
     facing, turn = (
         np.where(onward, (one[:, 1] * other[:, 0]).sum(axis=1), (one[:, 0] * other[:, 1]).sum(axis=1))
-        for one, other in zip(_at_ends(edges), _at_ends(following), strict=True)
+        for one, other in zip(*(frames_along(each, np.array([0.0, 1.0])) for each in (edges, following)), strict=True)
     )
     joined = (onward | back) & (turn > CORNER) & (facing > CORNER)
     if len(edges) < 3 or joined.all():  # no closed line, or one without a corner
@@ -126,24 +126,14 @@ def _runs_of(mesh: TriangleMesh, edges: Edges) -> Iterator[Run]:
     order = np.roll(np.arange(len(edges)), -shift)
     for part in np.split(order, np.flatnonzero(~joined[order])[:-1] + 1):
         piece = edges.take(part if len(part) == 1 or onward[part[0]] else part[::-1])
-        if piece.curved:
-            yield _divided(mesh, piece)
+        if piece.curved:  # as shorter ones, whose chords are near enough to be drawn
+            t = np.linspace(0.0, 1.0, CHORDS + 1)
+            points = np.stack(mesh.points_along(piece, t), axis=-1)
+            line = np.concatenate([points[:, :-1].reshape(-1, 2), points[-1, -1:]])
+            normals = frames_along(piece, (t[1:] + t[:-1]) / 2.0)[0].reshape(-1, 2)
+            yield Run(line, normals, np.diff(angles(piece.bend, t), axis=1).ravel())
         else:
             yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal, np.zeros(len(piece)))
-
-
-def _at_ends(edges: Edges) -> tuple[FloatArray, FloatArray]:
-    """Normals and tangents at both ends of edges, (n, 2, 2) each."""
-    return frames_along(edges, np.array([0.0, 1.0]))
-
-
-def _divided(mesh: TriangleMesh, edges: Edges) -> Run:
-    """A run of edges, some of them arcs, as shorter ones, whose chords are near enough to be drawn."""
-    t = np.linspace(0.0, 1.0, CHORDS + 1)
-    points = np.stack(mesh.points_along(edges, t), axis=-1)
-    line = np.concatenate([points[:, :-1].reshape(-1, 2), points[-1, -1:]])
-    normals = frames_along(edges, (t[1:] + t[:-1]) / 2.0)[0]
-    return Run(line, normals.reshape(-1, 2), np.diff(angles(edges.bend, t), axis=1).ravel())
 
 
 def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float, colour: str = "black") -> None:

@@ -38,7 +38,7 @@ _SAME: Final = 1e-9  # distance of places on an edge, over its length, that are 
 _SLANTED: Final = 1e-9  # rise of an edge over its length from which on it is not horizontal
 
 
-def contact_tractions(axes: "Axes", line: ContactLine, units: Units | str | None = None, signed: bool = False) -> None:
+def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = None) -> None:
     """Draw pressure, friction bound and |σ_T| along a contact, with its open, stick and slip parts shaded by hatching.
 
     A negative pressure is tension, which bilateral and tied contacts can carry. Where a fluid presses in the contact it
@@ -51,29 +51,31 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | str | None
         Where to draw.
     line : ContactLine
         The contact.
-    units : Units or str, optional
-        Labels; a text is the unit of stress.
-    signed : bool
-        Draw σ_T with its sign (along +x or +y on the body) between ± the bound.
+    units : Units, optional
+        Labels.
 
     """
-    units = _labels(units)
-    abscissa = _along(line, units)
-    bound, prime = _bound(abscissa, line), _prime(line)
-    pressure = abscissa.curve(-line.effective_normal_stress)
-    curves = [_Curve(f"{'effective ' if prime else ''}pressure $-\\sigma_N{prime}$", pressure, _PRESSURE), bound]
+    units = plain_units(units)
+    abscissa, prime = _along(line, units), "'" if line.has_fluid else ""
+    effective = line.effective_normal_stress
+    pressure, limit = abscissa.curve(-effective), line.friction_bound
+    if np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0, equal_nan=True):  # Coulomb's law
+        bound = abscissa.curve(line.friction) * np.abs(pressure)
+        curves = [_Curve(f"bound $\\mu|\\sigma_N{prime}|$", bound, _BOUND)]
+    else:  # that of other laws from point to point; a tied contact has none
+        curves = [_Curve("friction bound", abscissa.broken_line(np.where(np.isfinite(limit), limit, np.nan)), _BOUND)]
+    curves.insert(0, _Curve(f"{'effective ' if prime else ''}pressure $-\\sigma_N{prime}$", pressure, _PRESSURE))
     if line.has_fluid:
         curves.append(_Curve("pressure $-\\sigma_N$", abscissa.curve(-line.normal_stress), _TOTAL))
         curves.append(_Curve("fluid $p_w$", abscissa.curve(line.pore_pressure), _FLUID))
-    if signed:
-        curves.append(_Curve("", -bound.values, _BOUND))
-    tangential = abscissa.curve(line.tangential_stress)
-    name = "$\\sigma_T$" if signed else "$|\\sigma_T|$"
-    curves.append(_Curve(name, tangential if signed else np.abs(tangential), _TANGENTIAL))
-    shear = line.tangential_stress if signed else np.abs(line.tangential_stress)
-    _draw_states(axes, abscissa, line, shear)
-    for curve in curves:
-        _draw_curve(axes, abscissa, curve)
+    curves.append(_Curve("$|\\sigma_T|$", np.abs(abscissa.curve(line.tangential_stress)), _TANGENTIAL))
+    _draw_states(axes, abscissa, line, np.abs(line.tangential_stress))
+    breaks = abscissa.s.shape[1] * (np.flatnonzero(~abscissa.joined) + 1)
+    marked = abscissa.marked + np.searchsorted(breaks, abscissa.marked, side="right")
+    every = marked[:: -(-len(marked) // _MARKERS)].tolist()
+    for curve in curves:  # with markers at the points, broken where the contact is
+        x, y = (np.insert(part.ravel(), breaks, np.nan) for part in (abscissa.s, curve.values))
+        axes.plot(x, y, markevery=every, markersize=3, label=curve.label, **curve.look)
     lowest = np.nanmin([0.0, *(np.nanmin(curve.values) for curve in curves if np.isfinite(curve.values).any())])
     axes.set_ylim(bottom=1.05 * float(lowest), auto=None)  # the top still follows what is drawn
     axes.set_xlabel(abscissa.label)
@@ -93,7 +95,7 @@ def friction_used(axes: "Axes", line: ContactLine, units: Units | None = None) -
         Labels.
 
     """
-    abscissa = _along(line, _labels(units))
+    abscissa = _along(line, plain_units(units))
     bound, tangential = line.friction_bound, np.abs(line.tangential_stress)
     loaded = np.isfinite(bound) & (bound > 1e-9 * float(np.abs(line.normal_stress).max(initial=0.0)))
     share = np.divide(tangential, bound, out=np.full_like(bound, np.nan), where=loaded)
@@ -208,32 +210,6 @@ class _Curve(NamedTuple):
     look: dict[str, Any]
 
 
-def _prime(line: ContactLine) -> str:
-    """What marks σ_N' as effective where a fluid presses in the contact."""
-    return "'" if line.has_fluid else ""
-
-
-def _bound(abscissa: _Abscissa, line: ContactLine) -> _Curve:
-    """The friction bound: Coulomb's of the pressure anywhere, that of other laws from point to point."""
-    bound = line.friction_bound
-    effective = line.effective_normal_stress
-    if np.allclose(bound, line.friction * np.abs(effective), rtol=1e-9, atol=0.0, equal_nan=True):
-        values = abscissa.curve(line.friction) * np.abs(abscissa.curve(effective))
-        return _Curve(f"bound $\\mu|\\sigma_N{_prime(line)}|$", values, _BOUND)
-    finite = np.where(np.isfinite(bound), bound, np.nan)  # a tied contact has none
-    return _Curve("friction bound", abscissa.broken_line(finite), _BOUND)
-
-
-def _draw_curve(axes: "Axes", abscissa: _Abscissa, curve: _Curve) -> None:
-    """One curve, with a marker at the points, broken where the contact is."""
-    s, values, marked = abscissa.s, curve.values, abscissa.marked
-    breaks = s.shape[1] * (np.flatnonzero(~abscissa.joined) + 1)
-    x, y = (np.insert(part.ravel(), breaks, np.nan) for part in (s, values))
-    marked = marked + np.searchsorted(breaks, marked, side="right")
-    every = marked[:: -(-len(marked) // _MARKERS)]
-    axes.plot(x, y, markevery=every.tolist(), markersize=3, label=curve.label or None, **curve.look)
-
-
 def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine, heights: FloatArray) -> None:
     """Shade the parts of the contact that are open, stick or slip; mark single points that differ from both sides.
 
@@ -245,7 +221,10 @@ def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine, heights: 
     single: dict[int, list[int]] = {}
     for piece in abscissa.pieces():
         points, stops = abscissa.points[piece].ravel(), ends[piece].ravel()
-        shown = _settled(line.state[points])
+        differs = np.diff(line.state[points]) != 0
+        single_ones = np.concatenate([[False], differs[:-1] & differs[1:], [False]])[: len(points)]
+        before = np.maximum.accumulate(np.where(single_ones, 0, np.arange(len(points))))
+        shown = line.state[points][before]
         for point in points[shown != line.state[points]].tolist():
             single.setdefault(int(line.state[point]), []).append(point)
         changes = np.flatnonzero(np.diff(shown))
@@ -253,7 +232,9 @@ def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine, heights: 
         for kind, borders_of in zip(shown[[*changes.tolist(), -1]].tolist(), pairwise(borders), strict=True):
             bands.setdefault(kind, []).append(borders_of)
     for kind in sorted(bands):
-        _draw_bands(axes, ContactState(kind), np.array(bands[kind]))
+        ranges, name = np.array(bands[kind]), ContactState(kind).name.lower()
+        bars: dict[str, Any] = {"align": "edge", "linewidth": 0, "label": name, "transform": axes.get_xaxis_transform()}
+        axes.bar(ranges[:, 0], 1.0, np.diff(ranges, axis=1)[:, 0], **bars, **_STATE_STYLE[ContactState(kind)])
     for kind in sorted(single):
         colour, marker, filling = STATE_LOOK[ContactState(kind)]
         chosen = np.array(single[kind])
@@ -266,22 +247,3 @@ def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine, heights: 
         }
         label = f"single point: {ContactState(kind).name.lower()}"
         axes.plot(abscissa.at(chosen), heights[chosen], label=label, zorder=4, **look)
-
-
-def _settled(state: IntArray) -> IntArray:
-    """States of points in a row, where a point that differs from both sides has the state before it instead."""
-    differs = state[1:] != state[:-1]
-    single = np.concatenate([[False], differs[:-1] & differs[1:], [False]])[: len(state)]
-    kept = np.maximum.accumulate(np.where(single, 0, np.arange(len(state))))
-    return state[kept]
-
-
-def _draw_bands(axes: "Axes", kind: ContactState, ranges: FloatArray) -> None:
-    """Ranges (n, 2) of the horizontal axis in the look of a state."""
-    across = axes.get_xaxis_transform()  # heights as shares of the axes
-    bars: dict[str, Any] = {"align": "edge", "linewidth": 0, "label": kind.name.lower(), "transform": across}
-    axes.bar(ranges[:, 0], 1.0, np.diff(ranges, axis=1)[:, 0], **bars, **_STATE_STYLE[kind])
-
-
-def _labels(units: Units | str | None) -> Units:
-    return plain_units(Units(stress=units) if isinstance(units, str) else units)

@@ -41,7 +41,6 @@ from solvers.basics.frames import columns_of, frame
 from solvers.basics.names import known_name
 from solvers.basics.progress import expired, narrated, watched
 from solvers.basics.types import load
-from solvers.solve import takes_state
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -310,7 +309,7 @@ def solve_history(
     """
     function_or_none("callback", callback)
     warm_start = true_or_false("warm_start", warm_start)
-    check_options(options)
+    settings = check_options(options)
     title = f"qvi_contact {__version__}: solve_history"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
         steps = _given(problems, kept=store is None)
@@ -328,7 +327,7 @@ def solve_history(
                 callback(number, result)
 
         keeper = _keeper(store, steps, {**space, **options, "warm_start": warm_start})
-        warm = warm_start and takes_state(options)
+        warm = warm_start and settings.takes_state
         history = _history(_Run(steps, survey.scales, space, told, options, warm), keeper)
         story.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history

@@ -32,15 +32,19 @@ from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.version import __version__
-from solvers import QVISolution, Status, solve_qvi
+from solvers import QVISolution, Status
 from solvers.basics.checks import true_or_false
 from solvers.basics.progress import Progress, narrated, tell, watched
 from solvers.factorisation import FactorisationError
-from solvers.solution import Start
-from solvers.solve import check_settings, default_method, facts_of
+from solvers.solution import Attempt, Start
+from solvers.solve import Settings, facts_of, solved
 
 _MANY_CELLS = 20_000  # whose discretisation takes seconds
 _LINEAR = 2  # coefficients of a linear function
+UNITS: Final = Attempt("units", "stresses are far below the unit that the loads suggest", Status.STALLED, 0)
+FAR_OBSTACLES: Final = Attempt("far obstacles", "the body presses on one that was taken to be nearer", Status.SOLVED, 0)
+"""Changes of the problem, tried in this order; why the first solve, or the one before, is not taken."""
+
 _ANSWERED: Final = (Status.SOLVED, Status.INACCURATE)
 _EXCEEDED: Final = 1e-7  # of the unit of stress: excess between the points that is more than the tolerance of solves
 
@@ -114,29 +118,31 @@ def solve(
             if value is not None:
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
     throw = true_or_false("throw", options.pop("throw", False))
-    settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
-    check_options(settings)
+    settings = check_options({"method": method, "inner": inner, "tolerance": tolerance, **options})
     with watched(time_limit), narrated(f"qvi_contact {__version__}: solve", verbose) as story:
-        chosen = problem
+        chosen, units = problem, tuple[Attempt, ...]()
         if isinstance(chosen, ContactProblem):
             if chosen.mesh.cell_count >= _MANY_CELLS:
                 tell(Progress("mesh", stage=f"discretising {chosen.mesh.cell_count} cells"))
-            chosen = posed(chosen, degree=degree, contact_rows=contact_rows, **settings)
+            given = discretize(chosen, degree=degree, contact_rows=rows_for(method, contact_rows))
+            chosen = _fitted(given, settings.factorisation, settings.threads)
+            units = () if chosen is given else (UNITS,)
         story.begin(_facts(chosen, settings))
-        result = _judged(_solve(chosen, settings))
+        result = _judged(_solve(chosen, settings, units))
         story.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
 
 
-def check_options(options: Mapping[str, Any]) -> None:
-    """Raise what `solve` raises of these options for any problem, before anything is computed."""
+def check_options(options: Mapping[str, Any]) -> Settings:
+    """The settings of these options of `solve`; raises what that raises for any problem, before anything is done."""
     refuse_arguments({name: value for name, value in options.items() if name in RETIRED})
-    check_settings(options)
+    settings = Settings.of(**options)
     initial = options.get("initial")
     if initial is not None and not isinstance(initial, ContactResult):
         _ = _pressures(initial)
+    return settings
 
 
 def posed(
@@ -162,9 +168,9 @@ def posed(
     """
     rows = rows_for(method, contact_rows)
     if before is None:
-        return _fitted(discretize(problem, degree=degree, contact_rows=rows), options)
+        return _fitted(discretize(problem, degree=degree, contact_rows=rows), **_linear(options))
     _check_space(before, degree, "gauss" if rows is None and laws_vary(problem) else rows)
-    return _fitted(before.following(problem), options)
+    return _fitted(before.following(problem), **_linear(options))
 
 
 def _check_space(before: Discretization, degree: int | None, rows: RowKind | None) -> None:
@@ -176,12 +182,16 @@ def _check_space(before: Discretization, degree: int | None, rows: RowKind | Non
             raise InputError(field, asked, remedy)
 
 
-def _facts(known: Discretization, settings: dict[str, Any]) -> dict[str, object]:
+def _linear(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of `_fitted` among options of `solve`."""
+    return {"factorisation": options.get("factorisation", "auto"), "threads": options.get("threads")}
+
+
+def _facts(known: Discretization, settings: Settings) -> dict[str, object]:
     """What the header of a narration says."""
     space, mesh = known.space, known.problem.mesh
     element = f"{FAMILY} of degree {space.degree}, contact law by {space.contact_rule.kind}"
-    facts = facts_of(known.qvi, default_method(settings), settings["tolerance"])
-    return {"cells": mesh.cell_count, "element": element, **facts}
+    return {"cells": mesh.cell_count, "element": element, **facts_of(known.qvi, settings)}
 
 
 def rows_for(method: str | None, contact_rows: RowKind | None) -> RowKind | None:
@@ -191,16 +201,21 @@ def rows_for(method: str | None, contact_rows: RowKind | None) -> RowKind | None
     return contact_rows
 
 
-def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:
-    """Solve with checked settings, again with obstacles where they stand if one that was moved closer is reached."""
-    _check_uzawa(discretization, settings["method"])
-    if settings.get("initial") is not None:
-        settings["initial"] = _initial(settings["initial"], discretization)
-    solution = solve_qvi(discretization.qvi, **settings)
+def _solve(discretization: Discretization, settings: Settings, attempts: tuple[Attempt, ...]) -> ContactResult:
+    """Solve, after these changes of the problem; again with obstacles where they stand if one moved closer is reached.
+
+    Attempts of the result are in their order: changes of the problem, and the ways of `solvers` after each.
+    """
+    _check_uzawa(discretization, settings.method)
+    if settings.options.get("initial") is not None:
+        settings = settings.starting(_initial(settings.options["initial"], discretization))
+    solution = solved(discretization.qvi, settings)
+    attempts += solution.attempts
     if _reached(discretization, solution):
         discretization = discretization.everywhere()
-        solution = solve_qvi(discretization.qvi, **settings)
-    return ContactResult(discretization, solution)
+        solution = solved(discretization.qvi, settings)
+        attempts += (FAR_OBSTACLES, *solution.attempts)
+    return ContactResult(discretization, replace(solution, attempts=attempts))
 
 
 def _reached(discretization: Discretization, solution: QVISolution) -> bool:
@@ -224,10 +239,9 @@ def _check_uzawa(discretization: Discretization, method: str | None) -> None:
         raise InputError("contact_rows", rule.kind, remedy)
 
 
-def _fitted(discretization: Discretization, settings: dict[str, Any]) -> Discretization:
+def _fitted(discretization: Discretization, factorisation: str, threads: int | None) -> Discretization:
     """In fitting units; where K cannot be factorised the solve will say so."""
-    name, threads = settings.get("factorisation", "auto"), settings.get("threads")
-    with discretization.qvi.operator.using(name, threads):
+    with discretization.qvi.stiffness.using(factorisation, threads):
         try:
             return discretization.fitted()
         except FactorisationError:

@@ -40,7 +40,6 @@ from solvers.basics.frames import columns_of, frame
 from solvers.basics.names import known_name
 from solvers.basics.progress import expired, left, narrated, watched
 from solvers.basics.types import load
-from solvers.solve import takes_state
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -347,9 +346,9 @@ class SweepTask:
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
         space = {"degree": degree, "contact_rows": contact_rows}
-        check_options(options)
+        settings = check_options(options)
         chosen = _checked_names(problem, parameter, names)
-        warm = true_or_false("warm_start", warm_start) and takes_state(options)
+        warm = true_or_false("warm_start", warm_start) and settings.takes_state
         return cls(problem, parameter, chosen, space, options, warm)
 
     def changed(self, value: float) -> ContactProblem:
@@ -382,7 +381,10 @@ class _Run:
             if count >= at_least and expired():
                 return
             began, task = time.perf_counter(), self._task
-            self._before = posed(task.changed(value), before=self._before, **task.space, **task.options)
+            if self._before is None or task.parameter != "friction":
+                self._before = posed(task.changed(value), before=self._before, **task.space, **task.options)
+            else:
+                self._before = self._before.with_law(task.changed(value))
             begins = task.warm and self._state is not None and not self._left
             found = solve(self._before, **{**task.options, **({"initial": self._state} if begins else {})})
             near = found.solution.near

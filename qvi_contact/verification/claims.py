@@ -101,7 +101,7 @@ def _certified(qvi: FrictionQVI, result: ContactResult, tolerance: float) -> Cer
         solution.equality_multiplier,
     )
     if solution.factorisation.startswith(ORTHOGONAL):  # as another problem with this K had needed it
-        qvi.operator.use_root()
+        qvi.stiffness.use_root()
     try:
         return certify(qvi, *parts, tolerance=tolerance)
     except InputError:

@@ -68,6 +68,8 @@ def function_or_none(field: str, value: object) -> None:
 
 def real_array(field: str, value: object, remedy: str = "give real numbers") -> NDArray[np.float64]:
     """A copy as an array of float64; `InputError` for anything but real numbers, such as complex ones and texts."""
+    if type(value) is np.ndarray and value.dtype == np.float64:
+        return value.copy()
     try:
         array = np.asarray(value)
         entries = array.flat if array.dtype.kind == "O" else ()

@@ -60,16 +60,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 
 from solvers.basics.checks import finite_number, real_array
 from solvers.basics.types import Vector
-from solvers.certificate.measures import MEASURES, Measure, largest, law_residuals
+from solvers.certificate.measures import MEASURES, Measure, law_residuals
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import absolute_product
+from solvers.inequality.rows import absolute_product, largest
 
 _CANCELS = 1e-4  # share of the terms of A z that an error is measured by where b is small
 _ROUNDED = 1e-15  # share of the largest z in the unknowns of a row that is no error
@@ -150,7 +151,7 @@ class Certificate:
         needed = self._needed
         return max(needed, key=needed.__getitem__)
 
-    @property
+    @cached_property
     def _needed(self) -> dict[str, float]:
         found = self.measures  # a claimed certificate may lack some
         return {measure.name: measure.needed(found.get(measure.name, np.inf)) for measure in MEASURES}

@@ -23,8 +23,7 @@ from solvers.basics.progress import left, watched
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import by_columns
-from solvers.inner.guard import BackendFailure, attempt, real_vector
-from solvers.inner.linear_program import solved
+from solvers.inner.linear_program import BackendFailure, attempt, real_vector, solved
 
 _REACH = 1e4
 """The proof must exclude every z up to this many times the size of the bonded solution (and of 1)."""

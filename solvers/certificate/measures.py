@@ -10,6 +10,7 @@ import numpy as np
 
 from solvers.basics.types import Vector
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import largest
 
 
 @dataclass(frozen=True)
@@ -197,8 +198,3 @@ def _projections(
     augmented = qvi.threshold(np.abs(np.where(qvi.bilateral, sigma_N, projected)))
     natural, other = (np.abs(sigma_T - np.clip(shifted_T, -limit, limit)) for limit in (bound, augmented))
     return max(largest(normal), largest(natural)), largest(np.maximum(normal, other) / (1.0 + qvi.mu))
-
-
-def largest(vector: Vector) -> float:
-    """Max |v|, 0 for no entries."""
-    return float(np.maximum.reduce(np.abs(vector), initial=0.0))

@@ -127,7 +127,7 @@ def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
 
 def _compliance(qvi: FrictionQVI) -> tuple[Matrix, Matrix]:
     """Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0."""
-    system = qvi.equality_system
+    system = qvi.condensed_contact.system
     weights = np.sqrt(np.concatenate([qvi.W, qvi.W]))
     rows = weights[:, None] * qvi.contact_rows[:, system.interface].toarray()
     C = rows @ system.solve_interface(rows.T)[0]

@@ -17,22 +17,25 @@ rows of B the tractions on which λ works. At bilateral points with friction |σ
     σ_N = pull − push,    p = pull + push,    pull ≥ 0,  push ≥ 0,  pull push = 0,
 
 one more complementarity: slacks stay linear in all unknowns, and where pull push = δ²/4 is p = √(σ_N² + δ²). Points
-whose bound is always zero give equations σ_T = 0. Equations are solved for some of the coordinates (`equations`).
+whose bound is always zero give equations σ_T = 0. Equations are solved for some of the coordinates (`Equations`).
 
-In `docs/theory.md`: (D5).
+In `docs/theory.md`: (D5), (D6).
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy.linalg import qr, solve_triangular
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.linalg import SuperLU, splu
 
-from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
+from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.certificate import body_scales
-from solvers.condensed.equations import Equations, Frictionless
 from solvers.condensed.systems import FRICTION_SHARES, Base, NewtonSystem, Shares, Space
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import Rows, add_product, dense, magnitudes, mapped, scaled, stacked
+from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, magnitudes, mapped, scaled
 
 SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
 """Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
@@ -48,15 +51,17 @@ class Complementarity:
     Attributes
     ----------
     S : (k, k); c : (k,)
-    B : (q, k) rows
-    weights : (q,) W of each bound
+    T : (t, k) rows of the tractions that are bounded, σ_N first; forces : (k, t) Tᵀ, forces on them as such on y
+    N : (t, k) rows of σ_N at the points of bounded σ_T, zero beside σ_N itself
+    weights : (q,) W of each bound; W : (t,) of each traction
     early_shares, shares : (q,) what s λ is on the central path, relative, until slacks fit their tractions and after
     start : the least multiplier at the start, of the scale of displacement
     friction : (q,) mu where a bound depends on the pressure, else 0
     pressed : (q,) the normal bound of the pressure on which a bound depends, −1 without one
     coulomb : the bounds that depend on the pressure of a normal bound
-    traction : (q,) the traction on which λ works; B has the rows of tractions first
+    traction : (q,) the traction on which λ works; signs : (q,) the sign of its force
     bounds : (tractions, 4) the bounds of each traction by their place among `SLOTS`, −1 where it has no such bound
+    count : number of normal bounds, and of normal tractions
     split : (b,) bilateral points whose bound depends on |σ_N|
     sizes : (q,) what s may be relative to the tractions: 1 + mu for friction, else 1
     stress : scale of the tractions
@@ -98,12 +103,21 @@ class Complementarity:
         self.pressed: IntVector = np.where(rubs, places[0, self._points], -1)
         self.coulomb: IntVector = np.flatnonzero(self.pressed >= 0)
         self.friction: Vector = np.where(rubs, mu, 0.0)
+        self._friction = self.friction[self.coulomb]
+        self.signs: Vector = np.where(self._sign == 0.0, 1.0, self._sign)
+        # Matrices (t, q) that sum values of the bounds of each traction: with signs, without, and times ± mu.
+        entries = (self.signs, np.ones(len(self.signs)), self.signs * self.friction)
+        self._signed, self._summed, self._rubbing = (self._summing(each) for each in entries)
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
+        self._sheared: IntVector = qvi.m + self._points[self._above]
         pressed = self.pressed[self._above]  # the normal bound, if any, on which each upper one depends, and μ of it
         self._pressed_above = (pressed, np.where(pressed >= 0, self.friction[self._above], 0.0))
-        self._count = len(normal)
+        self.count = len(normal)
         self.weights: Vector = qvi.W[self._points]
+        self.W: Vector = self.weights[: len(self.bounds)]
+        self.total_weight = float(self.weights.sum())
+        self.slots: IntVector = self.bounds if len(capped) else self.bounds[:, :2]
         self.sizes: Vector = np.where(is_cap | (self._sign == 0.0), 1.0, 1.0 + mu)
         early, late = self._shares.early, self._shares.late
         self.early_shares, self.shares = (np.where(self._sign == 0.0, 1.0, share) for share in (early, late))
@@ -111,20 +125,28 @@ class Complementarity:
         self.split_weights: Vector = qvi.W[self.split]
         self._rubs: IntVector = np.flatnonzero(rubs & qvi.bilateral[self._points])  # bounds of points in `split`
         self._splits: IntVector = np.searchsorted(self.split, self._points[self._rubs])  # which of them
+        self._shears: IntVector = places[1, self.split]  # their tangential tractions
+
+    def _summing(self, entries: Vector) -> Rows:
+        """The matrix (t, q) with an entry for each bound in the row of its traction."""
+        shape, columns = (len(self.bounds), len(entries)), np.arange(len(entries))
+        if not are_few(*shape):
+            return csr_array((entries, (self.traction, columns)), shape)
+        matrix = np.zeros(shape)
+        matrix[self.traction, columns] = entries
+        return matrix
 
     def _lay_out_rows(self) -> None:
         """Rows of tractions and bounds in the coordinates that are free."""
-        E, m, count = self._space.E, self._qvi.m, int((self._sign == 0.0).sum())
+        E, m, count = self._space.E, self._qvi.m, self.count
         whole = len(self._equations.free) == self._space.size
         self._all: Rows = E if whole else mapped(E, self._equations.map)
         self._all_sizes: Rows = magnitudes(self._all)
-        tangential = scaled(self._sign[count:], self._all[m + self._points[count:]])
-        self.B: Rows = stacked([self._all[self._points[:count]], tangential])
-        self._forces: Rows = self._space.forces(self.B)
+        normal, shears = self._points[:count], self._points[count : len(self.bounds)]
+        self.T: Rows = self._all[np.concatenate([normal, m + shears])]
+        self.N: Rows = scaled(np.repeat([0.0, 1.0], [count, len(shears)]), self._all[np.concatenate([normal, shears])])
+        self.forces: Rows = self._space.forces(self.T)
         self._split_rows: Rows = self._all[self.split]
-        self._constant: Rows | None = None  # C where it is the same everywhere
-        if not len(self.split):
-            self._constant = self.slack_rows(np.zeros(0))
 
     def rebase(self, base: Base) -> None:
         """Pose the problem about another point; u = 0 there, up to what equations had missed."""
@@ -137,7 +159,9 @@ class Complementarity:
         self._energy = base.energy + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + space.stiffness @ self._offset)
         self._normal, self._tangential = space.tractions(base, self._offset)
-        self._last: tuple[Vector | None, tuple[Vector, Vector]] = (None, (self._normal, self._tangential))
+        self._at_zero = np.concatenate([self._normal, self._tangential])
+        self._base_sizes = np.abs(self._at_zero)
+        self._last: tuple[Vector | None, Vector] = (None, self._at_zero)
 
     def full(self, u: Vector) -> Vector:
         """All trace coordinates y."""
@@ -148,10 +172,14 @@ class Complementarity:
         return y[self._equations.free]
 
     def tractions(self, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each, kept for the last y: an iteration asks for them several times."""
+        """(σ_N, σ_T) (m,) each."""
+        found, m = self._tractions(y), len(self._normal)
+        return found[:m], found[m:]
+
+    def _tractions(self, y: Vector) -> Vector:
+        """Both (2m,), kept for the last y: an iteration asks for them several times."""
         if self._last[0] is not y:
-            change, m = self._all @ y, len(self._normal)
-            self._last = (y, (self._normal + change[:m], self._tangential + change[m:]))
+            self._last = (y, self._at_zero + self._all @ y)
         return self._last[1]
 
     def contradiction(self) -> float:
@@ -160,14 +188,14 @@ class Complementarity:
 
     def stress_at(self, y: Vector) -> float:
         """Max |σ_N|, |σ_T|; where the contact carries nothing that of the body, as `certificate` does."""
-        largest = max(float(np.abs(part).max(initial=0.0)) for part in self.tractions(y))
+        found = largest(self._tractions(y))
         if not self._moved:  # nothing is known of the body yet
-            return max(largest, _FIRST * self.stress)
-        return largest if largest > self._nothing else self._in_body
+            return max(found, _FIRST * self.stress)
+        return found if found > self._nothing else self._in_body
 
     def slack(self, y: Vector, size: Vector) -> Vector:
         """Slacks s (q,) for coordinates y and |σ_N| (b,) at the points `split`."""
-        points, count = self._points, self._count
+        points, count = self._points, self.count
         normal, tangential = self.tractions(y)
         pressure = -normal
         pressure[self.split] = size
@@ -182,11 +210,10 @@ class Complementarity:
         Two bounds on either side of a traction have a sum in which the tractions cancel. It is taken from the slacks
         themselves, so that it keeps its digits where a point opens and all its slacks are tiny.
         """
-        normal, tangential = self.tractions(y)
-        normal_rounding, tangential_rounding = self._rounding(y)
-        count, points, pairs = self._count, self._points[: self._count], self._points[self._above]
-        residual = np.zeros(len(self._points))
-        residual[:count] = _beyond(s[:count] + normal[points], normal_rounding[points])
+        tractions, rounding = self._tractions(y), self._rounding(y)
+        count, points, pairs = self.count, self._points[: self.count], self._sheared
+        residual = np.zeros_like(s)
+        residual[:count] = _beyond(s[:count] + tractions[points], rounding[points])
         above, below = s[self._above], s[self._below]
         pressed, friction = self._pressed_above
         bound = self._fixed[self._above] + friction * s[pressed]
@@ -195,7 +222,7 @@ class Complementarity:
         sum_ = above + below
         both = 4.0 * _EPSILON * (sum_ + 2.0 * bound)
         total = _beyond(sum_ - 2.0 * bound, both)
-        half = _beyond(0.5 * (above - below) + tangential[pairs], both + tangential_rounding[pairs])
+        half = _beyond(0.5 * (above - below) + tractions[pairs], both + rounding[pairs])
         missed = friction * residual[pressed]
         residual[self._above] = 0.5 * total + half + missed
         residual[self._below] = 0.5 * total - half + missed
@@ -205,15 +232,11 @@ class Complementarity:
         """σ_N (b,) at the points `split` less the difference of pull and push, with zeros where it is rounding."""
         if not len(self.split):
             return np.zeros(0)
-        return _beyond(self.split_normal(y) - difference, self._rounding(y)[0][self.split])
+        return _beyond(self.split_normal(y) - difference, self._rounding(y)[self.split])
 
-    def _rounding(self, y: Vector) -> tuple[Vector, Vector]:
-        """What the rounding of y and of sums may change of σ_N and σ_T (m,) each."""
-        sums, m = self._all_sizes @ np.abs(y), len(self._normal)
-        return (
-            _TERMS * _EPSILON * (np.abs(self._normal) + sums[:m]),
-            _TERMS * _EPSILON * (np.abs(self._tangential) + sums[m:]),
-        )
+    def _rounding(self, y: Vector) -> Vector:
+        """What the rounding of y and of sums may change of (σ_N, σ_T) (2m,)."""
+        return np.asarray(_TERMS * _EPSILON * (self._base_sizes + self._all_sizes @ np.abs(y)))
 
     def split_normal(self, y: Vector) -> Vector:
         """σ_N (b,) at the points `split`."""
@@ -229,13 +252,12 @@ class Complementarity:
         values[self._rubs] = self.friction[self._rubs] * size[self._splits]
         return values
 
-    def slack_rows(self, slope: Vector) -> Rows:
-        """C = −ds/dy (q, k), where the slope d|σ_N|/dσ_N (b,) is given at the points `split`."""
-        if self._constant is not None:
-            return self._constant
-        change = np.full(self._qvi.m, -1.0)  # of the pressure
-        change[self.split] = slope
-        return scaled(-self.friction * change[self._points], self._all[self._points]) + self.B
+    def change(self, y: Vector, slope: Vector) -> Vector:
+        """C y = −ds (q,) for a change of y, with the slope d|σ_N|/dσ_N (b,) at the points `split`."""
+        tractions = self.T @ y
+        change = self.signs * tractions[self.traction]
+        change[self.coulomb] += self._friction * tractions[self.pressed[self.coulomb]]
+        return change - self.friction_of(slope * self.split_change(y)) if len(self.split) else change
 
     def energy(self, y: Vector) -> float:
         """Of (D2), with what the base lacks in accuracy."""
@@ -250,34 +272,37 @@ class Complementarity:
         return float((self.weights / np.bincount(contact, self.weights)[contact]).min())
 
     @cached_property
-    def traction_rows(self) -> Matrix:
-        """The rows of B of the tractions themselves, dense."""
-        return dense(self.B[: len(self.bounds)])
+    def dense_rows(self) -> tuple[Matrix, Matrix, Vector]:
+        """T and N as dense arrays, and W |T|² (t,)."""
+        T = dense(self.T)
+        return T, dense(self.N), np.asarray(self.W * (T * T).sum(axis=1))
 
-    @cached_property
-    def traction_sizes(self) -> Vector:
-        """W |T|² of the rows T of the tractions."""
-        rows = self.traction_rows
-        return np.asarray(self.weights[: len(rows)] * (rows * rows).sum(axis=1))
+    def summed(self, values: Vector) -> Vector:
+        """Σ ± values (t,) over the bounds (q,) of each traction, with the sign of their forces."""
+        return np.asarray(self._signed @ values)
 
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,)."""
-        return np.asarray(self._forces @ (self.weights * multipliers))
+        return np.asarray(self.forces @ (self.W * (self._signed @ multipliers)))
 
-    def add_stiffness(self, target: Matrix, factors: Vector, slack_rows: Rows) -> None:
-        """Add BᵀW diag(factors) C to target (k, k)."""
-        add_product(target, self._forces, scaled(self.weights * factors, slack_rows))
+    def blocks(self, ratio: Vector, slope: Vector) -> tuple[Vector, Vector]:
+        """(D, e) (t,) with BᵀW diag(ratio) C = Tᵀ W (D T + e N), with the slope d|σ_N|/dσ_N (b,) at `split`."""
+        D, e = self._summed @ ratio, self._rubbing @ ratio
+        if len(slope):
+            e[self._shears] *= -slope
+        return D, e
 
-    def blocks(self, ratio: Vector, slope: Vector) -> Vector:
-        """Blocks (M_NN, M_TN, M_TT) (3m,) of [N; T]ᵀM[N; T] = BᵀW diag(ratio) C, C as in `slack_rows` for the slope."""
-        m, factors = self._qvi.m, self.weights * ratio
-        normal = self._sign == 0.0
-        points, shear = self._points[~normal], factors[~normal]
-        change = np.full(m, -1.0)
-        change[self.split] = slope
-        mixed = -(self._sign * self.friction * factors)[~normal] * change[points]
-        parts = ((self._points[normal], factors[normal]), (points, mixed), (points, shear))
-        return np.concatenate([np.zeros(m) + np.bincount(place, values, m) for place, values in parts])
+    def stiffness(self, D: Vector, e: Vector) -> Matrix:
+        """Tᵀ W (D T + e N) (k, k), see `blocks`."""
+        return dense(self.forces @ (scaled(self.W * D, self.T) + scaled(self.W * e, self.N)))
+
+    def spread(self, D: Vector, e: Vector) -> Vector:
+        """The blocks by contact point (3m,): M_NN, M_TN, M_TT of [N; T]ᵀM[N; T] = BᵀW diag(ratio) C."""
+        parts, count = np.zeros((3, self._qvi.m)), self.count
+        shears = self._points[count : len(D)]
+        parts[0, self._points[:count]] = (self.W * D)[:count]
+        parts[1, shears], parts[2, shears] = (self.W * e)[count:], (self.W * D)[count:]
+        return parts.ravel()
 
     def bound_multipliers(self, m_N: Vector, m_T: Vector, slack: Vector) -> Vector:  # letters of (D2)
         """λ (q,) of row multipliers (m,) each; of friction bound and cap that with the smaller slack (q,) has it."""
@@ -306,3 +331,165 @@ class Complementarity:
 def _beyond(values: Vector, rounding: Vector) -> Vector:
     """The values, 0 where they are rounding."""
     return np.where(np.abs(values) > rounding, values, 0.0)
+
+
+# Equations between trace coordinates, solved for some of them: y = y₀ + M u.
+#
+# Of all k coordinates some are known from points without friction (`Frictionless`), p more are given by the others
+# through A y = b, pivots of a QR factorisation of A, and u are the rest. M is sparse but for p rows.
+
+
+# Contact points whose friction bound is zero whatever the pressure: equations σ_T = 0 instead of bounds.
+#
+# As bounds |σ_T| ≤ 0 they would have no interior. Where they fix every trace coordinate they touch, as on a contact
+# without friction, those coordinates are known; otherwise independent ones of the rows become equations.
+
+
+@dataclass(frozen=True, eq=False)
+class Frictionless:
+    """The equations of points without friction.
+
+    Attributes
+    ----------
+    points : (f,) contact points without friction
+    fixed : trace coordinates that they determine
+    equations : (p', k) rows for those that are kept as equations, of the points `kept`
+    kept : (p',) points
+
+    """
+
+    points: IntVector
+    fixed: IntVector
+    equations: Matrix
+    kept: IntVector
+    _rows: Rows  # E_T of the points, by all coordinates
+    _weights: Vector
+
+    @classmethod
+    def of(cls, points: IntVector, E_T: Rows, weights: Vector) -> "Frictionless":
+        """Sort the rows E_T (m, k) of the given points; weights W (m,)."""
+        if not len(points):
+            none = np.zeros(0, dtype=np.int64)
+            return cls(points, none, np.zeros((0, E_T.shape[1])), none, E_T[points], weights[points])
+        rows = csr_array(E_T[points])
+        rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
+        rows.eliminate_zeros()
+        touched = np.unique(rows.indices).astype(np.int64)
+        chosen = echelon(rows[:, touched]).rows
+        none = np.zeros(0, dtype=np.int64)
+        if len(chosen) == len(touched):
+            return cls(points, touched, np.zeros((0, E_T.shape[1])), none, rows, weights[points])
+        return cls(points, none, rows[chosen].toarray(), points[chosen], rows, weights[points])
+
+    def values(self, tangential: Vector) -> Vector:
+        """The fixed coordinates at which σ_T = tangential + E_T y vanishes at the points; tangential is (m,)."""
+        if not len(self.fixed):
+            return np.zeros(0)
+        G, factor = self._normal_equations
+        return np.asarray(factor.solve(-(G.T @ (self._weights * tangential[self.points]))))
+
+    def multipliers(self, residual: Vector, nu: Vector, count: int) -> Vector:
+        """m_T (count,) of the points: those that balance the residual (k,) of S y + c + …, or ν of the equations."""
+        m_T = np.zeros(count)
+        m_T[self.kept] = nu
+        if len(self.fixed):
+            G, factor = self._normal_equations
+            m_T[self.points] = -self._weights * (G @ factor.solve(residual[self.fixed]))
+        return m_T
+
+    @cached_property
+    def _normal_equations(self) -> tuple[Sparse, SuperLU]:
+        """G, the rows by fixed coordinates, and the factor of GᵀWG."""
+        G = csc_array(self._rows[:, self.fixed])
+        return G, splu(csc_array(G.T @ diags_array(self._weights) @ G))
+
+
+_DEPENDENT = 1e-10  # rows of A, scaled to length one, that are shorter than this beside the others repeat them
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The substitution that a set of equations gives.
+
+    Attributes
+    ----------
+    free : coordinates u
+    map : M (k, u)
+    A : (p', k), all equations
+    frictionless : the coordinates and equations that points without friction bring
+
+    """
+
+    free: IntVector
+    map: Rows
+    A: Matrix
+    frictionless: Frictionless
+    _pivots: IntVector
+    _scale: Vector  # of the rows
+    _Q: Matrix
+    _R: Matrix
+
+    @classmethod
+    def of(cls, A: Matrix, frictionless: Frictionless, size: int) -> "Equations":
+        """Choose pivots for A (p, k) and the equations of points without friction."""
+        A = np.vstack([A, frictionless.equations])
+        unknown = np.setdiff1d(np.arange(size), frictionless.fixed)
+        lengths = np.linalg.norm(A, axis=1)
+        scale = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+        Q, R, order = _pivoted(scale[:, None] * A[:, unknown])
+        rank = int((np.abs(R.diagonal()) > _DEPENDENT).sum())
+        pivots, free = unknown[order[:rank]], np.sort(unknown[order[rank:]])
+        number = np.searchsorted(free, unknown[order[rank:]])
+        tail = np.zeros((rank, len(free)))
+        tail[:, number] = -solve_triangular(R[:rank, :rank], R[:rank, rank:]) if rank else 0.0
+        return cls(free, _map(size, free, pivots, tail), A, frictionless, pivots, scale, Q[:, :rank], R[:rank, :rank])
+
+    def offset(self, b: Vector, tangential: Vector) -> Vector:
+        """y₀ (k,): the solution of A y = b and σ_T = 0 with u = 0; b without, tangential (m,) the shear at y = 0."""
+        y = np.zeros(self.map.shape[0])
+        y[self.frictionless.fixed] = self.frictionless.values(tangential)
+        right = np.concatenate([b, -tangential[self.frictionless.kept]]) - self.A @ y
+        if len(self._pivots):
+            y[self._pivots] = solve_triangular(self._R, self._Q.T @ (self._scale * right))
+        return y
+
+    def quadratic(self, S: Matrix | SparseRows) -> Matrix | SparseRows:
+        """MᵀSM (u, u); sparse only where there are no equations."""
+        free, pivots = self.free, self._pivots
+        if len(free) == S.shape[0]:
+            return S
+        S = np.asarray(S)
+        inner = S[np.ix_(free, free)]
+        if not len(pivots):
+            return inner
+        tail = dense(self.map[pivots])
+        mixed = S[np.ix_(free, pivots)] @ tail
+        return np.asarray(inner + mixed + mixed.T + tail.T @ (S[np.ix_(pivots, pivots)] @ tail))
+
+    def multipliers(self, residual: Vector, count: int, p: int) -> tuple[Vector, Vector]:
+        """(ν (p,), m_T (count,) of points without friction) that balance the residual (k,) of S y + c + Eᵀm."""
+        nu = np.zeros(len(self.A))
+        if len(self._pivots):
+            nu = self._scale * (self._Q @ solve_triangular(self._R, -residual[self._pivots], trans="T"))
+        residual = residual + self.A.T @ nu
+        return nu[:p], self.frictionless.multipliers(residual, nu[p:], count)
+
+
+def _pivoted(A: Matrix) -> tuple[Matrix, Matrix, IntVector]:
+    """Q, R and the order of columns of a QR factorisation with pivoting; without rows all columns as they are."""
+    if not len(A):
+        return np.zeros((0, 0)), np.zeros((0, 0)), np.arange(A.shape[1])
+    Q, R, order = qr(A, mode="economic", pivoting=True)
+    return np.asarray(Q, dtype=np.float64), np.asarray(R, dtype=np.float64), np.asarray(order, dtype=np.int64)
+
+
+def _map(size: int, free: IntVector, pivots: IntVector, tail: Matrix) -> Rows:
+    """M (size, u): unit rows for the free coordinates, the tail's for the pivots, none for those that are known."""
+    if are_few(size, len(free)):
+        M = np.zeros((size, len(free)))
+        M[free, np.arange(len(free))] = 1.0
+        M[pivots] = tail
+        return M
+    identity = csr_array((np.ones(len(free)), (free, np.arange(len(free)))), (size, len(free)))
+    spread = csr_array((np.ones(len(pivots)), (pivots, np.arange(len(pivots)))), (size, len(pivots)))
+    return csr_array(identity + spread @ csr_array(tail))

@@ -30,8 +30,7 @@ from solvers.condensed.systems import (
     Space,
 )
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.base import State
-from solvers.factorisation.unsymmetric import Refactorisation
+from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, transposed
 
@@ -54,13 +53,13 @@ class Reduction(Space):
     stiffness: Matrix
 
     def __init__(self, qvi: FrictionQVI) -> None:
-        interface = qvi.condensed_interface
+        interface = qvi.condensed_contact
         self._qvi, self._system, self._interface = qvi, interface.system, interface
         self._coordinates, self._scale = interface.coordinates, interface.scale
         self.stiffness = interface.stiffness
         self.E = interface.rows
         self.A = interface.A
-        self._many = not qvi.operator.condensing_pays(qvi)
+        self._many = not qvi.stiffness.condensing_pays(qvi.contact)
         self.shares = MANY_POINTS_SHARES if self._many else FRICTION_SHARES
 
     @property
@@ -84,18 +83,9 @@ class Reduction(Space):
             reduced, state = self._system.factor.reduce(-gradient)
             energy = qvi.energy(z)  # the interior is in equilibrium there
         else:
-            reduced, state, energy = self._at_rest(gradient)
+            reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
         c = -self._scale * self._coordinates.from_unknowns(reduced)
         return Base(z, c, qvi.b - qvi.arrays.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state)
-
-    def _at_rest(self, gradient: Vector) -> tuple[Vector, State, float]:
-        """The interior eliminated at z = 0, and the energy with y = 0; friction, cohesion and caps change neither."""
-        qvi, factor, known = self._qvi, self._system.factor, self._interface.at_rest
-        if known is None or known[0] is not qvi.potential:
-            reduced, state = factor.reduce(-gradient)
-            energy = qvi.energy(factor.expand(state, np.zeros_like(reduced)))
-            known = self._interface.at_rest = (qvi.potential, reduced, state, energy)
-        return known[1:]
 
     def move(self, base: Base, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
@@ -213,7 +203,7 @@ class Whole(Space):
 
     def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
         """Of matrices with this pattern."""
-        return self._qvi.operator.refactorisation(starts, columns)
+        return self._qvi.stiffness.refactorisation(starts, columns)
 
     def _filling(self) -> "Filling":
         rows, m = csr_array(self._qvi.contact_rows @ diags_array(self._scale)), self._qvi.m
@@ -267,7 +257,7 @@ class SparseSystem:
 
     def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
         """See `NewtonSystem`; scaled to a diagonal of 1. Only the last one can be solved with."""
-        blocks = problem.blocks(ratio, slope)
+        blocks = problem.spread(*problem.blocks(ratio, slope))
         if not np.isfinite(blocks).all():
             raise LinAlgError("it is not finite")
         values, scale = self._filled(blocks)

@@ -10,21 +10,22 @@ as much as the gap is open, no less. One step length is taken for everything, si
 multipliers. Among thousands of contact points those at the ends of joints snap one after the other, each at a turn of
 its own; there ω of friction is small at first (`settle`), and a step passes the few bounds that stop it (`past_few`).
 Sources: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing
-is proved for this one, which is not monotone, hence `central_path`, and the certificate.
+is proved for this one, which is not monotone, hence `CentralPath`, and the certificate.
 
-In `docs/theory.md`: (D6).
+In `docs/theory.md`: (D6), (D7).
 """
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.saddle import Saddle
 from solvers.condensed.systems import Solve
-from solvers.inequality.rows import Rows
+from solvers.inequality.rows import largest
 from solvers.solution import Start
 
 _STEP = 0.99  # of the way to the nearest bound, at least
@@ -58,11 +59,11 @@ class Point:
 
     """
 
-    __slots__ = ("lam", "pull", "push", "s", "values", "y")
+    __slots__ = ("count", "half", "lam", "pull", "push", "s", "values", "y")
 
     def __init__(self, y: Vector, values: Vector, count: int) -> None:
-        half = len(values) // 2
-        self.y, self.values = y, values
+        half = self.half = len(values) // 2
+        self.y, self.values, self.count = y, values, count
         self.s, self.pull = values[:count], values[count:half]
         self.lam, self.push = values[half : half + count], values[half + count :]
 
@@ -74,12 +75,11 @@ class Point:
     @property
     def products(self) -> Vector:
         """All s λ and pull push (q + b,); of a change those of second order."""
-        half = len(self.values) // 2
-        return self.values[:half] * self.values[half:]
+        return self.values[: self.half] * self.values[self.half :]
 
     def moved(self, step: "Point", length: float) -> "Point":
         """The point a step further."""
-        return Point(self.y + length * step.y, self.values + length * step.values, len(self.s))
+        return Point(self.y + length * step.y, self.values + length * step.values, self.count)
 
 
 class Residuals(NamedTuple):
@@ -159,7 +159,7 @@ class InteriorPoint:
         terms = (problem.S @ point.y, problem.c, problem.force(point.lam))
         slack = problem.slack_residual(point.y, point.s, point.pull + point.push)
         split = problem.split_residual(point.y, point.pull - point.push)
-        return Residuals(terms[0] + terms[1] + terms[2], slack, split, max(_largest(term) for term in terms))
+        return Residuals(terms[0] + terms[1] + terms[2], slack, split, largest(np.concatenate(terms)))
 
     def settle(self) -> None:
         """From here on friction has its own share, and few bounds may be passed. Targets of pull push stay."""
@@ -178,13 +178,15 @@ class InteriorPoint:
         """At the current point."""
         problem = self.problem
         stress = problem.stress_at(self.point.y)
-        unit = stress * (stress / problem.stress * self.displacement) * float(problem.weights.sum())
+        unit = stress * (stress / problem.stress * self.displacement) * problem.total_weight
         gap = float(problem.weights @ (self.point.s * self.point.lam)) / max(unit, _LEAST)
-        slack = max(_largest(residuals.slack / problem.sizes), _largest(residuals.split)) / stress
-        kink = 2.0 * _largest(np.minimum(self.point.pull, self.point.push)) / stress
+        slack, kink = largest(residuals.slack / problem.sizes) / stress, 0.0
+        if len(residuals.split):
+            slack = max(slack, largest(residuals.split) / stress)
+            kink = 2.0 * largest(np.minimum(self.point.pull, self.point.push)) / stress
         size = max(self._force_scale, residuals.largest, _LEAST)
         self.least = self.finest * unit / max(self._total_share, _LEAST)
-        return Measures(gap, slack, kink, _largest(residuals.force) / size)
+        return Measures(gap, slack, kink, largest(residuals.force) / size)
 
     def iterate(self, residuals: Residuals) -> float:
         """One iteration; returns the length of its step."""
@@ -278,7 +280,7 @@ class Newton:
     point: Point
     problem: Complementarity
     residuals: Residuals
-    rows: Rows
+    slope: Vector
     solve: Solve | None
     saddle: Saddle | None = None
 
@@ -286,10 +288,9 @@ class Newton:
     def at(cls, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> "Newton":
         """Assemble and factorise; `accurate`: as in `saddle`."""
         slope = (point.pull - point.push) / (point.pull + point.push)
-        rows = problem.slack_rows(slope)
         if accurate:
-            return cls(point, problem, residuals, rows, None, Saddle.at(problem, point.s, point.lam, rows))
-        return cls(point, problem, residuals, rows, problem.system.factorised(problem, point.lam / point.s, slope))
+            return cls(point, problem, residuals, slope, None, Saddle.at(problem, point.s, point.lam, slope))
+        return cls(point, problem, residuals, slope, problem.system.factorised(problem, point.lam / point.s, slope))
 
     def step(self, comp: Vector, *, only: bool = False) -> Point:
         """The change that makes the products grow by comp (q + b,); `only`: without reducing the residuals."""
@@ -298,7 +299,7 @@ class Newton:
             force, slack, split = 0.0 * force, 0.0 * slack, 0.0 * split
         if not len(split):
             y, s, lam = self._bounds(force, slack, comp)
-            return Point(y, np.concatenate([s, lam]), len(s))
+            return Point(y, np.concatenate([s, lam]), point.count)
         work, kink = comp[: len(point.s)], comp[len(point.s) :]
         # |σ_N| changes by this much, and by its slope times the change of σ_N.
         size = (2.0 * kink + (point.pull - point.push) * split) / (point.pull + point.push)
@@ -316,16 +317,16 @@ class Newton:
         problem = self.problem
         lam = (comp + self.point.lam * slack) / self.point.s
         y = self.solve(-force - problem.force(lam))
-        s = -slack - self.rows @ y
+        s = -slack - problem.change(y, self.slope)
         lam = (comp - self.point.lam * s) / self.point.s
         for enough in _ENOUGH:  # the elimination of s and λ loses digits where s is small
             terms = (problem.S @ y, problem.force(lam))
             left = -force - terms[0] - terms[1]
-            if _largest(left) <= enough * max(_largest(term) for term in terms):
+            if largest(left) <= enough * largest(np.concatenate(terms)):
                 break
             more = self.solve(left)
-            moved = self.rows @ more
-            # Added up, not computed from y: λ/s times the rounding of rows y would put forces out of balance again.
+            moved = problem.change(more, self.slope)
+            # Added up, not computed from y: λ/s times the rounding of C y would put forces out of balance again.
             y, s, lam = y + more, s - moved, lam + self.point.lam / self.point.s * moved
         return y, s, lam
 
@@ -357,10 +358,6 @@ def _longest(point: Point, step: Point) -> float:
     return -1.0 / least if least < 0.0 else np.inf
 
 
-def _largest(values: Vector) -> float:
-    return float(np.maximum.reduce(np.abs(values), initial=0.0))
-
-
 # An interior point near the answer to a problem before.
 #
 # At every bound there are the slack s₀ that this answer has now, negative where the bound has moved past it, and its
@@ -382,7 +379,7 @@ def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
     """Exchange the iterate of a method, already started, for one near a state with free trace coordinates y (k,)."""
     problem, split = interior.problem, len(interior.point.pull)
     interior.settle()
-    unit = problem.stress * interior.displacement * float(problem.weights.sum())
+    unit = problem.stress * interior.displacement * problem.total_weight
     products = GAP * unit / float(problem.weights @ problem.shares) * interior.shares
     kink = products[len(products) - split :]
     normal = problem.split_normal(y)
@@ -400,3 +397,103 @@ def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:
     larger = 0.5 * (np.abs(difference) + np.sqrt(difference**2 + 4.0 * product))
     smaller = product / larger
     return np.where(difference > 0.0, larger, smaller), np.where(difference > 0.0, smaller, larger)
+
+
+# Following the central path of `interior_point` by its arc length, where it turns back.
+#
+# The points with s λ = τ ω form a curve. For a monotone problem τ falls along it all the way; with the moving threshold
+# of Coulomb friction it may rise for a while, and a method that forces τ down stalls at the turn. Here log τ is an
+# unknown like the others, and the step goes along the tangent
+#
+#     T ∝ (dlog τ, ds/s, dλ/λ),   norm² = (dlog τ)² + Σ W ((ds/s)² + (dλ/λ)²) / Σ W,
+#
+# pull and push counted as further s and λ, with Newton steps normal to it (pseudo-arclength continuation, H. B.
+# Keller, 1977). Of the two directions it takes the one in which τ falls where det of Newton's matrix is positive and
+# rises where it is negative: at a turn both change their signs, so the curve from τ = ∞ is followed to its end, and no
+# step across a sharp turn can make it go back. Where the sign is not known, it is the direction in which the curve was
+# followed so far.
+
+
+_FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01
+_GROWTH = 1.5
+_NEAR = 0.5  # Newton corrections, relative to s and λ, up to which a point counts as on the curve
+_REACH = 0.8  # relative change of any s or λ in one step at most
+_HIGHEST = 7.0  # of log τ, after which the curve is given up
+_LONGEST = 250  # steps along one curve: where contact opens edge by edge, several for each
+_FOUND = 40  # steps to it
+_BEYOND = 3.0  # the turn is passed when log τ has fallen by this much
+
+
+class CentralPath:
+    """The curve from the current point of an interior point method on; every `advance` is one factorisation."""
+
+    def __init__(self, method: InteriorPoint) -> None:
+        self._method = method
+        weights = method.problem.weights
+        half, split = weights / weights.sum(), method.problem.split_weights / weights.sum()
+        self._metric: Vector = np.concatenate([[1.0], half, split, half, split])
+        self._log: float = float(np.log(method.parameter()))
+        self._start = self._log
+        self._tangent: Vector | None = None
+        self._length = _FIRST_STEP
+        self._steps = 0
+
+    @property
+    def passed(self) -> bool:
+        """Whether the turn is behind: τ is well below its value at the start, and falling."""
+        return self._tangent is not None and self._tangent[0] < 0.0 and self._log < self._start - _BEYOND
+
+    @property
+    def lost(self) -> bool:
+        """Whether τ has risen so far, or the curve is so long or so far away, that no turn is to be hoped for."""
+        longest = _LONGEST if self._tangent is not None else _FOUND
+        return self._log > self._start + _HIGHEST or self._steps > longest
+
+    def advance(self) -> float:
+        """Correct, and step along the curve if it is near; returns the change of log τ."""
+        method = self._method
+        self._steps += 1
+        point, residuals = method.point, method.residuals()
+        target = np.exp(self._log) * method.shares
+        newton = Newton.at(method.problem, point, residuals)
+        along = newton.step(target, only=True)
+        back = newton.step(target - point.products)
+        tangent, change = self._relative(1.0, along), self._relative(0.0, back)
+        tangent_unit = tangent / np.sqrt(self._metric @ tangent**2)
+        if self._backwards(tangent_unit):
+            tangent_unit = -tangent_unit
+        # The Newton step with log τ free, normal to the tangent.
+        slope = float(self._metric @ (tangent_unit * tangent))
+        if not np.isfinite(slope) or slope == 0.0:
+            raise LinAlgError("the central path has no tangent")
+        shift = -float(self._metric @ (tangent_unit * change)) / slope
+        correction = change + shift * tangent
+        size = float(np.abs(correction[1:]).max(initial=0.0))
+        fraction = 1.0
+        if size > _NEAR:
+            fraction = min(1.0, _REACH / size)
+            self._length = max(0.5 * self._length, _LEAST_STEP)
+        else:
+            self._tangent = tangent_unit
+            length = self._length
+            while np.abs(correction[1:] + length * tangent_unit[1:]).max(initial=0.0) > _REACH:
+                length *= 0.7
+            shift += length * tangent_unit[0] / tangent[0]
+            self._length = min(_GROWTH * length, _LAST_STEP)
+        method.point = point.moved(_sum(back, along, shift), fraction)
+        self._log += fraction * shift
+        return fraction * shift
+
+    def _backwards(self, tangent: Vector) -> bool:
+        """Whether a tangent points back along the curve."""
+        orientation = self._method.problem.system.orientation
+        if orientation:
+            return bool(orientation * tangent[0] > 0.0)
+        return bool((tangent[0] if self._tangent is None else -self._metric @ (self._tangent * tangent)) > 0.0)
+
+    def _relative(self, log: float, step: Point) -> Vector:
+        return np.concatenate([[log], step.values / self._method.point.values])
+
+
+def _sum(first: Point, second: Point, factor: float) -> Point:
+    return Point(first.y + factor * second.y, first.values + factor * second.values, len(first.s))

@@ -3,7 +3,7 @@
     1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`reduction`)
        or, where the contact is a large share of the body, nothing: all matrices are sparse   (`whole`)
     2  solve the mixed complementarity problem there by an interior point method              (`interior_point`)
-       where it stalls, follow the central path around its turns                              (`central_path`)
+       where it stalls, follow the central path around its turns                              (`CentralPath`)
     3  move z, compute the gradient without the rounding inside K, and go on from there: a defect correction, repeated
        until the linear residual has reached its round-off floor
 
@@ -33,6 +33,7 @@ In `docs/theory.md`: (D8).
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
@@ -43,15 +44,14 @@ from solvers.basics.progress import Progress, expired, tell
 from solvers.basics.status import Status
 from solvers.certificate import certify
 from solvers.certificate.feasibility import Feasibility, refuted
-from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import Reduction, Whole, obstacle
-from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals, start_near
+from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
 from solvers.condensed.systems import FITTING_SHARES, Base, Shares, Space, SystemName
 from solvers.errors import InputError
+from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.stiffness import SLOW_CONTRACTION
-from solvers.solution import Iteration, Outcome, QVISolution, Start, finish
+from solvers.solution import Attempt, Iteration, Outcome, QVISolution, Start, finish
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
 _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`
@@ -140,11 +140,12 @@ class _Run:
     turns: int = 0
     feasibility: Feasibility | None = None  # that the load cannot be carried, if it was proved
     began: float = 0.0
+    attempts: tuple[Attempt, ...] = ()  # so far
     scale: float = 0.0  # energy norm of the first step
     steps: list[float] = field(default_factory=list)  # relative lengths of the steps between corrections
     sizes: list[float] = field(default_factory=list)  # relative sizes of the corrections
 
-    @property
+    @cached_property
     def final_gap(self) -> float:
         """The gap at which the interior point method stops.
 
@@ -171,15 +172,18 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
         run = _start(qvi, space, options)
         near = _begin_near(run)
         _iterate(run)
-        if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.operator.use_root():
-            run = _start(qvi, Reduction(qvi), options)
+        run.attempts = (_attempted(run, "condensed", ""),)
+        if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.stiffness.use_root():
+            attempts, run = run.attempts, _start(qvi, Reduction(qvi), options)
             _iterate(run)
+            run.attempts = (*attempts, _attempted(run, "condensed, R in place of K", "K has lost too much to rounding"))
         run = _restarted(run, tolerance, time.perf_counter() - set_up)
     outcome = _outcome(run)
     outcome.form = _FORMS[run.space.name]
     outcome.corrections = tuple(run.sizes)
     outcome.turned = "The central path has a turning point before this solution" if run.turns or run.elsewhere else ""
     outcome.near = near
+    outcome.attempts = run.attempts
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
     solution = finish(qvi, outcome, "condensed", "", tolerance)
     return replace(solution, message=f"{solution.message} {remark}") if remark else solution
@@ -189,7 +193,7 @@ def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Space, str]:
     """The coordinates asked for, or those that cost less; and a sentence where they cannot be had."""
     wanted = options.system
     if wanted == "auto":
-        wanted = "dense" if qvi.operator.condensing_pays(qvi) else "sparse"
+        wanted = "dense" if qvi.stiffness.condensing_pays(qvi.contact) else "sparse"
     reason = obstacle(qvi) if wanted == "sparse" else ""
     if wanted == "dense" or reason:
         return Reduction(qvi), f"Dense linear systems were taken: {reason}." if reason else ""
@@ -210,7 +214,7 @@ def _restarted(first: _Run, tolerance: float, seconds: float) -> _Run:
         first.feasibility = refuted(first.qvi, max(_ASKED * seconds, _AT_LEAST))
         if first.feasibility is not None:
             return first
-    best, run = first, first
+    best, run, attempts = first, first, first.attempts
     shares = first.space.shares
     others = [share for share in shares[1:] if share.late < shares[0].late or not inexact]
     if first.reason is Status.INNER_INFEASIBLE and FITTING_SHARES not in shares:
@@ -218,13 +222,15 @@ def _restarted(first: _Run, tolerance: float, seconds: float) -> _Run:
     for share in [shares[0], *others] if first.warm else others:
         if accuracy <= tolerance:
             break
-        turned = run.elsewhere or run.turns > 0
+        turned, ended = run.elsewhere or run.turns > 0, str((run.reason or Status.STALLED).words)
         run = _start(first.qvi, first.space, first.options, share)
         run.history = first.history
         run.before = len(run.history)
         run.elsewhere = turned and share != shares[0] and not inexact
         run.best = (np.inf, run.before)
         _iterate(run)
+        name = f"condensed, friction's share {share.early:g}, then {share.late:g}"
+        attempts += (_attempted(run, name, f"the start before ended {ended}"),)
         found = _accuracy(run)
         if found < accuracy:
             best, accuracy = run, found
@@ -232,7 +238,12 @@ def _restarted(first: _Run, tolerance: float, seconds: float) -> _Run:
             break
     if run.reason is Status.TIME_LIMIT and not inexact:
         best.reason, best.message = run.reason, ""
+    best.attempts = attempts
     return best
+
+
+def _attempted(run: _Run, name: str, reason: str) -> Attempt:
+    return Attempt(name, reason, run.reason or Status.STALLED, len(run.history) - run.before)
 
 
 def _accuracy(run: _Run) -> float:

@@ -24,9 +24,8 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
+from solvers.basics.types import IntVector, Matrix, Vector
 from solvers.condensed.complementarity import SLOTS, Complementarity
-from solvers.inequality.rows import Rows, dense, scaled
 
 _SIDES = np.array(SLOTS)
 _SAME_SIDE = np.outer(_SIDES, _SIDES)
@@ -36,16 +35,15 @@ _STIFFEST = 1e15  # W D |T|² as it is factorised: of dependent rows no pivot va
 
 @dataclass(frozen=True, eq=False)
 class Saddle:
-    """The factorised matrix for slacks s, multipliers λ and rows C; stiff tractions."""
+    """The factorised matrix for slacks s, multipliers λ and the slope of |σ_N| at bilateral points; stiff tractions."""
 
     problem: Complementarity
     s: Vector
     lam: Vector
-    rows: Rows
-    stiff: BoolVector
-    bounds: IntVector  # (stiff, 4) those of stiff tractions by slot, −1 without one
-    ratio: Matrix  # (stiff, 4) λ/s of them, 0 without one
-    total: Vector  # D of the stiff tractions
+    slope: Vector
+    stiff: IntVector
+    D: Vector  # of all tractions
+    soft: Vector  # W of the tractions that are not stiff, 0 of the others
     matrix: Matrix
     left: Vector  # scale of equations
     right: Vector  # scale of unknowns
@@ -53,75 +51,62 @@ class Saddle:
     pivots: IntVector
 
     @classmethod
-    def at(cls, problem: Complementarity, s: Vector, lam: Vector, rows: Rows) -> "Saddle":
+    def at(cls, problem: Complementarity, s: Vector, lam: Vector, slope: Vector) -> "Saddle":
         """Assemble and factorise."""
-        k, ratio = problem.S.shape[0], lam / s
-        D: Vector = np.asarray(np.bincount(problem.traction, ratio), dtype=np.float64)
-        T, W = problem.traction_rows, problem.weights[: len(D)]
-        size = problem.traction_sizes
-        stiff = size * D > 1.0
-        bounds = problem.bounds[stiff]
-        by_slot = _gathered(ratio, bounds)
-        matrix = np.zeros((k + len(bounds),) * 2)
-        matrix[:k, :k] = problem.S
-        problem.add_stiffness(matrix[:k, :k], np.where(stiff[problem.traction], 0.0, ratio), rows)
-        matrix[:k, k:] = (W[stiff, None] * T[stiff]).T
-        matrix[k:, :k] = _summed(by_slot * _SIDES / D[stiff, None], rows, bounds)
+        k, W, (T, N, sizes) = problem.S.shape[0], problem.W, problem.dense_rows
+        D, e = problem.blocks(lam / s, slope)
+        sizes = sizes * D  # W D |T|²
+        stiff = (sizes > 1.0).nonzero()[0]
+        soft = W.copy()
+        soft[stiff] = 0.0
+        rows = T + (e / D)[:, None] * N  # Σ ± λ/s C / D
+        matrix = np.zeros((k + len(stiff),) * 2)
+        matrix[:k, :k] = problem.S + (T.T * (soft * D)) @ rows
+        matrix[:k, k:] = T[stiff].T * W[stiff]
+        matrix[k:, :k] = rows[stiff]
         diagonal = np.arange(k, len(matrix))
         matrix[diagonal, diagonal] = -1.0 / D[stiff]
-        left = 1.0 / np.abs(matrix).max(axis=1, initial=np.finfo(float).tiny)
-        right = 1.0 / np.abs(left[:, None] * matrix).max(axis=0, initial=np.finfo(float).tiny)
+        tiny = np.finfo(np.float64).tiny
+        size = np.abs(matrix)
+        left = 1.0 / np.maximum.reduce(size, axis=1, initial=tiny)
+        size *= left[:, None]
+        right = 1.0 / np.maximum.reduce(size, axis=0, initial=tiny)
         regular = np.multiply(left[:, None] * matrix, right, order="F")
-        regular[diagonal, diagonal] = -np.maximum(1.0 / D, size / _STIFFEST)[stiff] * left[k:] * right[k:]
+        regular[diagonal, diagonal] *= np.maximum(1.0, sizes[stiff] / _STIFFEST)
         factor, pivots, info = dgetrf(regular, overwrite_a=1)
         if info > 0 or not np.isfinite(factor).all():
             raise LinAlgError("it is singular")
-        return cls(problem, s, lam, rows, stiff, bounds, by_slot, D[stiff], matrix, left, right, factor, pivots)
+        return cls(problem, s, lam, slope, stiff, D, soft, matrix, left, right, factor, pivots)
 
     def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """(dy, ds, dλ) for residuals of y and of the slacks, and the wanted change of s λ."""
         problem, k = self.problem, len(force)
-        moved = (comp + self.lam * slack) / self.s
-        top = -force - problem.force(np.where(self.stiff[problem.traction], 0.0, moved))
-        right = np.concatenate([top, -(_gathered(moved, self.bounds) @ _SIDES) / self.total])
-        x = np.zeros_like(right)
-        for _ in range(1 + _REFINEMENTS):
-            x = x + self.right * dgetrs(self.factor, self.pivots, self.left * (right - self.matrix @ x))[0]
-        y = x[:k]
-        s = self._slacks(y, x[k:], slack, comp)
-        return y, s, (comp - self.lam * s) / self.s
+        moved = problem.summed((comp + self.lam * slack) / self.s)
+        right = np.concatenate([-force - problem.forces @ (self.soft * moved), -(moved / self.D)[self.stiff]])
+        x = self.right * dgetrs(self.factor, self.pivots, self.left * right)[0]
+        for _ in range(_REFINEMENTS):
+            x += self.right * dgetrs(self.factor, self.pivots, self.left * (right - self.matrix @ x))[0]
+        s = self._slacks(x[:k], x[k:], slack, comp)
+        return x[:k], s, (comp - self.lam * s) / self.s
 
     def _slacks(self, y: Vector, forces: Vector, slack: Vector, comp: Vector) -> Vector:
         """The changes of s (q,), those of stiff tractions by their forces."""
-        problem = self.problem
-        change = self.rows @ y
-        s = -slack - change
-        friction = problem.B @ y - change  # of the friction bounds, with the pressure
-        net = forces - _gathered(comp / self.s, self.bounds) @ _SIDES
-        self._by_forces(s, friction - slack, net)
-        coulomb = problem.coulomb
-        pressure = (s + slack)[problem.pressed[coulomb]]
-        friction[coulomb] = problem.friction[coulomb] * pressure
-        self._by_forces(s, friction - slack, net)
+        problem, stiff, D = self.problem, self.stiff, self.D[self.stiff]
+        s = -slack - problem.change(y, self.slope)
+        net = forces - problem.summed(comp / self.s)[stiff]
+        count = int(np.searchsorted(stiff, problem.count))
+        s[stiff[:count]] = -net[:count] / D[:count]  # of the one bound of a normal traction
+        if count == len(stiff):
+            return s
+        free, coulomb = -slack, problem.coulomb  # g
+        pressed = problem.pressed[coulomb]
+        free[coulomb] += problem.friction[coulomb] * (s + slack)[pressed]
+        if len(problem.split):
+            free += problem.friction_of(self.slope * problem.split_change(y))
+        bounds, n = problem.slots[stiff[count:]], problem.slots.shape[1]
+        there = bounds >= 0
+        g, ratio = free[bounds], np.where(there, (self.lam / self.s)[bounds], 0.0)
+        pairs = g[:, :, None] - _SAME_SIDE[:n, :n] * g[:, None, :]  # exactly zero for a bound with itself
+        resisted = (pairs * ratio[:, None, :]).sum(axis=2) - net[count:, None] * _SIDES[:n]
+        s[bounds[there]] = (resisted / D[count:, None])[there]
         return s
-
-    def _by_forces(self, s: Vector, free: Vector, net: Vector) -> None:
-        """Put ds_j of the module's docstring in place of that of stiff tractions; `free` are g (q,), net f − Σ ±a."""
-        g = _gathered(free, self.bounds)
-        pairs = g[:, :, None] - _SAME_SIDE * g[:, None, :]  # exactly zero for a bound with itself
-        changes = ((pairs * self.ratio[:, None, :]).sum(axis=2) - net[:, None] * _SIDES) / self.total[:, None]
-        there = self.bounds >= 0
-        s[self.bounds[there]] = changes[there]
-
-
-def _gathered(values: Vector, bounds: IntVector) -> Matrix:
-    """Values (q,) of bounds by traction and slot, 0 where there is no bound."""
-    return np.where(bounds >= 0, values[bounds], 0.0)
-
-
-def _summed(factors: Matrix, rows: Rows, bounds: IntVector) -> Matrix:
-    """Sums (t, k) of the rows of the bounds of each traction, times factors (t, 4)."""
-    total = np.zeros((len(bounds), rows.shape[1]))
-    for slot in np.flatnonzero((bounds >= 0).any(axis=0)):
-        total += dense(scaled(factors[:, slot], rows[bounds[:, slot]]))
-    return total

@@ -189,7 +189,7 @@ class NewtonSystem(Protocol):
         ...
 
     def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
-        """The inverse of S + BᵀW diag(ratio) C with C for the slope (b,) of `slack_rows`; `LinAlgError` if singular."""
+        """The inverse of S + BᵀW diag(ratio) C, see `Complementarity.blocks`; `LinAlgError` if it is singular."""
         ...
 
 
@@ -213,14 +213,12 @@ class DenseSystem:
 
     def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
         """See `NewtonSystem`; scaled to a diagonal of 1."""
-        H = np.array(self._S, order="F")
-        if not len(H):
+        if not len(self._S):
             return lambda force: force
-        problem.add_stiffness(H, ratio, problem.slack_rows(slope))
+        H = self._S + problem.stiffness(*problem.blocks(ratio, slope))
         scale = 1.0 / np.sqrt(np.maximum(H.diagonal(), 1.0))
         H *= scale
-        H *= scale[:, None]
-        factor, pivots, info = dgetrf(H, overwrite_a=1)
+        factor, pivots, info = dgetrf(np.multiply(H, scale[:, None], order="F"), overwrite_a=1)
         if info > 0 or not np.isfinite(factor).all():
             raise LinAlgError("it is singular")
         swaps, negative = pivots != np.arange(len(pivots)), factor.diagonal() < 0.0

@@ -33,12 +33,15 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
+        "superlu": (
+            "interface_last",
+            "nested_dissection",
+            "refactorisation",
+        ),
+        "mkl": ("limited_blas", "thread_count"),
+        "base": ("DENSE",),
         "augmented": ("ORTHOGONAL", "factorise_root"),
         "choice": ("Request", "VARIABLE", "condensing_pays"),
-        "dense": ("DENSE",),
         "forecast": ("Forecast", "Work", "check_limits", "machine_memory"),
-        "ordering": ("interface_last", "nested_dissection"),
-        "threads": ("limited_blas", "thread_count"),
-        "unsymmetric": ("refactorisation",),
     },
 )

@@ -13,13 +13,10 @@ from solvers.basics.names import remedy_if_retired
 from solvers.basics.progress import LOGGER
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
-from solvers.factorisation.base import Factorisation, FactorisationError, NoInterior
-from solvers.factorisation.dense import DENSE, SMALL, DenseFactor
+from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError, NoInterior
 from solvers.factorisation.forecast import check_limits
-from solvers.factorisation.ordering import nested_dissection
-from solvers.factorisation.superlu import SuperLU
-from solvers.factorisation.threads import limited_blas, thread_count
-from solvers.factorisation.unsymmetric import Refactorisation, refactorisation
+from solvers.factorisation.mkl import limited_blas, thread_count
+from solvers.factorisation.superlu import Refactorisation, SuperLU, nested_dissection, refactorisation
 
 BACKENDS: Final = ("pardiso", "superlu")
 """Names of the sparse back ends, the fastest first."""
@@ -240,7 +237,7 @@ def make(K: Sparse, interface: IntVector, request: Request, places: Matrix | Non
 
 
 def make_unsymmetric(starts: IntVector, columns: IntVector, places: Matrix | None, request: Request) -> Refactorisation:
-    """For matrices of a symmetric pattern (`unsymmetric`): by PARDISO, unless another back end is asked for.
+    """For matrices of a symmetric pattern (`Refactorisation`): by PARDISO, unless another back end is asked for.
 
     SuperLU eliminates unknowns by nested dissection of their places (n, 2) if these are known, else libraries look for
     an order: METIS, which PARDISO brings, finds as good ones.

@@ -27,8 +27,7 @@ import numpy as np
 from solvers.basics.progress import LOGGER, Progress, expired, left, tell
 from solvers.basics.types import IntVector, Sparse
 from solvers.factorisation.base import FactorisationError
-from solvers.factorisation.ordering import interior_groups
-from solvers.factorisation.superlu import filled
+from solvers.factorisation.superlu import filled, interior_groups
 
 __all__ = ["Forecast", "Work", "check_limits", "machine_memory"]
 

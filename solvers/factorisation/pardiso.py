@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from solvers.basics.foreign import foreign_code
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation.base import Factorisation, FactorisationError, Reason, State, symmetrised
-from solvers.factorisation.mkl import library, limited_threads, version
-from solvers.factorisation.threads import thread_count
+from solvers.factorisation.mkl import library, limited_threads, thread_count, version
 
 __all__ = ["Pardiso", "Refactorised", "factorise", "version"]
 
@@ -162,7 +161,7 @@ class Pardiso(_Owner, Factorisation):
 class Refactorised(_Owner):
     """H = L U for matrices H of one symmetric pattern, one after the other: ordering and symbolic analysis once.
 
-    Pivots stay on the diagonal but for those inside a dense block. See `unsymmetric` for the back end's contract.
+    Pivots stay on the diagonal but for those inside a dense block. See `Refactorisation` for the back end's contract.
     """
 
     def __init__(

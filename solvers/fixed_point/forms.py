@@ -20,8 +20,7 @@ import numpy as np
 from scipy.sparse import csc_array, diags_array, eye_array, vstack
 
 from solvers.basics.types import Matrix, Sparse, Vector
-from solvers.inequality.compliance import Compliance
-from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inequality.rows import independent_rows
 from solvers.inner.problem import Centre, InnerSolution
 
@@ -76,19 +75,16 @@ class Simplified:
             held = qvi.bilateral
             N = csc_array(diags_array(np.where(held, 0.0, 1.0)) @ qvi.N)
             N.eliminate_zeros()
-            qvi = qvi.changed(N=N, n0=np.where(held, -1.0, qvi.n0), traces=None)
+            qvi = qvi.with_contact(N=N, traces=None).with_loads(n0=np.where(held, -1.0, qvi.n0))
         rows = qvi.frictionless
         if not rows.any():
             return cls(qvi, rows, np.zeros((0, 0)))
         E, Y = independent_rows(csc_array(qvi.T[rows]))
         kept = np.where(rows, 0.0, 1.0)
-        problem = qvi.changed(
-            traces=None,
-            T=csc_array(diags_array(kept) @ qvi.T),
-            t0=kept * qvi.t0,
-            A=csc_array(vstack([qvi.A, Y])),
-            b=np.concatenate([qvi.b, -np.linalg.lstsq(E, qvi.t0[rows], rcond=None)[0]]),
-        )
+        b = np.concatenate([qvi.b, -np.linalg.lstsq(E, qvi.t0[rows], rcond=None)[0]])
+        empty, equations = csc_array(diags_array(kept) @ qvi.T), csc_array(vstack([qvi.A, Y]))
+        contact = replace(qvi.contact, T=empty, A=equations, traces=None)
+        problem = replace(qvi, contact=contact, loads=replace(qvi.loads, t0=kept * qvi.t0, b=b))
         return cls(problem, rows, E)
 
     def threshold(self, threshold: Vector) -> Vector:
@@ -135,11 +131,11 @@ class CondensedForm:
         qvi = simplified.problem
         self._simplified, self._compliance = simplified, Compliance(qvi)
         E, Y = independent_rows(qvi.contact_rows)
-        Y_interface = Y[:, qvi.equality_system.interface]
-        C = Y_interface @ qvi.equality_system.solve_interface(Y_interface.T.toarray())[0]
+        Y_interface = Y[:, qvi.condensed_contact.system.interface]
+        C = Y_interface @ qvi.condensed_contact.system.solve_interface(Y_interface.T.toarray())[0]
         self._V = E @ _factor(C, qvi.K)
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
-        self.problem = FrictionQVI(
+        self.problem = FrictionQVI.from_arrays(
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],
             T=csc_array(self._V[m:]), t0=bonded[m:], mu=qvi.mu, W=qvi.W, bilateral=qvi.bilateral,
         )  # fmt: skip

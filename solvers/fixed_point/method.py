@@ -32,7 +32,7 @@ from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.errors import InputError
 from solvers.fixed_point.forms import Form, ProblemForm, make_form
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import is_failure, one_line
+from solvers.inner.linear_program import is_failure, one_line
 from solvers.inner.problem import InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
 from solvers.solution import Iteration, Outcome, QVISolution, finish, no_outcome

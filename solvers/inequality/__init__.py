@@ -5,9 +5,16 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "compliance": ("Compliance",),
+        "contact": ("ContactMatrices",),
         "linear": ("interface_of",),
+        "loads": ("Loads",),
+        "problem": (
+            "FrictionQVI",
+            "Law",
+            "Compliance",
+        ),
         "rows": ("dense", "echelon", "independent_rows", "spanning_rows"),
+        "stiffness": ("EnergyRoot", "Stiffness"),
         "traces": ("Traces", "trace_coordinates"),
     },
 )

@@ -40,12 +40,12 @@ class EqualitySystem:
         self.A = A
         self.factor = factor
         self.interface: IntVector = self.factor.interface
-        self.A_interface: Matrix = np.asarray(dense(self._near(A)))
+        self.A_interface: Matrix = np.asarray(dense(self.near(A))) if A.shape[0] else np.zeros((0, len(self.interface)))
 
-    def _near(self, rows: Sparse) -> Rows:
+    def near(self, rows: Sparse | Matrix) -> Rows:
         """Columns Γ (j, k) of rows (j, n), the same arrays where there are no entries in others, as in contact rows."""
-        if are_few(*rows.shape):
-            return rows.toarray()[:, self.interface]
+        if isinstance(rows, np.ndarray) or are_few(*rows.shape):
+            return (rows if isinstance(rows, np.ndarray) else rows.toarray())[:, self.interface]
         if self._goes_beyond(rows):
             return stored(rows[:, self.interface])
         starts = np.append(rows.indptr[self.interface], rows.indptr[-1])
@@ -68,20 +68,26 @@ class EqualitySystem:
             c = np.zeros((self.A.shape[0], *g.shape[1:]))
         return self._dense.solve(np.asarray(g), np.asarray(c))
 
-    def relief(self, rows: Sparse) -> Callable[[Vector], Vector]:
+    def relief(self, rows: Sparse | Matrix, *, often: bool = False) -> Callable[[Vector], Vector]:
         """The map m → R x of the solution for r = Rᵀm and c = 0, for rows R (j, n): what forces m relieve in R x.
 
-        By the dense system alone where Γ holds all unknowns that the rows touch.
+        By the dense system alone where Γ holds all unknowns that the rows touch; for a few dense rows, if it is asked
+        for often, by the matrix of the map.
         """
         if self._goes_beyond(rows):
             across = csr_array(rows)
             return lambda m: np.asarray(across @ self.solve(across.T @ m)[0])
-        near = self._near(rows)
+        near = self.near(rows)
         columns = transposed(near)
+        if often and isinstance(near, np.ndarray):
+            matrix = np.asarray(near @ self.solve_interface(near.T)[0])
+            return lambda m: np.asarray(matrix @ m)
         return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
 
-    def _goes_beyond(self, rows: Sparse) -> bool:
+    def _goes_beyond(self, rows: Sparse | Matrix) -> bool:
         """Whether rows (j, n) have entries off Γ."""
+        if isinstance(rows, np.ndarray):
+            return bool(np.count_nonzero(rows[:, self.interface]) < np.count_nonzero(rows))
         return int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz
 
     @cached_property

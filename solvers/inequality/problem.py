@@ -1,29 +1,26 @@
-"""The frictional contact problem as data: the quasi-variational inequality (D2).
+"""The frictional contact problem as data: the quasi-variational inequality (D2), in four parts.
 
 In `docs/theory.md`: (D2).
 """
 
 from __future__ import annotations
 
-from dataclasses import InitVar, dataclass, field, replace
-from functools import cached_property
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-from scipy.sparse import csc_array, issparse
 
-from solvers.basics.checks import real_array
-from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Stated, Vector
 from solvers.errors import InputError
-from solvers.inequality.energy import Energy, EnergyRoot
+from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.linear import EqualitySystem
-from solvers.inequality.rows import absolute_product, by_columns
-from solvers.inequality.stiffness import ContactFrame, Equilibrium, Interface, Operator
+from solvers.inequality.loads import BondedState, Energy, Loads
+from solvers.inequality.rows import checked_vector, transposed
+from solvers.inequality.stiffness import EnergyRoot, Stiffness
 from solvers.inequality.traces import Traces
 
-__all__ = ["EnergyRoot", "FrictionQVI"]
-
-_ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
+__all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]
 
 
 class Arrays(NamedTuple):
@@ -39,7 +36,59 @@ class Arrays(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionQVI:
+class Law(Stated):
+    """The contact law at m points: σ_N ≤ 0 unless bilateral, |σ_T| ≤ min(cohesion + mu s, cap) for the pressure s.
+
+    Attributes
+    ----------
+    mu : (m,), friction coefficient at each point, ≥ 0
+    cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
+    bilateral : (m,) bool, optional; nowhere when not given
+
+    """
+
+    mu: Vector
+    cohesion: Vector = None  # type: ignore[assignment]  # None is replaced on construction
+    cap: Vector = None  # type: ignore[assignment]
+    bilateral: BoolVector = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mu", checked_vector("mu", self.mu))
+        m = len(self.mu) if self.mu.ndim else 0
+        for name, missing in (("cohesion", 0.0), ("cap", np.inf)):
+            value = np.full(m, missing) if getattr(self, name) is None else getattr(self, name)
+            object.__setattr__(self, name, checked_vector(name, value, infinite=name == "cap"))
+        flags = np.zeros(m, dtype=np.bool_) if self.bilateral is None else np.array(self.bilateral)
+        if flags.dtype != np.bool_:
+            raise InputError("bilateral", flags.dtype, "give a boolean for each contact point")
+        flags.setflags(write=False)
+        object.__setattr__(self, "bilateral", flags)
+        for name, what in (("mu", "friction coefficients"), ("cohesion", "stresses"), ("cap", "stresses")):
+            least = float(getattr(self, name).min(initial=0.0))
+            if least < 0:
+                raise InputError(name, least, f"give {what} ≥ 0")
+
+    def pressed(self, normal: Vector) -> Vector:
+        """The pressure s of given normal tractions (m,)."""
+        return np.where(self.bilateral, np.abs(normal), np.maximum(-normal, 0.0))
+
+    def threshold(self, pressure: Vector) -> Vector:
+        """Bound of |σ_T| for a pressure s: min(cohesion + mu s, cap) (m,)."""
+        return np.minimum(self.cohesion + self.mu * pressure, self.cap)
+
+    @property
+    def frictionless(self) -> BoolVector:
+        """Rows whose bound is zero whatever the pressure (m,)."""
+        return np.asarray(((self.mu == 0.0) & (self.cohesion == 0.0)) | (self.cap == 0.0))
+
+    @property
+    def moving(self) -> BoolVector:
+        """Rows whose bound depends on the pressure (m,)."""
+        return np.asarray((self.mu > 0.0) & (self.cap > self.cohesion))
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionQVI(Stated):
     """The algebraic quasi-variational inequality (D2), dimensionless.
 
         min ½ zᵀKz − fᵀz   s.t.  A z = b,   N z + n0 ≤ 0,   |T z + t0| ≤ thr(s),  s = |N z + n0| at the solution
@@ -53,123 +102,108 @@ class FrictionQVI:
     Divided by the weights they are displacements: λ = m / W, u_N − g = −λ_N ≤ 0 and u_T − w = −λ_T. Rows of
     N and T may depend linearly on each other; multipliers of single rows are then not unique.
 
+    Problems share what they hold in common: each part keeps what is computed from it. A load step is `with_loads`, a
+    value of a sweep over friction `with_law`, and both use the factorisation of the first problem. n = 0 is allowed: a
+    statically determinate problem.
+
     Attributes
     ----------
-    K : (n, n) sparse, symmetric, positive definite on the null space of A
-    f : (n,)
-    N, T : (m, n) sparse, normal and tangential traction at the contact points
-    n0, t0 : (m,), tractions at z = 0
-    mu : (m,), friction coefficient at each point, ≥ 0
-    W : (m,), quadrature weights, > 0
-    A, b : (p, n) sparse and (p,), optional; stored as p = 0 rows when not given
-    cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
-    bilateral : (m,) bool, optional; nowhere when not given
-    traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
-    places : (n, 2), optional; where the unknowns are, in any unit: SuperLU then eliminates by nested dissection of
-        these places instead of in an order that it finds
-    root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
-        gradient of the energy more accurately than K and f, whose entries may be large and cancel
-    shared : the `operator` of another problem with the same K, root and places, optional; see `changed`
-    operator : `Operator`, the factorisation of K and what is computed with it, made when it is first needed
+    stiffness : `Stiffness`: K, its root and its factorisation
+    contact : `ContactMatrices`: N, T, W, A, traces
+    loads : `Loads`: f, n0, t0, b, and what the bonded state is
+    law : `Law`: mu, cohesion, cap, bilateral
 
-    n = 0 is allowed: a statically determinate problem.
-
-    All are converted to float64 (matrices to csc) and checked; what is wrong raises `InputError`.
+    Data of the parts can be read from the problem too, as in `qvi.K`. Raises `InputError` where shapes disagree.
 
     """
 
-    K: Sparse
-    f: Vector
-    N: Sparse
-    n0: Vector
-    T: Sparse
-    t0: Vector
-    mu: Vector
-    W: Vector
-    A: Sparse = None  # type: ignore[assignment]  # None is replaced on construction
-    b: Vector = None  # type: ignore[assignment]
-    root: EnergyRoot | None = None
-    load: Vector | None = None
-    cohesion: Vector = None  # type: ignore[assignment]
-    cap: Vector = None  # type: ignore[assignment]
-    bilateral: BoolVector = None  # type: ignore[assignment]
-    traces: Traces | None = None
-    places: Matrix | None = None
-    shared: InitVar[Operator | None] = None
-    operator: Operator = field(init=False, repr=False)
+    stiffness: Stiffness
+    contact: ContactMatrices
+    loads: Loads
+    law: Law
 
-    def __post_init__(self, shared: Operator | None) -> None:
-        self._check_kinds()
-        for name in ("K", "N", "T", "A"):
-            object.__setattr__(self, name, _matrix(name, getattr(self, name), self._columns(name)))
-        for name in ("f", "n0", "t0", "mu", "W", "b"):
-            object.__setattr__(self, name, _vector(name, getattr(self, name)))
-        for name in ("load", "places"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _vector(name, getattr(self, name)))
-        for name, missing in (("cohesion", 0.0), ("cap", np.inf)):
-            value = np.full(self.m, missing) if getattr(self, name) is None else getattr(self, name)
-            object.__setattr__(self, name, _vector(name, value, infinite=name == "cap"))
-        object.__setattr__(self, "bilateral", _flags("bilateral", self.bilateral, self.m))
-        self._check_shapes()
-        object.__setattr__(self, "operator", self._operator(shared))
-        self._check_values()
-        if shared is None:
-            self._check_energy()
-        _ = self._frame  # checks the traces
+    K = cast("Sparse", property(attrgetter("stiffness.K")))
+    N = cast("Sparse", property(attrgetter("contact.N")))
+    T = cast("Sparse", property(attrgetter("contact.T")))
+    W = cast("Vector", property(attrgetter("contact.W")))
+    A = cast("Sparse", property(attrgetter("contact.A")))
+    traces = cast("Traces | None", property(attrgetter("contact.traces")))
+    f = cast("Vector", property(attrgetter("loads.f")))
+    n0 = cast("Vector", property(attrgetter("loads.n0")))
+    t0 = cast("Vector", property(attrgetter("loads.t0")))
+    b = cast("Vector", property(attrgetter("loads.b")))
+    root = cast("EnergyRoot | None", property(attrgetter("loads.root")))
+    load = cast("Vector | None", property(attrgetter("loads.load")))
+    mu = cast("Vector", property(attrgetter("law.mu")))
+    cohesion = cast("Vector", property(attrgetter("law.cohesion")))
+    cap = cast("Vector", property(attrgetter("law.cap")))
+    bilateral = cast("BoolVector", property(attrgetter("law.bilateral")))
+    frictionless = cast("BoolVector", property(attrgetter("law.frictionless")))
 
-    def _operator(self, shared: Operator | None) -> Operator:
-        """The one to share, or a new one."""
-        if shared is None:
-            return Operator(self.K, self.root, self.places)
-        if not shared.serves(self.K):
-            raise InputError("shared", None, "share the operator of a problem with the same K")
-        return shared
-
-    def _check_kinds(self) -> None:
-        for one, other in (("A", "b"), ("root", "load")):
-            if (getattr(self, one) is None) != (getattr(self, other) is None):
-                missing = one if getattr(self, one) is None else other
-                raise InputError(missing, None, f"give {one} and {other} together, or neither")
-        if not isinstance(self.traces, Traces | None):
-            raise InputError("traces", type(self.traces).__name__, "give Traces, or nothing")
-
-    def _columns(self, name: str) -> int:
-        """Columns of the empty matrix that stands for a missing A."""
-        return int(self.K.shape[0]) if name == "A" else 0
-
-    def _check_shapes(self) -> None:
-        n, m, p = self.K.shape[0], self.N.shape[0], self.A.shape[0]
+    def __post_init__(self) -> None:
+        kinds = {"stiffness": Stiffness, "contact": ContactMatrices, "loads": Loads, "law": Law}
+        for name, kind in kinds.items():
+            if not isinstance(getattr(self, name), kind):
+                remedy = f"give {kind.__name__}, or the arrays of a problem to FrictionQVI.from_arrays"
+                raise InputError(name, type(getattr(self, name)).__name__, remedy)
+        n, m, p = self.n, self.m, self.p
         expected: dict[str, tuple[int, ...]] = {
-            "K": (n, n), "f": (n,), "N": (m, n), "n0": (m,), "T": (m, n), "t0": (m,),
-            "mu": (m,), "W": (m,), "A": (p, n), "b": (p,), "cohesion": (m,), "cap": (m,), "bilateral": (m,),
+            "f": (n,), "N": (m, n), "n0": (m,), "T": (m, n), "t0": (m,), "mu": (m,), "W": (m,),
+            "A": (p, n), "b": (p,), "cohesion": (m,), "cap": (m,), "bilateral": (m,),
         }  # fmt: skip
         if self.load is not None:
             expected["load"] = (n,)
-        if self.places is not None:
-            expected["places"] = (n, 2)
         for name, shape in expected.items():
             found = getattr(self, name).shape
             if found != shape:
                 raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
+        if p == 0:
+            self.stiffness.check_diagonal(least=np.finfo(np.float64).tiny)
+        _ = self.contact.contact_rows  # checks the traces
 
-    def _check_values(self) -> None:
-        if self.m and self.mu.min() < 0:
-            raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
-        for name in ("cohesion", "cap"):
-            if self.m and getattr(self, name).min() < 0:
-                raise InputError(name, float(getattr(self, name).min()), "give stresses ≥ 0")
-        if self.m and self.W.min() <= 0:
-            raise InputError("W", float(self.W.min()), "give quadrature weights > 0")
+    @classmethod
+    def from_arrays(
+        cls,
+        K: Any,
+        f: Any,
+        N: Any,
+        n0: Any,
+        T: Any,
+        t0: Any,
+        mu: Any,
+        W: Any,
+        A: Any = None,
+        b: Any = None,
+        root: EnergyRoot | None = None,
+        load: Any = None,
+        cohesion: Any = None,
+        cap: Any = None,
+        bilateral: Any = None,
+        traces: Traces | None = None,
+        places: Matrix | None = None,
+    ) -> FrictionQVI:
+        """The problem of bare arrays and matrices, dense or sparse; see the parts for what each of them is.
 
-    def _check_energy(self) -> None:
-        """What the owner of a shared operator has been asked before."""
-        least = float(self.K.diagonal().min(initial=np.inf))
-        if least < 0 or (self.p == 0 and least <= 0):
-            raise InputError("K", least, "give a positive definite K; its diagonal is > 0")
-        asymmetry = _asymmetry(self.K)
-        if asymmetry > _ASYMMETRY:
-            raise InputError("K", f"asymmetry {asymmetry:.1e}", "give a symmetric K, such as (K + Kᵀ)/2")
+        All are converted to float64 (matrices to csc) and checked; what is wrong raises `InputError`.
+        """
+        stiffness, contact = Stiffness(K, root, places), ContactMatrices(N, T, W, A, traces)
+        return cls(stiffness, contact, Loads(f, n0, t0, b, root, load), Law(mu, cohesion, cap, bilateral))
+
+    def with_contact(self, **changes: Any) -> FrictionQVI:
+        """The same problem with other `ContactMatrices`, by field; the factorisation is shared where it fits."""
+        return replace(self, contact=replace(self.contact, **changes))
+
+    def with_loads(self, **changes: Any) -> FrictionQVI:
+        """The same problem with other `Loads`, by field."""
+        return replace(self, loads=replace(self.loads, **changes))
+
+    def with_law(self, **changes: Any) -> FrictionQVI:
+        """The same problem with another `Law`, by field."""
+        return replace(self, law=replace(self.law, **changes))
+
+    def with_bound(self, bound: Vector) -> FrictionQVI:
+        """The same problem with |σ_T| ≤ bound (m,), whatever the pressure."""
+        return self.with_law(mu=np.zeros(self.m), cohesion=bound, cap=None)
 
     @property
     def n(self) -> int:
@@ -186,30 +220,36 @@ class FrictionQVI:
         """Number of equality rows."""
         return int(self.A.shape[0])
 
+    @property
+    def arrays(self) -> Arrays:
+        """K, N, T and A for products."""
+        return Arrays(self.stiffness.array, *self.contact.arrays)
+
+    @property
+    def contact_rows(self) -> Sparse:
+        """[N; T] (2m, n)."""
+        return self.contact.contact_rows
+
+    @property
+    def contacts(self) -> IntVector:
+        """See `ContactMatrices.contacts`."""
+        return self.contact.contacts
+
     def normal(self, z: Vector) -> Vector:
         """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
-        return np.asarray(self.arrays.N @ z + self.n0)
+        return np.asarray(self.contact.arrays[0] @ z + self.loads.n0)
 
     def tangential(self, z: Vector) -> Vector:
         """Tangential traction σ_T = T z + t0 (m,)."""
-        return np.asarray(self.arrays.T @ z + self.t0)
+        return np.asarray(self.contact.arrays[1] @ z + self.loads.t0)
 
     def pressure(self, z: Vector) -> Vector:
         """Contact pressure s = max(−(N z + n0), 0), where bilateral |N z + n0| (m,)."""
-        return self.pressed(self.normal(z))
-
-    def pressed(self, normal: Vector) -> Vector:
-        """The pressure s of given normal tractions (m,)."""
-        return np.where(self.bilateral, np.abs(normal), np.maximum(-normal, 0.0))
+        return self.law.pressed(self.normal(z))
 
     def threshold(self, pressure: Vector) -> Vector:
         """Bound of |σ_T| for a pressure s: min(cohesion + mu s, cap) (m,)."""
-        return np.minimum(self.cohesion + self.mu * pressure, self.cap)
-
-    @property
-    def frictionless(self) -> BoolVector:
-        """Rows whose bound is zero whatever the pressure (m,)."""
-        return np.asarray(((self.mu == 0.0) & (self.cohesion == 0.0)) | (self.cap == 0.0))
+        return self.law.threshold(pressure)
 
     def energy(self, z: Vector) -> float:
         """½ zᵀKz − fᵀz."""
@@ -231,77 +271,40 @@ class FrictionQVI:
         """Σ W (N z + n0), the resultant normal force (negative in compression)."""
         return float(self.W @ self.normal(z))
 
-    @cached_property
+    @property
     def potential(self) -> Energy:
-        """The energy as an object of its own, the same for problems that differ in friction alone."""
-        return self.operator.energy(self)
-
-    @cached_property
-    def arrays(self) -> Arrays:
-        """K, N, T and A for products."""
-        return Arrays(self.operator.array, *self._frame.arrays)
-
-    @property
-    def contact_rows(self) -> Sparse:
-        """[N; T] (2m, n)."""
-        return self._frame.contact_rows
-
-    @property
-    def tractions(self) -> tuple[Sparse, Vector]:
-        """Rows (r, n) of tractions that do not depend on what N and T make of them, and their weights (r,).
-
-        Trace parameters where there are as many as rows, as where rows are coefficients of the tractions at points;
-        else the rows themselves.
-        """
-        return self._frame.tractions
-
-    @property
-    def contacts(self) -> IntVector:
-        """(m,) a number for each contact: points hang together through the unknowns that their tractions feel."""
-        return self._frame.contacts
-
-    @cached_property
-    def _frame(self) -> ContactFrame:
-        return self.operator.frame(self)
-
-    @property
-    def interface(self) -> Interface:
-        """The unknowns that contact and equality rows touch, shared with the problems that have the same rows."""
-        return self.operator.equilibrium(self).interface
-
-    def changed(self, **changes: Any) -> FrictionQVI:
-        """The same problem with other fields, K, root and places excepted; it shares the operator."""
-        return replace(self, **{"shared": self.operator, **changes})
-
-    @property
-    def equality_system(self) -> EqualitySystem:
-        """The linear system of K and A on the unknowns of the contact, factored on first use and kept by `operator`."""
-        return self.condensed_interface.system
+        """The energy as an object of its own."""
+        return self.loads.energy(self.stiffness)
 
     @property
     def linear_system(self) -> EqualitySystem:
-        """The same to solve with, whether the unknowns of the contact are eliminated too or not: what costs less."""
-        return self.interface.system
+        """The linear system of K and A, whether the unknowns of the contact are eliminated too or not."""
+        return self.stiffness.condensed(self.contact).system
 
     @property
-    def condensed_interface(self) -> Interface:
-        """What the contact feels, its unknowns kept."""
-        return self.operator.equilibrium(self, condensed=True).interface
+    def condensed_contact(self) -> CondensedContact:
+        """What the contact feels, its unknowns kept; factorised on first use."""
+        return self.stiffness.condensed(self.contact, wide=True)
 
     @property
     def factorisation(self) -> str:
         """Back end and version of the factorisation made, empty if none was needed."""
-        factor = self.operator.factor
+        factor = self.stiffness.factor
         return f"{factor.backend}, {factor.version}" if factor is not None else ""
 
     @property
     def contact_stiffness(self) -> float:
         """Traction that a unit of displacement λ all along the contact causes, as a scale; 0 where nothing does.
 
-        The spectral radius of Y K⁻¹ Yᵀ W for the rows Y and weights W of `tractions`, by a few steps of power
-        iteration, belongs to the finest waves; it is reduced by min W / Σ W to those as long as the contact.
+        The spectral radius of Y K⁻¹ Yᵀ W for the rows Y and weights W of `ContactMatrices.tractions`, by a few steps of
+        power iteration, belongs to the finest waves; it is reduced by min W / Σ W to those as long as the contact.
         """
-        return self.interface.contact_stiffness if self.m and self.n else 0.0
+        return self.stiffness.condensed(self.contact).contact_stiffness if self.m and self.n else 0.0
+
+    @property
+    def bonded_state(self) -> BondedState:
+        """Minimiser of the energy under A z = b alone, by the factorisation at hand."""
+        return self.loads.bonded(self.stiffness.condensed(self.contact), self.potential)
 
     @property
     def bonded(self) -> Vector:
@@ -309,7 +312,7 @@ class FrictionQVI:
 
         Defect corrections with `gradient` remove the rounding of K as long as they shrink.
         """
-        return self._bonded.bonded
+        return self._bonded.z
 
     @property
     def bonded_error(self) -> float:
@@ -317,60 +320,80 @@ class FrictionQVI:
 
         Where the problem has no root this is not measured, and 0.
         """
-        return self._bonded.bonded_error
+        return self._bonded.error
 
     @property
     def bonded_energy(self) -> float:
         """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
-        return self._bonded.bonded_energy
+        return self._bonded.strain_energy
 
     def rough_stress(self) -> float:
         """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
-        return self.operator.equilibrium(self).rough_stress()
+        return self.bonded_state.rough_stress
 
     @property
-    def _bonded(self) -> Equilibrium:
+    def _bonded(self) -> BondedState:
         """With R factorised instead of K if defect corrections shrink too slowly."""
-        found = self.operator.equilibrium(self)
-        return self.operator.equilibrium(self) if found.is_slow and self.operator.use_root() else found
+        found = self.bonded_state
+        return self.bonded_state if found.is_slow and self.stiffness.use_root() else found
 
 
-def _asymmetry(K: Sparse) -> float:
-    """|vᵀKw − wᵀKv| / |v|ᵀ|K||w| for two random vectors: an asymmetry does not hide from both."""
-    v, w = np.random.default_rng(0).normal(size=(2, K.shape[0]))
-    scale = float(np.abs(v) @ absolute_product(K, w))
-    return abs(float(v @ (K @ w) - w @ (K @ v))) / scale if scale > 0 else 0.0
+# What the contact points feel of the body: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
+#
+# As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
 
 
-def _matrix(name: str, value: Any, columns: int) -> Sparse:
-    if value is None:
-        if name != "A":
-            raise InputError(name, None, "give a matrix")
-        return csc_array((0, columns))
-    try:
-        if np.iscomplexobj(value):
-            raise TypeError("complex numbers")
-        matrix = by_columns(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(name, type(value).__name__, "give a matrix of real numbers, sparse or dense") from error
-    if not issparse(value) and np.ndim(value) != 2:
-        raise InputError(name, f"{np.ndim(value)} dimensions", "give a matrix, with two dimensions")
-    if not np.isfinite(matrix.data).all():
-        raise InputError(name, "NaN or infinity", "give finite numbers")
-    return matrix
+_DENSE_LIMIT = 20_000_000  # entries of C up to which it is computed
+_CORRECTIONS = 4
 
 
-def _flags(name: str, value: Any, size: int) -> BoolVector:
-    flags = np.zeros(size, dtype=np.bool_) if value is None else np.array(value)
-    if flags.dtype != np.bool_:
-        raise InputError(name, flags.dtype, "give a boolean for each contact point")
-    flags.setflags(write=False)
-    return flags
+class Compliance:
+    """The affine map from row multipliers m = (m_N, m_T) to tractions σ = (σ_N, σ_T), K factored once.
 
+    With equality rows K⁻¹ is that of the constrained system. C (2m, 2m) is kept dense where it is small.
+    """
 
-def _vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
-    vector = real_array(name, [] if value is None and name == "b" else value, "give a vector of real numbers")
-    if np.isnan(vector).any() or not (infinite or np.isfinite(vector).all()):
-        raise InputError(name, "NaN or infinity", "give finite numbers")
-    vector.setflags(write=False)
-    return vector
+    def __init__(self, qvi: FrictionQVI) -> None:
+        self._qvi = qvi
+        self._rows = qvi.contact.stacked
+        self._condensed = qvi.condensed_contact
+        self.bonded = self.tractions(qvi.bonded)
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether C is computed rather than applied."""
+        return (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT
+
+    @property
+    def dense(self) -> Matrix:
+        """C (2m, 2m)."""
+        return self._condensed.compliance
+
+    def tractions(self, z: Vector) -> Vector:
+        """(σ_N, σ_T) at z (2m,)."""
+        return np.concatenate([self._qvi.normal(z), self._qvi.tangential(z)])
+
+    def relief(self, m: Vector) -> Vector:
+        """C m (2m,)."""
+        if self.is_dense:
+            return np.asarray(self.dense @ m)
+        rows = self._condensed.rows_near
+        return np.asarray(rows @ self._condensed.system.solve_interface(transposed(rows) @ m)[0])
+
+    def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
+        """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).
+
+        Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
+        """
+        qvi, system = self._qvi, self._condensed.system
+        forces = self._rows.T @ m
+        z = qvi.bonded - system.solve(forces)[0]
+        correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
+        size = np.inf
+        for _ in range(_CORRECTIONS):
+            new = float(np.abs(self._rows @ correction).max(initial=0.0))
+            if not new < 0.5 * size:
+                break
+            z, size = z + correction, new
+            correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
+        return z, nu

@@ -3,15 +3,18 @@
 By QR with pivoting of the rows scaled to one, where they are few, or by sparse elimination in their order.
 """
 
+from copy import copy
 from heapq import heapify, heappop, heappush
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgeqp3
-from scipy.sparse import csc_array, csr_array, diags_array, vstack
+from scipy.sparse import csc_array, csr_array, diags_array, issparse
 
+from solvers.basics.checks import real_array
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
+from solvers.errors import InputError
 
 _RANK = 1e-10
 """Rows, scaled to length one, that are shorter than this beside the others depend on them."""
@@ -165,8 +168,9 @@ def by_columns(matrix: Any) -> Sparse:
     columns = matrix if kept else csc_array(matrix, dtype=np.float64)
     if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
         return columns
-    indices, starts = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
-    return csc_array((columns.data, indices, starts), columns.shape)
+    narrow = copy(columns)  # whose parts are exchanged: the constructor would check them all again
+    narrow.indices, narrow.indptr = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
+    return narrow
 
 
 def stacked_columns(upper: Sparse, lower: Sparse) -> Sparse:
@@ -194,6 +198,11 @@ def for_products(matrix: Sparse) -> Any:
     return matrix.toarray() if are_few(*matrix.shape) else matrix
 
 
+def largest(vector: Vector) -> float:
+    """Max |v|, 0 for no entries."""
+    return float(np.maximum.reduce(np.abs(vector), initial=0.0))
+
+
 def dense(rows: Rows) -> Matrix:
     """The rows as a dense array."""
     return rows if isinstance(rows, np.ndarray) else np.asarray(rows.toarray())
@@ -214,12 +223,6 @@ def magnitudes(rows: Rows) -> Rows:
     return np.abs(rows) if isinstance(rows, np.ndarray) else csr_array(abs(rows))
 
 
-def stacked(parts: list[Rows]) -> Rows:
-    """Rows on top of each other, all dense or all sparse."""
-    sparse = [part for part in parts if not isinstance(part, np.ndarray)]
-    return csr_array(vstack(sparse)) if sparse else np.vstack([dense(part) for part in parts])
-
-
 def mapped(rows: Rows, matrix: Rows) -> Rows:
     """Rows times a matrix (k, u)."""
     return np.asarray(rows @ matrix) if isinstance(rows, np.ndarray) else csr_array(rows @ matrix)
@@ -237,10 +240,32 @@ def absolute_product(matrix: Sparse, vector: Vector) -> Vector:
     return np.asarray(sums, dtype=np.float64)
 
 
-def add_product(target: Matrix, left: Rows, right: Rows) -> None:
-    """Add left right to target (k, k)."""
-    if isinstance(left, np.ndarray):
-        target += left @ right
-        return
-    product = csr_array(left @ right).tocoo()
-    target[product.row, product.col] += product.data
+# Checks of what is given.
+
+
+def checked_matrix(name: str, value: Any, empty: int | None = None) -> Sparse:
+    """A matrix in compressed columns, `InputError` if it is none; without one no rows of `empty` columns."""
+    if value is None:
+        if empty is None:
+            raise InputError(name, None, "give a matrix")
+        return csc_array((0, empty))
+    try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex numbers")
+        matrix = by_columns(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(name, type(value).__name__, "give a matrix of real numbers, sparse or dense") from error
+    if not issparse(value) and np.ndim(value) != 2:
+        raise InputError(name, f"{np.ndim(value)} dimensions", "give a matrix, with two dimensions")
+    if not np.isfinite(matrix.data).all():
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    return matrix
+
+
+def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
+    """An array of numbers that cannot be changed; `InputError` if it is none."""
+    vector = real_array(name, value, "give a vector of real numbers")
+    if not (~np.isnan(vector) if infinite else np.isfinite(vector)).all():
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    vector.setflags(write=False)
+    return vector

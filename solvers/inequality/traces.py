@@ -6,6 +6,7 @@ In `docs/theory.md`: (D4).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array, issparse
 from scipy.sparse.linalg import splu
 
-from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
+from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Stated, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
@@ -23,7 +24,9 @@ from solvers.inequality.rows import (
     are_few,
     basis_rows,
     by_columns,
+    dense,
     echelon,
+    for_products,
     magnitudes,
     spanning_rows,
     stored,
@@ -34,7 +37,7 @@ _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
 
 
 @dataclass(frozen=True, eq=False)
-class Traces:
+class Traces(Stated):
     """[N; T] = E Y: tractions at the contact points from a few trace parameters y = Y z.
 
     In mechanics y are σ_N at two points of every edge and σ_T at nodes and midpoints. Some rows of Y may be zero (the
@@ -60,6 +63,11 @@ class Traces:
                 raise InputError(f"traces.{name}", "complex numbers", "give real ones")
             object.__setattr__(self, name, by_columns(matrix))
 
+    @cached_property
+    def arrays(self) -> tuple[Any, Any]:
+        """Y and E for products, see `for_products`."""
+        return for_products(self.rows), for_products(self.interpolation)
+
     def check(self, contact_rows: Sparse) -> None:
         """`InputError` unless E Y is [N; T] (2m, n), tried on a random vector."""
         expected = (contact_rows.shape[0], self.rows.shape[0])
@@ -67,8 +75,9 @@ class Traces:
             found = f"shapes {self.interpolation.shape} and {self.rows.shape}"
             raise InputError("traces", found, "give E (2m, r) and Y (r, n)")
         v = np.random.default_rng(0).normal(size=contact_rows.shape[1])
+        Y, E = self.arrays
         size = absolute_product(self.interpolation, absolute_product(self.rows, v))
-        error = np.abs(contact_rows @ v - self.interpolation @ (self.rows @ v))
+        error = np.abs(contact_rows @ v - E @ (Y @ v))
         if (error > _MISMATCH * size.max(initial=0.0)).any():
             raise InputError("traces", f"error {error.max():.1e}", "give E and Y with E Y = [N; T]")
 
@@ -125,9 +134,8 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
         traces = Traces(contact_rows[chosen], csc_array(spanned))
     k = len(interface)
     if are_few(traces.rows.shape[0], k) and are_few(traces.interpolation.shape[0], k):
-        few = are_few(*traces.rows.shape)  # picking columns of a dense matrix is quicker
-        columns = traces.rows.toarray()[:, interface] if few else traces.rows[:, interface].toarray()
-        return _few_coordinates(columns, traces.interpolation.toarray())
+        Y, E = traces.arrays  # picking columns of a dense matrix is quicker
+        return _few_coordinates(dense(Y[:, interface]), dense(E))
     Y = csr_array(traces.rows[:, interface])
     found = echelon(Y)
     P = stored(_completed(Y[found.rows], found.free))

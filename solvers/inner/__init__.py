@@ -5,11 +5,12 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "direct_clarabel": ("DirectClarabel",),
-        "guard": ("BackendFailure", "attempt", "within_time"),
-        "linear_program": ("solved",),
+        "linear_program": ("solved", "BackendFailure", "attempt", "within_time"),
         "problem": ("Centre", "InnerProblem", "InnerSolution", "no_result"),
-        "qp": ("QPSolver",),
+        "qp": (
+            "QPSolver",
+            "DirectClarabel",
+        ),
         "registry": ("make_inner",),
         "socp": ("SOCPSolver", "square_root"),
     },

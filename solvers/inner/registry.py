@@ -11,7 +11,7 @@ from solvers.basics.names import remedy_if_retired
 from solvers.errors import SolverUnavailableError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner import qp, socp
-from solvers.inner.guard import Guarded
+from solvers.inner.linear_program import Guarded
 from solvers.inner.problem import InnerSolver
 
 _FREE = frozenset(
@@ -47,7 +47,7 @@ def _make(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[str, A
         return QPSolver(qvi, backend, tolerance, options)
     if kind == "socp":
         return socp.SOCPSolver(qvi, backend, tolerance, options)
-    from solvers.inner.direct_clarabel import DirectClarabel
+    from solvers.inner.qp import DirectClarabel
 
     return DirectClarabel(qvi, tolerance, options)
 

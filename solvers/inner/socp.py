@@ -18,7 +18,7 @@ from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import solve_cvxpy, within_time
+from solvers.inner.linear_program import solve_cvxpy, within_time
 from solvers.inner.problem import Centre, InnerSolution, no_result
 
 

@@ -24,7 +24,7 @@ from comparisons.exchange import (
 from qvi_contact import discretize, load_problem, solve
 from qvi_contact.gallery import compressed_plate
 from solvers import solve_qvi
-from tests.comparisons.convergence_parts import command, refused
+from tests.comparisons.parts import command, refused
 
 pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
 

@@ -55,7 +55,7 @@ def random_qvi(seed: int, n: int = 12, m: int = 5, equalities: int = 0) -> Frict
     """Every field filled; 2 m rows depend on each other where 2 m > n."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(n, n))
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=root @ root.T + np.eye(n), f=3.0 * random.normal(size=n), N=random.normal(size=(m, n)),
         n0=np.full(m, -0.5), T=random.normal(size=(m, n)), t0=0.1 * random.normal(size=m),
         mu=random.uniform(0.0, 0.3, m), W=random.uniform(0.5, 1.0, m),
@@ -67,9 +67,9 @@ def with_every_law(seed: int) -> FrictionQVI:
     """Cohesion, a limit that is infinite at one point, a bilateral point, traces."""
     qvi = random_qvi(seed, equalities=2)
     rows = csr_matrix(qvi.contact_rows)
-    return qvi.changed(
+    return qvi.with_contact(traces=Traces(rows, csr_matrix(np.eye(10)))).with_law(
         cohesion=np.linspace(0.0, 0.2, 5), cap=np.array([np.inf, 1.0, 2.0, 3.0, 0.0]),
-        bilateral=np.array([False, True, False, False, False]), traces=Traces(rows, csr_matrix(np.eye(10))),
+        bilateral=np.array([False, True, False, False, False]),
     )  # fmt: skip
 
 
@@ -315,7 +315,7 @@ def test_local_problems_that_are_none(changes, field):
 
 def test_what_has_no_place_or_does_not_fit_is_refused(tmp_path):
     for laws in ({"cohesion": np.full(5, 0.1)}, {"cap": np.full(5, 2.0)}, {"bilateral": np.arange(5) == 2}):
-        assert str(*laws) in refused(lambda laws=laws: local_problem(random_qvi(0).changed(**laws)))
+        assert str(*laws) in refused(lambda laws=laws: local_problem(random_qvi(0).with_law(**laws)))
     contradictory = LocalProblem(np.eye(2), [0.0, 0.0], [0.1], np.ones((2, 2)), np.zeros((2, 2)), [1.0, 2.0])
     assert refused(contradictory.qvi).startswith("s|")
     assert "shape (3,)" in refused(lambda: siconos_error(THREE, np.zeros(3)))

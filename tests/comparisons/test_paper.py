@@ -7,7 +7,6 @@ import contextlib
 import csv
 import ctypes
 import io
-import json
 import os
 import re
 import tempfile
@@ -19,7 +18,7 @@ import pytest
 from comparisons import paper as room
 from solvers import Status, available
 from tests.comparisons.conftest import outlines
-from tests.comparisons.convergence_parts import command
+from tests.comparisons.parts import command
 
 TABLE_1 = {0.0: "209.15", 0.05: "210.67", 0.1: "212.05", 0.15: "212.86", 0.2: "213.44", 0.25: "213.81", 0.3: "213.89"}
 FIGURES = {2: (0.0, "210.58"), 3: (0.1, "237.19"), 4: (0.2, "254.41"), 5: (0.3, "259.65")}
@@ -208,6 +207,9 @@ class TestFindings:
         doubtful = with_back_end(paper, "qp:osqp", 0.15, 1.0, status=Status.INACCURATE, message="only nearly.")
         assert set(room.values_of(doubtful)["doubtful"]) - set(values["doubtful"]) == {"qp:osqp (6/7)"}
         assert ends(doubtful)["qp:osqp"]["remark"] == "only nearly."
+        broken = ends(with_back_end(paper, "qp:osqp", 0.1, np.nan, status=Status.BACKEND_FAILED))["qp:osqp"]
+        assert (broken["verdict"], broken["certified"]) == ("falls short", 6)
+        assert np.isnan([broken["half_force_difference"], broken["traction_difference"]]).all()
 
 
 @pytest.fixture
@@ -217,26 +219,7 @@ def known(monkeypatch, paper):
 
 
 class TestFiles:
-    """The document, the report's files, and its tables in the terminal."""
-
-    def test_document(self, paper):
-        document = room.as_document(paper)
-        assert json.loads(json.dumps(document, allow_nan=False)) == document
-        assert [f"{row['paper']:.2f}" for row in document["rows"]] == list(TABLE_1.values())
-        assert [(row["friction"], f"{row['paper']:.2f}") for row in document["figures"]] == list(FIGURES.values())
-        assert len(document["findings"]) == 5
-        broken = with_back_end(paper, "qp:osqp", 0.1, np.nan, status=Status.BACKEND_FAILED)
-        (row,) = [row for row in room.as_document(broken)["back_ends"] if row["solver"] == "qp:osqp"]
-        assert (row["half_force_difference"], row["traction_difference"]) == (None, None)
-        assert (row["verdict"], row["certified"]) == ("falls short", 6)
-
-    @pytest.mark.usefixtures("known")
-    def test_json_is_one_document_and_writes_nothing(self, paper, tmp_path, monkeypatch):
-        monkeypatch.chdir(tmp_path)
-        ended = command("paper", "--json")
-        assert (ended.status, ended.err) == (0, "")
-        assert json.loads(ended.out) == room.as_document(paper)
-        assert list(tmp_path.iterdir()) == []
+    """The report's files, and its tables in the terminal."""
 
     @pytest.mark.usefixtures("known", "outlined")
     def test_terminal_and_the_default_folder(self, paper, tmp_path, monkeypatch):

@@ -17,6 +17,7 @@ from markdown_it import MarkdownIt
 
 from comparisons import verification as room
 from comparisons.verification.chapters import STATES, law_violation
+from comparisons.verification.report import report
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -34,7 +35,7 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from tests.comparisons.conftest import outlines
-from tests.comparisons.convergence_parts import REPORTS, command, report_of
+from tests.comparisons.parts import REPORTS, command
 
 SHOWN = {"rings": "[m]", "corner-rates": "[length]", "wedge": "[length]"}
 """Problems whose bodies are drawn, and the unit of their axes: two files in other units, two without."""
@@ -91,7 +92,7 @@ def manual(quick):
     """The report of the quick run; what its pictures show is seen in outlines."""
     pytest.importorskip("matplotlib")
     with outlines():
-        return report_of("verification", quick, room.drawings(list(SHOWN), quick=True))
+        return report(quick, room.drawings(list(SHOWN), quick=True))
 
 
 def rows(document):
@@ -132,7 +133,7 @@ class TestManual:
         assert markdown_rows(manual.text) == [room.cells(row) for row in rows(quick)]
         assert len(re.findall(r"^- \*Shows\*: .*$", manual.text, flags=re.MULTILINE)) == len(room.CHAPTERS)
         with pytest.raises(ValueError, match="number"):
-            report_of("verification", {**DOCUMENT, "chapters": [{**DOCUMENT["chapters"][0], "name": "new"}]}, {})
+            report({**DOCUMENT, "chapters": [{**DOCUMENT["chapters"][0], "name": "new"}]}, {})
 
     def test_the_committed_one_has_all_problems_and_passed(self):
         text = (REPORTS / "verification" / "verification.md").read_text(encoding="utf-8")
@@ -177,13 +178,13 @@ class TestManual:
 
     def test_without_matplotlib_there_is_no_picture_and_equal_data_make_equal_files(self, without, tmp_path):
         without("matplotlib")
-        written = report_of("verification", DOCUMENT, {}).write(tmp_path)
+        written = report(DOCUMENT, {}).write(tmp_path)
         assert [path.name for path in written] == ["verification.html", "verification.md"]
         assert sorted(path.name for path in tmp_path.iterdir()) == ["verification.html", "verification.md"]
         assert "<figure" not in written[0].read_text(encoding="utf-8")
         changed, again = json.loads(json.dumps(DOCUMENT)), json.loads(json.dumps(DOCUMENT))
         changed["chapters"][0]["problems"][0]["rows"][0]["ours"] = 1.25
-        for form in (lambda document: report_of("verification", document, {}), room.as_json):
+        for form in (lambda document: report(document, {}), room.as_json):
             assert form(DOCUMENT) == form(again) != form(changed)
 
 

@@ -181,7 +181,7 @@ def _three_solutions(share: float) -> Numbers:
     """One contact point with three solutions (DESIGN, problem 6): whichever is returned, it stays the same one."""
     W, q = np.array([[1.0, 0.8], [0.8, 1.0]]), np.array([1.0, 2.1])
     K = np.linalg.inv(W)
-    qvi = FrictionQVI(
+    qvi = FrictionQVI.from_arrays(
         K=K, f=-K @ q, N=np.array([[1.0, 0.0]]), n0=np.zeros(1), T=np.array([[0.0, 1.0]]), t0=np.zeros(1),
         mu=np.array([2.0]), W=np.ones(1),
     )  # fmt: skip

@@ -31,13 +31,6 @@ def errors(result):
     return stress_deviation(result, lame), result.energies.strain / lame_energy() - 1.0
 
 
-@pytest.mark.parametrize("degree", [3, 5])
-def test_orders_on_arcs_are_those_of_straight_bodies(degree):
-    (coarse, less), (fine, least) = (errors(solve(under_pressure(quarter(k, 2 * k)), degree=degree)) for k in (2, 4))
-    assert np.log2(coarse / fine) > degree - 1.3
-    assert np.log2(less / least) > 2.0 * (degree - 1.3)
-
-
 def test_energy_of_a_ring_to_twelve_digits():
     result = solve(under_pressure(quarter(3, 5)), degree=8)
     assert result.status.value == "solved"
@@ -201,19 +194,14 @@ def holds(contact, push, edges):
     return find_mechanism(cradle(contact, push, edges)) is None
 
 
-@pytest.mark.parametrize("edges", [3, 4])
-def test_what_a_cradle_holds(edges):
-    """A force through the centre leaves within the angle of the cradle, however many arcs that is divided into."""
-    contact = Contact("outer", 0.0)
-    assert holds(contact, 0.999999 * np.tan(HALF), edges)
-    assert not holds(contact, 1.000001 * np.tan(HALF), edges)
+def test_what_a_cradle_holds():
+    """A force through the centre leaves within the angle of the cradle.
 
-
-def test_what_friction_holds():
-    """Not less than without; not as much more as at a point, since friction at the rim alone would turn the ring."""
-    contact = Contact("outer", 0.2)
-    assert holds(contact, 0.999999 * np.tan(HALF), 3)
-    assert not holds(contact, 0.99 * np.tan(HALF + np.arctan(0.2)), 3)
+    With friction not as much more as at a point, since that at the rim alone would turn the ring.
+    """
+    for friction, most in ((0.0, 1.000001 * np.tan(HALF)), (0.2, 0.99 * np.tan(HALF + np.arctan(0.2)))):
+        assert holds(Contact("outer", friction), 0.999999 * np.tan(HALF), 3)
+        assert not holds(Contact("outer", friction), most, 3)
 
 
 def test_the_work_of_pressure_on_arcs():
@@ -239,9 +227,3 @@ def test_supports_on_arcs_let_a_disc_turn():
     ).free
     assert turning.shape == (3, 1)
     assert np.abs(turning[:, 0]) == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
-
-
-def test_a_push_beyond_the_cradle_is_infeasible():
-    result = solve(cradle(Contact("outer", 0.0), 1.8))
-    assert result.status.value == "infeasible"
-    assert result.mechanism.overload > 1.0

@@ -45,13 +45,6 @@ def test_a_curve_that_leaves_the_circle_through_the_corners():
     assert mesh.graded(top, 1).cell_count > 1
 
 
-def test_energy_of_a_plate_to_twelve_digits():
-    result = solve(stretched(sheet(2, 5)), degree=12)
-    assert result.status.value == "solved"
-    assert len(result.solution.z) < 500
-    assert abs(errors(result)[1]) < 1e-12
-
-
 def test_a_circle_is_the_same_as_a_curve():
     """Bends of a circle from its points are those from centre and radius, whatever the parameter."""
     arcs, bare = quarter(1, 3), quarter(1, 3, arcs=False)
@@ -232,8 +225,7 @@ def test_what_an_elliptic_bed_holds():
     assert Rigid(held).free.shape == (3, 0)
 
 
-@pytest.mark.parametrize("share", [0.9999, 1.0001])
-def test_what_an_elliptic_cradle_holds(share):
+def test_what_an_elliptic_cradle_holds():
     """A piece of an elliptic ring pressed into a smooth cradle: reactions along 2001 normals say how obliquely."""
     t = -np.pi / 2.0 + np.linspace(-1.0, 1.0, 2001)
     (x, y), normal = oval(t).T, np.column_stack([np.cos(t) / 2.0, np.sin(t)])
@@ -245,9 +237,10 @@ def test_what_an_elliptic_cradle_holds(share):
     balance = np.column_stack([reactions, [1.0, 0.0, -height]])
     oblique = linprog(np.append(0.0 * t, -1.0), A_eq=balance, b_eq=[0.0, 1.0, 0.0]).x[-1]
     free = [Traction(end, normal=0.0, tangential=0.0) for end in ("start", "end")]
-    push = Traction("inner", x=share * oblique / length, y=-1.0 / length)
-    problem = ContactProblem(mesh, Material(1.0, NU), [Contact("outer", 0.0), push, *free])
-    assert (find_mechanism(problem) is None) == (share < 1.0)
+    for share in (0.9999, 1.0001):
+        push = Traction("inner", x=share * oblique / length, y=-1.0 / length)
+        problem = ContactProblem(mesh, Material(1.0, NU), [Contact("outer", 0.0), push, *free])
+        assert (find_mechanism(problem) is None) == (share < 1.0)
 
 
 def test_bracket_on_an_ellipse():

@@ -134,7 +134,7 @@ def test_other_data_share_matrices_and_are_those_made_alone(change):
     after = first.following(alone.problem)
     assert after.qvi.K is first.qvi.K
     assert after.qvi.N is first.qvi.N
-    assert after.qvi.operator is first.qvi.operator
+    assert after.qvi.stiffness is first.qvi.stiffness
     for name in VECTORS:
         expected = getattr(alone.qvi, name)
         size = np.abs(expected[np.isfinite(expected)]).max(initial=1.0)
@@ -174,7 +174,7 @@ def test_other_bodies_share_nothing():
     for problem in (block(poisson=0.3), replace(block(), regions=[Region(Material(5e2, 0.2), y=(0.0, 0.5))])):
         alone = discretize(problem)
         after = first.following(alone.problem)
-        assert after.qvi.operator is not first.qvi.operator
+        assert after.qvi.stiffness is not first.qvi.stiffness
         assert abs(after.qvi.K - alone.qvi.K).max() == 0.0
 
 
@@ -188,11 +188,11 @@ def test_other_contact_rows_share_no_rows():
 def test_one_factorisation_and_one_schur_complement_serve_the_sequence():
     first = discretize(block())
     solve(first)
-    factor, stiffness = first.qvi.operator.factor, first.qvi.interface.stiffness
+    factor, stiffness = first.qvi.stiffness.factor, first.qvi.condensed_contact.stiffness
     after = first.following(discretize(block(friction=0.6, push=-1.5)).problem)
     shared = solve(after)
-    assert after.qvi.operator.factor is factor
-    assert after.qvi.interface.stiffness is stiffness
+    assert after.qvi.stiffness.factor is factor
+    assert after.qvi.condensed_contact.stiffness is stiffness
     alone = solve(block(friction=0.6, push=-1.5))
     assert shared.contacts["ground"].normal_stress == pytest.approx(alone.contacts["ground"].normal_stress, abs=1e-10)
 

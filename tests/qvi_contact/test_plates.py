@@ -342,6 +342,6 @@ def test_a_small_force_counts_beside_a_large_one():
     result = solved(ContactProblem(mesh, STEEL, [*held, *plates]))
     assert result.contacts["other"].normal_force == pytest.approx(1e-4, rel=1e-4)
     qvi, solution = result.solution.problem, result.solution
-    changed = replace(qvi, b=qvi.b * np.array([1.0, 1.01]))
+    changed = qvi.with_loads(b=qvi.b * np.array([1.0, 1.01]))
     state = solution.z, solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     assert not certify(changed, *state).passed

@@ -145,25 +145,6 @@ class TestTriangles:
         beside = supports @ turn
         assert ((beside[:, 0] > 2.0) & (beside[:, 0] < 2.2)).all()
 
-    def test_arrows_on_an_arc_are_along_its_radii(self):
-        mesh = (
-            ring()
-            .with_edges("in", lambda x, y: np.hypot(x, y) < 1.5)
-            .with_edges("out", lambda x, y: np.hypot(x, y) > 1.5)
-        )
-        conditions = [Traction("in", normal=-1.0, tangential=0.0), Traction("out", normal=-0.5, tangential=0.0)]
-        figure = problem_figure(ContactProblem(mesh, Material(1000.0, 0.3), conditions))
-        figure.draw_without_rendering()
-        (axes,) = figure.axes
-        arrows = np.concatenate([np.column_stack([q.XY, q.U, q.V]) for q in axes.collections if isinstance(q, Quiver)])
-        radial = (arrows[:, :2] * arrows[:, 2:]).sum(axis=1)
-        sizes = np.hypot(*arrows[:, :2].T) * np.hypot(*arrows[:, 2:].T)
-        assert np.abs(radial) / sizes == pytest.approx(1.0, abs=3e-2)  # chords of 15 degrees
-        inner = np.hypot(*arrows[:, :2].T) < 1.5
-        assert (radial[inner] > 0.0).all()
-        assert (radial[~inner] < 0.0).all()
-        assert np.hypot(*arrows[inner, 2:].T) == pytest.approx(2.0 * np.hypot(*arrows[~inner, 2:].T)[0])
-
     def test_symmetry_and_supports_stand_beside_slanted_sides(self):
         mesh = turned(TriangleMesh.rectangle((2, 2)), 0.6)
         conditions = [Symmetry("bottom"), Displacement("left", x=0.0, y=0.0), Traction("top", x=0.0, y=0.0)]
@@ -287,8 +268,8 @@ def test_the_name_of_a_short_punch_stands_clear_of_its_force(side):
 
 
 def test_rounding_in_functions_is_not_shown():
-    assert value_range("σ_N", np.array([-8.0, 3e-16]), "MPa").replace("\xa0", " ") == "σ_N = −8 … 0 MPa"
-    assert value_range("gap", np.array([2e-9, 3e-9]), "mm").replace("\xa0", " ") == "gap = 2e−09 … 3e−09 mm"
+    for values, text in (([-8.0, 3e-16], "−8 … 0"), ([2e-9, 3e-9], "2e−09 … 3e−09")):
+        assert value_range("gap", np.array(values), "mm").replace("\xa0", " ") == f"gap = {text} mm"
 
 
 def covered(axes):

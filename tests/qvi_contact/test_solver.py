@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import qpsolvers
 
+from comparisons.benchmark.calls import counted
 from qvi_contact import InputError, SolveError, TriangleMesh, limit_load_factor, refine, solve, solve_history
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Material, Traction
@@ -134,3 +135,8 @@ def test_the_message_beyond_what_friction_carries_names_the_limit_analysis(drag,
     assert result.status is status
     for word in ("beyond", "limit_load_factor", "qvi-contact limit"):
         assert word in result.message
+
+
+def test_a_small_solve_stays_short():
+    """Calls of Python and built-in functions, 10 % above what they were last; fewer are welcome, and then the limit."""
+    assert counted().calls <= 16_200

@@ -224,7 +224,7 @@ class TestWrong:
 
     def test_the_friction_of_the_problem_that_was_solved(self, plate):
         """A solution of another problem, certificate and all."""
-        other = plate.discretization.qvi.changed(mu=1.001 * plate.discretization.qvi.mu)
+        other = plate.discretization.qvi.with_law(mu=1.001 * plate.discretization.qvi.mu)
         result = solve(replace(plate.discretization, qvi=other))
         assert result.certificate.passed
         assert {"problem", "friction"} <= failed(ContactResult(plate.discretization, result.solution))

@@ -116,7 +116,7 @@ def test_a_sweep_with_workers(begun, tmp_path, everybody):
 def test_a_study_with_workers(begun, tmp_path):
     pytest.importorskip("markdown_it")
     pytest.importorskip("pandas")
-    words = ("-m", "comparisons", "convergence", "outer", "--workers", "2", "--store", "kept", "--out", "told")
+    words = ("-m", "comparisons", "convergence-outer", "--workers", "2", "--store", "kept/rows.sqlite", "--out", "told")
     process = begun(*words)
     assert eventually(lambda: any(rows_in(path, "rows") for path in tmp_path.glob("kept/*.sqlite")))
     process.terminate()

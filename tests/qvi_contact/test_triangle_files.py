@@ -26,7 +26,7 @@ from qvi_contact import (
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from tests.effort import examples
 from tests.qvi_contact.broken_files import PROBLEMS, RICH, TRIANGLES, mutated
-from tests.qvi_contact.test_triangle_mesh import INP, MSH_2, MSH_4, med_file
+from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4, med_file
 
 LARGEST = 200_000_000  # bytes of a mesh file
 WITH_FILE = (PROBLEMS / "part.toml").read_text(encoding="utf-8")

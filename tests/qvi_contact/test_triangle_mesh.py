@@ -1,15 +1,11 @@
-"""Meshes of triangles: what is accepted and refused, names, refinement, files."""
+"""Meshes of triangles: what is accepted and refused, names, refinement."""
 
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-import skfem
 
 from qvi_contact import ContactProblem, InputError, Material, Region, Traction
-from qvi_contact.basics import handlers_kept
 from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -271,130 +267,6 @@ class TestRefined:
     def test_wrong_marks(self, marked):
         with pytest.raises(InputError, match="marked"):
             square().refined(marked)
-
-
-class TestSkfem:
-    """Meshes of scikit-fem."""
-
-    def test_boundaries_and_subdomains_come_along(self):
-        mesh = skfem.MeshTri().refined(2)
-        mesh = mesh.with_boundaries({"floor": lambda x: x[1] == 0.0}).with_subdomains({"left": lambda x: x[0] < 0.5})
-        mesh = mesh.with_boundaries({"seam": mesh.facets_satisfying(lambda x: x[0] == 0.5)}, boundaries_only=False)
-        found = TriangleMesh.from_skfem(mesh)
-        assert (found.edge_names, found.joint_names) == (("floor",), ("seam",))
-        assert found.midpoints[found.numbers("floor")][:, 1] == pytest.approx(0.0)
-        assert found.corners[found.regions["left"]].mean(axis=1)[:, 0].max() < 0.5
-        assert len(found.numbers("seam")) == 4
-
-    def test_other_meshes_are_refused(self):
-        for other in (skfem.MeshQuad(), None, "mesh"):
-            with pytest.raises(InputError, match="MeshTri"):
-                TriangleMesh.from_skfem(other)
-
-
-MSH_2 = Path(__file__).with_name("named_2.msh").read_text(encoding="utf-8")
-
-
-MSH_4 = Path(__file__).with_name("named_4.msh").read_text(encoding="utf-8")
-
-
-INP = Path(__file__).with_name("named.inp").read_text(encoding="utf-8")
-
-
-def med_file(path):
-    """A MED file as Salome writes it: names are groups of families."""
-    meshio, h5py = pytest.importorskip("meshio"), pytest.importorskip("h5py")
-    points = np.array([*SQUARE, (5.0, 5.0)])
-    blocks = [("line", np.array([[0, 1], [0, 2]])), ("triangle", np.array(HALVES))]
-    tags = [np.array([-6, -7]), np.array([-8, 0])]
-    mesh = meshio.Mesh(points, blocks, cell_data={"cell_tags": tags})
-    mesh.cell_tags = {-6: ["floor"], -7: ["seam"], -8: ["steel"]}
-    mesh.point_tags = {}
-    meshio.med.write(path, mesh)
-    assert h5py.is_hdf5(path)
-
-
-class TestFiles:
-    """Gmsh, and by meshio Abaqus and MED."""
-
-    @pytest.mark.parametrize(("name", "text"), [("a.msh", MSH_2), ("b.MSH", MSH_4), ("c.inp", INP), ("d.med", None)])
-    def test_names_of_curves_and_surfaces(self, tmp_path, name, text):
-        pytest.importorskip("meshio")
-        path = tmp_path / name
-        if text is None:
-            med_file(path)
-        else:
-            path.write_text(text)
-        mesh, names = TriangleMesh.load(path), ("steel", "rest") if text is MSH_4 else ("steel",)
-        assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), ("seam",), names)
-        assert mesh.vertices == pytest.approx(np.array(SQUARE))
-        assert mesh.cells.tolist() == [[0, 1, 2], [0, 2, 3]]
-        assert mesh.edge_sets["floor"].tolist() == [[0, 1]]
-        assert mesh.edge_sets["seam"].tolist() == [[0, 2]]
-        assert mesh.regions["steel"].tolist() == [0]
-
-    def test_a_folder_is_not_called_missing(self, tmp_path):
-        pytest.importorskip("meshio")
-        (tmp_path / "a.msh").mkdir()
-        with pytest.raises(InputError, match="cannot be read"):
-            TriangleMesh.load(tmp_path / "a.msh")
-
-    @pytest.mark.parametrize(
-        ("name", "text", "told"),
-        [
-            ("a.stl", "", "endings"),
-            ("a.msh", None, "no such file"),
-            ("a.msh", "nonsense", "cannot be read"),
-            ("a.msh", "", "cannot be read"),
-            ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
-            ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=CPS4\n3, 1, 2, 3, 4"), "'quad'"),
-            ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
-            ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"),
-            ("a.med", "nonsense", "cannot be read"),
-        ],
-    )
-    def test_what_cannot_be_read_is_told_in_one_line(self, tmp_path, capsys, name, text, told):
-        pytest.importorskip("meshio")
-        path = tmp_path / name
-        if text is not None:
-            path.write_text(text)
-        with pytest.raises(InputError, match=told) as caught:
-            TriangleMesh.load(path)
-        assert "\n" not in str(caught.value)
-        assert capsys.readouterr() == ("", "")
-
-    def test_names_may_be_given_to_some_curves_and_surfaces_only(self, tmp_path):
-        path = tmp_path / "a.msh"
-        path.write_text(MSH_4.replace("0 1 4 0\n", "0 0 0\n").replace("0 1 2 0\n", "0 0 0\n"))
-        mesh = TriangleMesh.load(path)
-        assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), (), ("steel",))
-        assert mesh.cells.tolist() == [[0, 1, 2], [0, 2, 3]]
-        assert [entry.name for entry in tmp_path.iterdir()] == ["a.msh"]
-
-    @pytest.mark.parametrize("binary", [0, 1])
-    def test_gmsh_itself_writes_such_files(self, tmp_path, binary):
-        gmsh = pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
-        with handlers_kept():
-            gmsh.initialize(interruptible=False)
-        try:
-            gmsh.option.setNumber("General.Terminal", 0)
-            gmsh.option.setNumber("Mesh.SaveAll", 1)
-            gmsh.option.setNumber("Mesh.Binary", binary)
-            gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 2.0, 1.0)
-            gmsh.model.occ.synchronize()
-            gmsh.model.addPhysicalGroup(1, [1], name="floor")
-            gmsh.model.mesh.generate(2)
-            gmsh.write(str(tmp_path / "a.msh"))
-        finally:
-            gmsh.finalize()
-        assert TriangleMesh.load(tmp_path / "a.msh").edges("floor").length.sum() == pytest.approx(2.0)
-
-    def test_without_meshio_the_command_to_type_is_told(self, tmp_path, monkeypatch):
-        path = tmp_path / "a.inp"
-        path.write_text(INP)
-        monkeypatch.setitem(sys.modules, "meshio.abaqus", None)
-        with pytest.raises(InputError, match="pip install"):
-            TriangleMesh.load(path)
 
 
 class TestEdges:

@@ -12,7 +12,7 @@ from solvers import FrictionQVI
 
 def one_contact(friction: float = 2.0, load: tuple[float, float] = (1.0, 2.1), coupling: float = 0.8) -> FrictionQVI:
     """Unknowns z = (p, t): σ_N = −p, σ_T = t, displacement u = W r + q with W = [[1, c], [c, 1]]."""
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=np.array([[1.0, coupling], [coupling, 1.0]]), f=-np.array(load),
         N=np.array([[-1.0, 0.0]]), n0=[0.0], T=np.array([[0.0, 1.0]]), t0=[0.0], mu=[friction], W=[1.0],
     )  # fmt: skip
@@ -20,7 +20,7 @@ def one_contact(friction: float = 2.0, load: tuple[float, float] = (1.0, 2.1), c
 
 def two_contacts() -> FrictionQVI:
     """Two uncoupled contacts of different weights, one sticking at (2, 0.4), one slipping at (1, −0.3)."""
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=np.eye(4), f=np.array([2.0, 0.4, 1.0, -2.0]), N=-np.eye(4)[[0, 2]], n0=np.zeros(2),
         T=np.eye(4)[[1, 3]], t0=np.zeros(2), mu=np.full(2, 0.3), W=np.array([0.5, 2.0]),
     )  # fmt: skip
@@ -31,7 +31,7 @@ def random_problem(seed: int, friction: float = 0.3, equalities: int = 0, n: int
     random = np.random.default_rng(seed)
     root = random.normal(size=(n, n))
     A = random.normal(size=(equalities, n)) if equalities else None
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=root @ root.T + np.eye(n), f=3.0 * random.normal(size=n), N=random.normal(size=(m, n)),
         n0=np.full(m, -0.5),
         T=random.normal(size=(m, n)), t0=0.1 * random.normal(size=m), mu=np.full(m, friction),
@@ -41,7 +41,7 @@ def random_problem(seed: int, friction: float = 0.3, equalities: int = 0, n: int
 
 def dragged_block(shear: float, friction: float = 0.3, normal: float = 1.0, **laws) -> FrictionQVI:
     """Pressure and shear, both prescribed: carried for shear ≤ friction × pressure only, without other laws."""
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=np.eye(2), f=np.zeros(2), N=np.array([[-1.0, 0.0]]), n0=[0.0], T=np.array([[0.0, 1.0]]), t0=[0.0],
         mu=[friction], W=[1.0], A=np.eye(2), b=np.array([normal, shear]), **laws,
     )  # fmt: skip
@@ -49,7 +49,7 @@ def dragged_block(shear: float, friction: float = 0.3, normal: float = 1.0, **la
 
 def prescribed_shear() -> FrictionQVI:
     """T z = −1 is prescribed; no pressure cannot hold it, the pressure 3.8 of the solution can."""
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=np.array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([3.0, 0.0]), N=np.array([[-1.0, 0.0]]), n0=[0.0],
         T=np.array([[0.0, 1.0]]), t0=[0.0], mu=[0.3], W=[1.0], A=np.array([[0.0, 1.0]]), b=[-1.0],
     )  # fmt: skip
@@ -77,7 +77,7 @@ class Root:
 def with_constant_tractions(qvi: FrictionQVI, more: int = 193) -> FrictionQVI:
     """The same problem beside points pressed by 1 that nothing changes: with 193 of them too many to be pivoted."""
     nothing, zeros = np.zeros((more, qvi.n)), np.zeros(more)
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=qvi.K, f=qvi.f, N=np.vstack([qvi.N.toarray(), nothing]), n0=np.r_[qvi.n0, zeros - 1.0],
         T=np.vstack([qvi.T.toarray(), nothing]), t0=np.r_[qvi.t0, zeros], mu=np.r_[qvi.mu, zeros + 0.3],
         W=np.r_[qvi.W, zeros + 0.5],
@@ -127,8 +127,7 @@ def mixed_problem(seed, equalities=2, friction=0.2):
     mu[[0, 5]] = 0.0
     cap = np.full(10, np.inf)
     cap[[1, 6, 7]] = 0.3, 0.2, 0.0
-    return replace(
-        qvi,
+    return qvi.with_law(
         mu=mu,
         cohesion=np.where(np.arange(10) % 3 == 0, 0.0, random.uniform(0.0, 0.5, 10)),
         cap=cap,
@@ -170,7 +169,7 @@ def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equ
     start = np.concatenate([np.linspace(-1.0, pull - 1.0, 2 * EDGES), 0.1 * random.normal(size=2 * EDGES + 1)])
     rows, shift = E @ Y, E @ start
     A = random.normal(size=(equalities, n)) if equalities else None
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=root.T @ root, f=0.6 * random.normal(size=n), N=rows[:points], n0=shift[:points], T=rows[points:],
         t0=shift[points:], mu=np.full(points, mu), W=np.full(points, 1.0 / points), A=A,
         b=0.1 * random.normal(size=equalities) if equalities else None, cohesion=np.full(points, cohesion),
@@ -182,3 +181,12 @@ def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equ
 def nonunique() -> FrictionQVI:
     """Return the problem of the design note 5.6, which has three solutions."""
     return one_contact()
+
+
+def changed(qvi, **fields):
+    """The problem with other fields, whichever part of it they belong to."""
+    parts = {name: getattr(qvi, name) for name in ("stiffness", "contact", "loads", "law")}
+    for name, value in fields.items():
+        part = next(key for key, part in parts.items() if hasattr(part, name))
+        parts[part] = replace(parts[part], **{name: value})
+    return FrictionQVI(**parts)

@@ -93,7 +93,7 @@ def test_a_factorisation_of_another_matrix_hides_no_error():
     """K itself has a say: to a factor that is far too stiff every residual is the force of a tiny error."""
     K, rows, one = np.diag([1.0, 2.0, 1.5, 1.2]), np.eye(4)[:2], np.ones(1)
     f = np.array([-1.0, 0.4, 1.5, 1.2])
-    qvi = FrictionQVI(
+    qvi = FrictionQVI.from_arrays(
         K=K,
         f=f,
         N=rows[:1],
@@ -109,7 +109,7 @@ def test_a_factorisation_of_another_matrix_hides_no_error():
     parts = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     wrong = solution.z + np.array([0.0, 0.0, 0.0, 1e-3])  # where the contact does not feel it
     assert certify(qvi, solution.z, *parts).passed
-    assert qvi.operator.use_root()
+    assert qvi.stiffness.use_root()
     assert qvi.linear_system.solve(np.ones(4))[0] == pytest.approx(1e-20 / np.diag(K))
     found = certify(qvi, wrong, *parts)
     assert not found.passed
@@ -132,7 +132,7 @@ def test_measures_do_not_depend_on_units(stress, length):
     qvi, (z, m_N, m_T) = solved()
     z = z * (1 + 1e-6)
     energy = 7.0
-    scaled = FrictionQVI(
+    scaled = FrictionQVI.from_arrays(
         K=energy * qvi.K, f=energy * qvi.f, N=stress * qvi.N, n0=stress * qvi.n0, T=stress * qvi.T,
         t0=stress * qvi.t0, mu=qvi.mu, W=length * qvi.W,
     )  # fmt: skip
@@ -144,7 +144,7 @@ def test_measures_do_not_depend_on_units(stress, length):
 
 def peaked(share):
     """Two contacts that press with 1 and with a peak, of weights 1 and `share`; σ_N = −z, no coupling."""
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=np.diag([1.0, share]), f=np.array([1.0, 100.0 * share]), N=-np.eye(2), n0=np.zeros(2), T=np.zeros((2, 2)),
         t0=np.zeros(2), mu=np.zeros(2), W=np.array([1.0, share]),
     )  # fmt: skip
@@ -159,7 +159,7 @@ def test_a_peak_of_stress_in_a_small_place_does_not_hide_work_on_gaps(share):
     assert scales["body_energy"] == pytest.approx(body)
     assert scales["energy"] == pytest.approx(unit)
     pushed = np.array([1e-3, 0.0])  # on a point that is pressed: the load has to grow by as much
-    found = certify(qvi.changed(f=qvi.f - pushed), z, pushed, np.zeros(2)).measures
+    found = certify(qvi.with_loads(f=qvi.f - pushed), z, pushed, np.zeros(2)).measures
     assert found["stationarity"] < 1e-12
     assert found["complementarity_normal"] == pytest.approx(1e-3 / unit)
     assert found["energy_gap"] == pytest.approx(1e-3 / body)

@@ -374,18 +374,18 @@ def test_importing_loads_no_back_end():
 def test_a_context_ends():
     """Whatever happens inside; what was made in it stays, as "auto" is content with it."""
     plain, other = gallery_plate(), gallery_plate()
-    with pytest.raises(ZeroDivisionError), plain.operator.using("superlu", 1):
+    with pytest.raises(ZeroDivisionError), plain.stiffness.using("superlu", 1):
         _ = 1 / 0
-    assert plain.equality_system.factor.backend == DENSE
-    with other.operator.using("superlu", 1):
-        factor = other.equality_system.factor
+    assert plain.condensed_contact.system.factor.backend == DENSE
+    with other.stiffness.using("superlu", 1):
+        factor = other.condensed_contact.system.factor
     assert factor.backend == "superlu"
-    assert other.equality_system.factor is factor
+    assert other.condensed_contact.system.factor is factor
 
 
 def singular():
     """K with a null vector that no equation holds; its diagonal is positive."""
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=csc_array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), f=np.ones(3), N=[[0.0, 0.0, -1.0]],
         n0=[0.0], T=[[0.0, 0.0, 1.0]], t0=[0.0], mu=[0.3], W=[1.0],
     )  # fmt: skip

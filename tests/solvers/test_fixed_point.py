@@ -1,7 +1,5 @@
 """Outer iterations, the fixed point and Uzawa's: states, variants, starts, contraction, infeasibility, failures."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -116,7 +114,7 @@ def test_restart_when_the_first_bound_is_too_small():
 
 def test_no_solution_though_the_admissible_set_is_not_empty():
     """Shear 1 prescribed, nothing presses: p = 0 carries no shear, p > 0 leaves the gap open."""
-    qvi = FrictionQVI(
+    qvi = FrictionQVI.from_arrays(
         K=np.eye(2), f=np.zeros(2), N=np.array([[-1.0, 0.0]]), n0=[0.0], T=np.array([[0.0, 1.0]]), t0=[0.0],
         mu=[0.3], W=[1.0], A=np.array([[0.0, 1.0]]), b=[1.0],
     )  # fmt: skip
@@ -208,7 +206,7 @@ def partly_frictionless(seed, equalities=0):
     T, t0, mu = qvi.T.toarray(), np.array(qvi.t0), np.array(qvi.mu)
     mu[::2] = 0.0
     T[2], t0[2] = 2.0 * T[0], 2.0 * t0[0]
-    return dataclasses.replace(qvi, T=T, t0=t0, mu=mu)
+    return qvi.with_contact(T=T).with_loads(t0=t0).with_law(mu=mu)
 
 
 @pytest.mark.parametrize("equalities", [0, 2])
@@ -314,7 +312,9 @@ def test_uzawa_with_equations_and_with_more_points_than_a_dense_compliance_is_ke
     qvi, times = random_problem(4, equalities=2), 280
     rows = {name: np.repeat(getattr(qvi, name).toarray(), times, axis=0) for name in "NT"}
     points = {name: np.repeat(getattr(qvi, name), times) for name in ("n0", "t0", "mu")}
-    many = FrictionQVI(K=qvi.K, f=qvi.f, A=qvi.A, b=qvi.b, W=np.repeat(qvi.W, times) / times, **rows, **points)
+    many = FrictionQVI.from_arrays(
+        K=qvi.K, f=qvi.f, A=qvi.A, b=qvi.b, W=np.repeat(qvi.W, times) / times, **rows, **points
+    )
     dense, sparse = (solve_qvi(each, method="uzawa", iterations=10) for each in (qvi, many))
     assert sparse.z == pytest.approx(dense.z, abs=1e-10)
     assert qvi.A @ dense.z == pytest.approx(qvi.b, abs=1e-10)

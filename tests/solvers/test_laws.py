@@ -1,6 +1,5 @@
 """Cohesion, caps, bilateral rows and equations together: what a solution is, and that every method finds it."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,7 +9,7 @@ from solvers import FrictionQVI, Status, available, certify, solve_qvi
 from solvers.certificate import AdmissibleRows, check_feasibility, is_farkas
 from tests.covering import every_pair
 from tests.effort import thinned
-from tests.solvers.conftest import dragged_block, mixed_problem, random_problem
+from tests.solvers.conftest import changed, dragged_block, mixed_problem, random_problem
 
 PULLED_SEED = 4  # of a problem with tension on bilateral rows
 LOOSE = {"qp:ecos": 1e-4, "socp:ecos": 1e-4, "socp:cvxopt": 1e-4, "socp:scs": 1e-5, "qp:highs": 1e-6}
@@ -93,7 +92,7 @@ def test_every_inner_solver_agrees(inner, form, problem):
 def test_uzawa_agrees(seed, equalities):
     """Without rows whose bound is zero: there Uzawa's step never shrinks."""
     qvi = mixed_problem(seed, equalities)
-    qvi = replace(qvi, mu=np.full(10, 0.2), cohesion=qvi.cohesion + 0.1, cap=np.maximum(qvi.cap, 0.2))
+    qvi = qvi.with_law(mu=np.full(10, 0.2), cohesion=qvi.cohesion + 0.1, cap=np.maximum(qvi.cap, 0.2))
     reference = solve_qvi(qvi, inner="direct:clarabel", tolerance=1e-9)
     solution = solve_qvi(qvi, method="uzawa", tolerance=1e-6, omega_T=0.01)
     assert solution.status is Status.SOLVED, solution.message
@@ -113,10 +112,10 @@ def said_otherwise(m):
 def test_a_law_that_says_the_same_in_other_words_has_the_same_solution(seed):
     qvi = random_problem(seed, 0.0, 1)
     for laws in said_otherwise(qvi.m):
-        one, other = (solve_qvi(replace(qvi, **law), tolerance=1e-9) for law in laws)
+        one, other = (solve_qvi(qvi.with_law(**law), tolerance=1e-9) for law in laws)
         assert one.status is other.status is Status.SOLVED
         assert one.z == pytest.approx(other.z, abs=1e-7)
-    void = solve_qvi(replace(qvi, cohesion=np.full(qvi.m, 1e6), bilateral=np.ones(qvi.m, dtype=bool)))
+    void = solve_qvi(qvi.with_law(cohesion=np.full(qvi.m, 1e6), bilateral=np.ones(qvi.m, dtype=bool)))
     assert void.z == pytest.approx(qvi.bonded, abs=1e-8)
     assert np.abs(void.normal_multiplier).max() == 0.0
 
@@ -128,7 +127,7 @@ def test_equations_are_substitutions(seed):
     A = qvi.A.toarray()
     particular = np.linalg.lstsq(A, qvi.b, rcond=None)[0]
     Z = np.linalg.svd(A)[2][2:].T
-    smaller = FrictionQVI(
+    smaller = FrictionQVI.from_arrays(
         K=Z.T @ qvi.K @ Z, f=Z.T @ (qvi.f - qvi.K @ particular), N=qvi.N @ Z, n0=qvi.normal(particular),
         T=qvi.T @ Z, t0=qvi.tangential(particular), mu=qvi.mu, W=qvi.W, cohesion=qvi.cohesion, cap=qvi.cap,
         bilateral=qvi.bilateral,
@@ -156,7 +155,7 @@ class TestCertificate:
             changes.pop(name, getattr(solution, name))
             for name in ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier")
         ]
-        certificate = certify(replace(qvi, **changes), *given, tolerance=1e-8)
+        certificate = certify(changed(qvi, **changes), *given, tolerance=1e-8)
         return {name for name, limit in certificate.limits.items() if certificate.measures[name] > limit}
 
     def test_the_solution_passes(self, solved):

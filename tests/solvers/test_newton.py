@@ -26,11 +26,11 @@ SPARSE = [law for law in LAWS if law not in ("frictionless", "equations")]
 class NoBounds:
     """A problem that adds nothing to the matrix."""
 
-    def slack_rows(self, slope):
-        return slope
+    def blocks(self, ratio, slope):
+        return ratio, slope
 
-    def add_stiffness(self, H, ratio, rows):
-        pass
+    def stiffness(self, D, e):  # noqa: ARG002
+        return 0.0
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -66,7 +66,7 @@ POSED = pytest.mark.parametrize("name", PROBLEMS)
 
 
 @POSED
-def test_slack_rows_are_minus_the_derivative_of_the_slack(name):
+def test_the_change_of_slacks_is_minus_their_derivative(name):
     """Along √(σ_N² + δ²), on which pull push = δ²/4 stays as it is."""
     problem, method = posed(PROBLEMS[name]())
     y, smooth = method.point.y, 0.3
@@ -75,11 +75,11 @@ def test_slack_rows_are_minus_the_derivative_of_the_slack(name):
         return problem.slack(u, np.hypot(problem.split_normal(u), smooth))
 
     normal = problem.split_normal(y)
-    rows = problem.slack_rows(normal / np.hypot(normal, smooth))
+    slope = normal / np.hypot(normal, smooth)
     for direction in np.random.default_rng(4).normal(size=(3, len(y))):
         h = 1e-6
         change = (slack(y + h * direction) - slack(y - h * direction)) / (2 * h)
-        assert rows @ direction == pytest.approx(-change, abs=1e-8 * np.abs(change).max())
+        assert problem.change(direction, slope) == pytest.approx(-change, abs=1e-8 * np.abs(change).max())
 
 
 @POSED
@@ -119,9 +119,10 @@ def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
         force, slack, split, _ = (0.0 * r for r in residuals) if only else residuals
         size = np.abs(problem.force(np.abs(step.lam))).max(initial=1.0)
         assert problem.S @ step.y + problem.force(step.lam) == pytest.approx(-force, abs=1e-10 * size)
-        tangential = problem.slack_rows(np.zeros(len(problem.split)))
         pressed = problem.friction_of(step.pull + step.push)
-        assert step.s + tangential @ step.y - pressed == pytest.approx(-slack, abs=1e-10)
+        assert step.s + problem.change(step.y, np.zeros(len(problem.split))) - pressed == pytest.approx(
+            -slack, abs=1e-10
+        )
         assert problem.split_change(step.y) - step.pull + step.push == pytest.approx(-split, abs=1e-10)
         first = (point.s * step.lam + point.lam * step.s, point.pull * step.push + point.push * step.pull)
         assert np.concatenate(first) == pytest.approx(comp, abs=1e-10)
@@ -187,7 +188,7 @@ def test_energy_and_multipliers_are_those_of_the_full_problem(name):
     m_N, m_T, nu = problem.multipliers(u, lam)
     residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
     size = np.abs(qvi.K @ z).max()
-    interior = np.setdiff1d(np.arange(qvi.n), qvi.equality_system.interface)
+    interior = np.setdiff1d(np.arange(qvi.n), qvi.condensed_contact.system.interface)
     assert residual[interior] == pytest.approx(0.0, abs=1e-11 * size)
     force = problem.S @ u + problem.c + problem.force(lam)
     moved = reduction.move(base, problem.full(u + 1e-3 * force)) - z  # in the directions that equations leave free
@@ -208,9 +209,11 @@ def test_newton_matrices_are_those_of_the_bounds(law):
     ratio = 10.0 ** random.uniform(-3.0, 3.0, len(problem.weights))
     slope = random.uniform(-1.0, 1.0, len(problem.split))
     n, unit = qvi.n, 1.0 / np.sqrt(qvi.K.diagonal())
-    C = problem.slack_rows(slope).toarray()[:, n:]
-    B, Y = problem.B.toarray()[:, n:], qvi.contact_rows.toarray() * unit
-    H = qvi.K.toarray() * unit * unit[:, None] + (B @ Y).T @ ((problem.weights * ratio)[:, None] * (C @ Y))
+    Y = qvi.contact_rows.toarray() * unit
+    whole = np.concatenate([np.eye(n), Y])  # unknowns with their traces
+    C = np.array([problem.change(column, slope) for column in whole.T]).T
+    B = problem.signs[:, None] * (problem.T.toarray() @ whole)[problem.traction]
+    H = qvi.K.toarray() * unit * unit[:, None] + B.T @ ((problem.weights * ratio)[:, None] * C)
     force = np.concatenate([random.normal(size=n), np.zeros(2 * qvi.m)])
     found = problem.system.factorised(problem, ratio, slope)(force)
     assert H @ found[:n] == pytest.approx(force[:n], abs=1e-9 * np.abs(H).max())
@@ -291,7 +294,7 @@ def row_of_points(m):
     K = diags_array([np.full(2 * m - 1, 0.3), np.ones(2 * m), np.full(2 * m - 1, 0.3)], offsets=[-1, 0, 1])
     rows, zeros = eye_array(2 * m).tocsr(), np.zeros(m)
     f = np.random.default_rng(0).normal(size=2 * m)
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=csc_array(K), f=f, N=-rows[::2], n0=zeros, T=rows[1::2], t0=zeros, mu=zeros + 0.3, W=zeros + 1.0 / m
     )
 
@@ -306,7 +309,7 @@ def test_each_contact_is_a_whole_of_its_own():
 def test_large_problems_start_near_the_bonded_solution():
     """Multipliers are a fiftieth; the other start comes next."""
     many = row_of_points(12_001)
-    with many.operator.using("superlu", 1):
+    with many.stiffness.using("superlu", 1):
         large, small = Whole(many).shares, Whole(chain(0)).shares
     assert (large[0], large[1:]) == (small[-1], small[:-1])
     near, usual = (InteriorPoint(posed_whole(chain(0), shares)[1], 1.0).point.lam for shares in large[:2])
@@ -316,7 +319,7 @@ def test_large_problems_start_near_the_bonded_solution():
 @pytest.mark.parametrize("qvi", [chain(2), row_of_points(300)], ids=["body", "contact"])
 def test_norms_and_stiffness_are_those_of_dense_algebra(qvi):
     """Also where the contact is so large a share of a body that its unknowns are eliminated like all others."""
-    with qvi.operator.using("superlu", 1):
+    with qvi.stiffness.using("superlu", 1):
         whole, problem = posed_whole(qvi)
     random = np.random.default_rng(0)
     force = problem.force(random.normal(size=len(problem.weights)))
@@ -324,8 +327,8 @@ def test_norms_and_stiffness_are_those_of_dense_algebra(qvi):
     f = force[: qvi.n] * np.sqrt(qvi.K.diagonal())
     assert whole.norm(force) == pytest.approx(np.sqrt(f @ np.linalg.solve(K, f)), rel=1e-10)
     m = random.normal(size=2 * qvi.m)
-    assert qvi.linear_system.interface.size == (0 if qvi.m == 300 else qvi.equality_system.interface.size)
+    assert qvi.linear_system.interface.size == (0 if qvi.m == 300 else qvi.condensed_contact.system.interface.size)
     relief = qvi.linear_system.relief(qvi.contact_rows)(m)
     compliance = rows @ np.linalg.solve(K, rows.T)
     assert relief == pytest.approx(compliance @ m, rel=1e-9)
-    assert qvi.equality_system.interface.size > 0  # made anew where what the contact feels is asked for
+    assert qvi.condensed_contact.system.interface.size > 0  # made anew where what the contact feels is asked for

@@ -30,7 +30,7 @@ def data(**changes: Any) -> dict[str, Any]:
 def wrong(name, value):
     """The field that the error of a problem with this value names."""
     with pytest.raises(InputError) as caught:
-        FrictionQVI(**data(**{name: value}))
+        FrictionQVI.from_arrays(**data(**{name: value}))
     return caught.value.field
 
 
@@ -62,9 +62,9 @@ def test_other_mistakes(name, value):
 
 
 def test_equations_come_with_their_right_sides():
-    qvi = FrictionQVI(**data())
+    qvi = FrictionQVI.from_arrays(**data())
     assert (qvi.n, qvi.m, qvi.p) == (3, 2, 1)
-    assert FrictionQVI(**data(A=None, b=None)).p == 0
+    assert FrictionQVI.from_arrays(**data(A=None, b=None)).p == 0
     assert {wrong("A", None), wrong("b", None)} <= {"A", "b"}
     assert wrong("K", np.zeros((0, 0))) == "f"
 
@@ -77,7 +77,7 @@ def test_sparse_data_of_any_kind_become_columns_with_narrow_indices(kind):
     for matrix in wide.values():
         for part in ("indices", "indptr"):
             setattr(matrix, part, getattr(matrix, part).astype(np.int64))
-    qvi = FrictionQVI(**{**given, **wide})
+    qvi = FrictionQVI.from_arrays(**{**given, **wide})
     for matrix in (qvi.K, qvi.N, qvi.T, qvi.A, qvi.contact_rows):
         assert isinstance(matrix, csc_array)
         assert matrix.indices.dtype == matrix.indptr.dtype == np.int32
@@ -100,14 +100,14 @@ def test_contacts_hang_together_through_unknowns():
     N = csc_array(([1.0, 2.0, 0.0, 3.0, 4.0], ([0, 1, 1, 3, 2], [0, 1, 2, 2, 3])), shape=(4, 5))
     T = csc_array(([1.0], ([2], [0])), shape=(4, 5))
     zeros = np.zeros(4)
-    qvi = FrictionQVI(csc_array(np.eye(5)), np.zeros(5), N, zeros, T, zeros, zeros, np.ones(4))
+    qvi = FrictionQVI.from_arrays(csc_array(np.eye(5)), np.zeros(5), N, zeros, T, zeros, zeros, np.ones(4))
     assert qvi.N.nnz == 5
     assert qvi.contacts.tolist() == [0, 1, 0, 2]
 
 
 def test_bonded_solution_with_dependent_equalities():
     qvi = random_problem(3, equalities=2)
-    doubled = FrictionQVI(
+    doubled = FrictionQVI.from_arrays(
         K=qvi.K, f=qvi.f, N=qvi.N, n0=qvi.n0, T=qvi.T, t0=qvi.t0, mu=qvi.mu, W=qvi.W,
         A=np.vstack([qvi.A.toarray(), qvi.A.toarray()]), b=np.concatenate([qvi.b, qvi.b]),
     )  # fmt: skip
@@ -187,46 +187,45 @@ def test_multipliers_of_certificates(name, value):
     assert caught.value.field == name
 
 
-class TestOperator:
-    """One factorisation for all problems with the same K, and none kept longer than it serves."""
+class TestParts:
+    """One factorisation for all problems that hold one stiffness, and none kept longer than it serves."""
 
-    def test_is_shared_by_changed_problems(self):
+    def test_are_shared_by_problems_with_other_loads_or_laws(self):
         qvi = random_problem(3, equalities=2)
-        other = qvi.changed(f=2.0 * qvi.f, b=2.0 * qvi.b)
-        assert other.operator is qvi.operator
-        assert other.equality_system.factor is qvi.equality_system.factor
+        other = qvi.with_loads(f=2.0 * qvi.f, b=2.0 * qvi.b)
+        assert other.condensed_contact is qvi.condensed_contact
+        assert qvi.with_law(mu=0.5 * qvi.mu).bonded_state is qvi.bonded_state
+        assert other.condensed_contact.system.factor is qvi.condensed_contact.system.factor
         assert other.bonded == pytest.approx(2.0 * qvi.bonded, rel=1e-9)
 
-    def test_is_made_anew_for_unknowns_that_were_eliminated(self):
+    def test_factorise_anew_for_unknowns_that_were_eliminated(self):
         qvi = random_problem(3)
-        few = qvi.changed(N=csc_array(qvi.N.shape), T=csc_array(qvi.T.shape), traces=None)
-        eliminated = few.equality_system
-        assert len(eliminated.interface) < len(qvi.equality_system.interface)
-        assert few.equality_system is eliminated
-        assert few.changed().equality_system.factor is qvi.equality_system.factor
+        few = qvi.with_contact(N=csc_array(qvi.N.shape), T=csc_array(qvi.T.shape), traces=None)
+        eliminated = few.condensed_contact.system
+        assert len(eliminated.interface) < len(qvi.condensed_contact.system.interface)
+        assert few.condensed_contact.system.factor is qvi.condensed_contact.system.factor
 
-    def test_of_another_matrix_is_refused(self):
+    def test_of_another_kind_are_refused(self):
         qvi = random_problem(3)
-        with pytest.raises(InputError, match="the same K"):
-            qvi.changed(K=2.0 * qvi.K)
-        assert replace(qvi, K=2.0 * qvi.K).operator is not qvi.operator
+        with pytest.raises(InputError, match="from_arrays"):
+            replace(qvi, stiffness=qvi.K)
 
-    def test_goes_with_its_problems(self):
+    def test_go_with_their_problems(self):
         """Memory of a large factorisation is freed at once, not when the garbage is collected next."""
         qvi = random_problem(3)
-        operator, factor = ref(qvi.operator), ref(qvi.equality_system.factor)
+        stiffness, factor = ref(qvi.stiffness), ref(qvi.condensed_contact.system.factor)
         _ = qvi.bonded, qvi.contact_stiffness
         gc.disable()
         try:
             del qvi
-            assert operator() is None
+            assert stiffness() is None
             assert factor() is None
         finally:
             gc.enable()
 
-    def test_does_not_keep_problems(self):
+    def test_do_not_keep_problems(self):
         qvi = random_problem(3)
-        other = qvi.changed(f=2.0 * qvi.f)
+        other = qvi.with_loads(f=2.0 * qvi.f)
         _ = other.bonded
         kept = ref(other)
         gc.disable()
@@ -237,11 +236,11 @@ class TestOperator:
             gc.enable()
 
     @pytest.mark.parametrize("copied", [copy.deepcopy, lambda qvi: pickle.loads(pickle.dumps(qvi))])
-    def test_of_a_copy_factorises_anew(self, copied):
+    def test_of_a_copy_factorise_anew(self, copied):
         qvi = random_problem(3)
         solution = solve_qvi(qvi)
         again = solve_qvi(copied(qvi))
-        assert again.problem.operator is not qvi.operator
+        assert again.problem.stiffness is not qvi.stiffness
         assert np.array_equal(again.z, solution.z)
 
 

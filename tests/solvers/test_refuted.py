@@ -19,7 +19,7 @@ def overloaded(seed: int, friction: float = 0.3) -> FrictionQVI:
     N[-1] = -N[:-1].sum(axis=0)
     n0 = np.full(qvi.m, -0.5)
     n0[-1] = 0.5 * (qvi.m - 1) + 0.1
-    return qvi.changed(N=N, n0=n0)
+    return qvi.with_contact(N=N).with_loads(n0=n0)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Residuals of the contact law: zero where it holds, and as large as computed by hand where it does not."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -21,7 +19,7 @@ finite = st.floats(-3.0, 3.0)
 
 def contact(friction=0.5, bilateral=False):
     """σ_N = −z_0, σ_T = z_1, weight 1."""
-    return replace(one_contact(friction), bilateral=np.array([bilateral]))
+    return one_contact(friction).with_law(bilateral=np.array([bilateral]))
 
 
 def residuals(qvi, p, t, m_N, m_T):
@@ -98,7 +96,7 @@ def test_a_violated_bound_shows_as_a_negative_bipotential():
     qvi = contact()
     assert residuals(qvi, 1.0, 0.8, 0.0, 1.0).bipotential == pytest.approx(-0.3)
     z = np.array([1.0, 0.8])
-    balanced = qvi.changed(f=qvi.K @ z + qvi.T.T @ np.ones(1))  # so that nothing else is wrong
+    balanced = qvi.with_loads(f=qvi.K @ z + qvi.T.T @ np.ones(1))  # so that nothing else is wrong
     certificate = certify(balanced, z, np.zeros(1), np.ones(1))
     assert certificate.measures["stationarity"] < 1e-12
     for name in ("bipotential", "energy_gap"):

@@ -160,12 +160,12 @@ def test_traces_of_the_plate_are_well_scaled(cells):
 def test_rows_of_many_bodies_stay_sparse():
     """Relations of blocks join few rows each; solving for them leaves rounding everywhere, which is no entry."""
     qvi = discretize(masonry_wall(4, 6, ())).qvi
-    coordinates = trace_coordinates(qvi.contact_rows, qvi.traces, qvi.operator.frame(qvi).touched)
+    coordinates = trace_coordinates(qvi.contact_rows, qvi.traces, qvi.contact.touched)
     rows = abs(coordinates.interpolation)
     largest = rows.max(axis=1).toarray().ravel()
     assert (rows.data <= 1e-12 * np.repeat(largest, np.diff(rows.indptr))).mean() <= 0.01  # what cancels
     z = np.random.default_rng(0).normal(size=qvi.n)
-    y = coordinates.from_values(z[qvi.operator.frame(qvi).touched])
+    y = coordinates.from_values(z[qvi.contact.touched])
     assert coordinates.interpolation @ y == pytest.approx(qvi.contact_rows @ z, abs=1e-11 * np.abs(y).max())
 
 

@@ -12,14 +12,14 @@ from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, solve_qvi
 from solvers.certificate import LARGEST, uniqueness_bound
-from tests.solvers.conftest import one_contact, random_problem, two_contacts
+from tests.solvers.conftest import changed, one_contact, random_problem, two_contacts
 
 
 def independent_problem(seed, m=4, friction=0.3):
     """2m unknowns, the tractions themselves, with random compliance, weights and loads."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(2 * m, 2 * m))
-    return FrictionQVI(
+    return FrictionQVI.from_arrays(
         K=root @ root.T + np.eye(2 * m), f=4.0 * random.normal(size=2 * m), N=np.eye(2 * m)[:m], n0=np.full(m, -0.5),
         T=np.eye(2 * m)[m:], t0=np.zeros(m), mu=np.full(m, friction), W=random.uniform(0.2, 2.0, m),
     )  # fmt: skip
@@ -27,7 +27,7 @@ def independent_problem(seed, m=4, friction=0.3):
 
 def normal_traction(qvi, pressure):
     """σ_N of the problem for a given bound mu s."""
-    given_bound = qvi.changed(mu=0.0 * qvi.mu, cohesion=qvi.mu * pressure, cap=np.full(qvi.m, np.inf))
+    given_bound = qvi.with_bound(qvi.mu * pressure)
     solution = solve_qvi(given_bound, tolerance=1e-9)
     assert solution.solved
     return qvi.normal(solution.z)
@@ -44,7 +44,7 @@ def test_one_contact_by_hand():
     below = uniqueness_bound(one_contact(0.55, coupling=0.8))
     assert below.proves
     assert below.sentence() != found.sentence()
-    soft = replace(one_contact(), K=np.array([[1.0, 0.8], [0.8, 4.0]]))  # det 3.36: 4 / 3.36 and 4 in place of these
+    soft = changed(one_contact(), K=np.array([[1.0, 0.8], [0.8, 4.0]]))  # det 3.36: 4 / 3.36 and 4 in place of these
     assert uniqueness_bound(soft).sharper == pytest.approx(np.sqrt(3.36) / 4.0, rel=1e-12)
     apart = uniqueness_bound(two_contacts())  # K = 1, weights 0.5 and 2: Ĉ = W, κ = 4
     assert (apart.bound, apart.sharper) == pytest.approx((0.5, 0.5), rel=1e-12)
@@ -66,7 +66,7 @@ def test_invariant_to_units_and_unknowns():
     qvi = independent_problem(3)
     plain, random = uniqueness_bound(qvi), np.random.default_rng(0)
     mixed = random.normal(size=(qvi.n, qvi.n))
-    other = FrictionQVI(
+    other = FrictionQVI.from_arrays(
         K=7.0 * mixed.T @ (qvi.K @ mixed), f=mixed.T @ qvi.f, N=1e3 * qvi.N @ mixed, n0=qvi.n0, T=1e3 * qvi.T @ mixed,
         t0=qvi.t0, mu=qvi.mu, W=1e-4 * qvi.W,
     )  # fmt: skip
@@ -80,7 +80,7 @@ def test_equalities_restrict_the_compliance():
     qvi = independent_problem(5, m=2)
     row = np.zeros((1, qvi.n))
     row[0, 0] = 1.0
-    found = uniqueness_bound(qvi.changed(A=row, b=np.zeros(1)))
+    found = uniqueness_bound(replace(qvi, contact=replace(qvi.contact, A=row), loads=replace(qvi.loads, b=np.zeros(1))))
     weights = np.sqrt(np.concatenate([qvi.W, qvi.W]))[1:]
     inner = np.linalg.inv(qvi.K.toarray()[1:, 1:]) * weights * weights[:, None]
     values = np.linalg.eigvalsh(inner)
@@ -91,7 +91,7 @@ def test_equalities_restrict_the_compliance():
 def test_dependent_rows_prove_nothing_at_points():
     qvi = independent_problem(0, friction=1e-3)
     twice = {name: np.concatenate([getattr(qvi, name)] * 2) for name in ("n0", "t0", "mu", "W")}
-    found = uniqueness_bound(FrictionQVI(qvi.K, qvi.f, vstack([qvi.N] * 2), T=vstack([qvi.T] * 2), **twice))
+    found = uniqueness_bound(FrictionQVI.from_arrays(qvi.K, qvi.f, vstack([qvi.N] * 2), T=vstack([qvi.T] * 2), **twice))
     assert found.satisfied
     assert not found.proves
     assert not found.independent
@@ -105,7 +105,7 @@ def test_the_bound_falls_like_the_root_of_the_mesh_width(cells):
 
 def test_without_a_moving_bound_the_stress_is_unique():
     for changes in ({"mu": np.zeros(8)}, {"cap": np.zeros(8)}):
-        found = uniqueness_bound(replace(random_problem(0), **changes))
+        found = uniqueness_bound(changed(random_problem(0), **changes))
         assert found.proves
         assert found.bound == np.inf
 
@@ -113,7 +113,7 @@ def test_without_a_moving_bound_the_stress_is_unique():
 def test_large_contacts_say_why_there_is_none():
     m = LARGEST // 2 + 1
     rows, zeros = eye_array(2 * m).tocsr(), np.zeros(m)
-    qvi = FrictionQVI(
+    qvi = FrictionQVI.from_arrays(
         K=eye_array(2 * m), f=np.ones(2 * m), N=rows[:m], n0=zeros, T=rows[m:], t0=zeros, mu=zeros + 0.3, W=zeros + 1.0
     )
     found = uniqueness_bound(qvi)

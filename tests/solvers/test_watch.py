@@ -12,7 +12,7 @@ import pytest
 from solvers import InputError, Status, available, certify, solve_qvi
 from solvers.basics import Progress, expired, left, tell, watched
 from solvers.inner import Centre, make_inner, within_time
-from solvers.solve import takes_initial
+from solvers.solve import Settings
 from tests.solvers.conftest import prescribed_shear, random_problem, two_contacts, with_constant_tractions
 
 INNER = "qp:clarabel"
@@ -153,6 +153,10 @@ def test_the_fall_back_is_announced_and_its_answer_explained(large):
 def test_small_contacts_are_pivoted_first():
     solution = solve_qvi(random_problem(1), gap=COARSE)
     assert (solution.status, solution.method) == (Status.SOLVED, "pivoting")
+    names, reasons = zip(*((each.name, each.reason) for each in solution.attempts), strict=True)
+    assert (names[0], names[-1]) == ("condensed", "pivoting")
+    assert not reasons[0]
+    assert all(reasons[1:])
 
 
 def test_the_fall_back_takes_no_longer_than_its_share(large, clock, calls):
@@ -213,7 +217,7 @@ def test_a_start_does_not_change_the_method():
      ({"method": "uzawa"}, False), ({"rule": "printed"}, False)],
 )  # fmt: skip
 def test_who_takes_a_start(settings, takes):
-    assert takes_initial(settings) is takes
+    assert Settings.of(**settings).takes_initial is takes
     given = {**settings, "initial": [1.0, 1.0], "max_iterations": 1}
     with nullcontext() if takes else pytest.raises(InputError) as caught:
         solve_qvi(two_contacts(), **given)

@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from pandas import DataFrame, to_numeric
 
-from comparisons.convergence.mesh.problems import PROBLEMS
-from comparisons.convergence.mesh.study import ADAPTIVE, EQUAL, GRADED, PAPER, SEQUENCES, TOLERANCE
-from comparisons.lab.report import Document, environment_grids, render
-from comparisons.lab.report.drawing import LOOKS, drawn, grid, legend_below, panelled
-from comparisons.lab.report.numbers import fixed, scientific, seconds, significant, span
-from comparisons.lab.study import DONE, Row
-from comparisons.lab.tables import Form
+from comparisons.convergence.mesh.study import ADAPTIVE, EQUAL, GRADED, PAPER, PROBLEMS, SEQUENCES, TOLERANCE
+from comparisons.lab.drawing import LOOKS, drawn, grid, legend_below, panelled
+from comparisons.lab.numbers import fixed, scientific, seconds, significant, span
+from comparisons.lab.reports import Form, Report, render
+from comparisons.lab.studies import DONE, Row
 from qvi_contact.plots.style import GREY
 
 if TYPE_CHECKING:
@@ -203,15 +201,6 @@ FORMS: Final[dict[str, Form]] = {
 """Column of a table → how its values read."""
 
 
-def tables_of(meshes: DataFrame) -> dict[str, DataFrame]:
-    """The tables by name."""
-    failed = meshes[~meshes.solved]
-    return {
-        "costs": costs_of(meshes), "orders": orders_of(meshes), "brackets": brackets_of(meshes),
-        "degrees": costs_of(meshes), "references": references_of(meshes), "failures": failed, "meshes": meshes,
-    }  # fmt: skip
-
-
 _LINES: Final[Sequence[tuple[str, Callable[[DataFrame], DataFrame]]]] = (
     ("the paper's element, equal cells", lambda found: found[found.sequence == PAPER]),
     ("degree 4, equal cells", lambda found: found[(found.sequence == EQUAL) & (found.degree == _USUAL)]),
@@ -246,11 +235,14 @@ def _picture(meshes: DataFrame) -> "Figure":
     return figure
 
 
-def report(rows: Sequence[Row], quick: bool = False) -> Document:
+def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same report."""
     meshes = meshes_of(rows)
-    name = "convergence-mesh-quick" if quick else "convergence-mesh"
+    costs = costs_of(meshes)
+    tables = {
+        "costs": costs, "degrees": costs, "orders": orders_of(meshes), "brackets": brackets_of(meshes),
+        "references": references_of(meshes), "failures": meshes[~meshes.solved], "meshes": meshes,
+    }  # fmt: skip
     figures = {"errors": drawn("errors", partial(_picture, meshes))}
-    values = {"quick": quick, **values_of(meshes)}
-    settings = environment_grids(rows)
-    return render("comparisons.convergence.mesh", name, values, tables_of(meshes), figures, settings, forms=FORMS)
+    return render("comparisons.convergence.mesh", "convergence-mesh", values_of(meshes), tables, figures, rows,
+                  forms=FORMS)  # fmt: skip

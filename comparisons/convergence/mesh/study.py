@@ -1,17 +1,197 @@
-"""The study: problems × meshes × degrees, each solved and bracketed; the paper's element on the plate beside them."""
+"""The problems of the study: bodies, where their stresses are singular, and what is known of their answers.
+
+All bodies are rectangles. On equal cells errors are ruled by the singularity where a contact ends in a corner. In a
+wedge 0 ≤ θ ≤ π/2 whose face θ = π/2 is free, Φ = r^(λ+1) F(θ) with
+
+    F = a cos(λ+1)θ + b sin(λ+1)θ + c cos(λ−1)θ + d sin(λ−1)θ
+
+gives σ_θθ = λ(λ+1) r^(λ−1) F, σ_rθ = −λ r^(λ−1) F′, and with κ = (3 − ν)/(1 + ν) in plane stress and 3 − 4ν in plane
+strain
+
+    2G u_r = r^λ (−(λ+1) F + (κ+1)(c cos(λ−1)θ + d sin(λ−1)θ)),
+    2G u_θ = r^λ (−F′ + (κ+1)(c sin(λ−1)θ − d cos(λ−1)θ)).
+
+On the face θ = 0 a flat rigid body either holds the wedge (u_r = u_θ = 0) or lets it slip towards the corner, u_θ = 0
+and σ_rθ = μ σ_θθ. λ is the smallest exponent in (½, 1] for which a, b, c, d are not all zero; stresses behave like
+r^(λ−1). Source: M. L. Williams, J. Appl. Mech. 19 (1952); J. R. Barber, Elasticity, chapter 11, for the displacements.
+"""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
+from scipy.optimize import brentq
 
-from comparisons.convergence.mesh.problems import PROBLEMS, Problem
-from comparisons.lab.study import Study
-from qvi_contact import ContactResult, paper, refine, solve
+from comparisons.lab.studies import Study
+from comparisons.settled import LIMITS, LIMITS_SOURCE, TRANSITIONS
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    ContactResult,
+    Material,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    paper,
+    refine,
+    solve,
+)
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket import bracket
+from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
+from qvi_contact.problem.conditions import Condition
 from qvi_contact.refinement import RefinementRound
 from solvers import Status, solve_qvi
+
+_SAMPLES: Final = 400
+_PUSH: Final = 1e-3  # of the punch [mm]
+_RADIUS: Final = 800.0  # of the punch [mm]
+_STICKING: Final = 0.25  # from here on the plate sticks everywhere
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A problem of the study.
+
+    Attributes
+    ----------
+    name, title : word for tables and options, words for headings
+    contact : name of its contact
+    force : "normal_force" or "tangential_force", the one that balance alone does not give
+    size : of the rectangle [length]
+    coarse : cells along x and y of the coarsest mesh
+    singular : points where stresses are singular or a zone of the contact ends [length]
+    stated : the problem on any mesh
+    known : the force and its uncertainty, where it is known from elsewhere
+    source : where from
+    order : of the force on equal cells of the paper's element, by the strongest singularity; None where it is not known
+    sticks : whether the contact sticks everywhere: triangles of any degree have this order too then
+
+    """
+
+    name: str
+    title: str
+    contact: str
+    force: str
+    size: tuple[float, float]
+    coarse: tuple[int, int]
+    singular: Sequence[tuple[float, float]]
+    stated: Callable[[], ContactProblem]
+    known: tuple[float, float] | None = None
+    source: str = ""
+    order: float | None = None
+    sticks: bool = False
+
+    def equal(self, times: int) -> ContactProblem:
+        """The problem on equal cells, so many times as many each way as on the coarsest mesh."""
+        across, up = self.coarse
+        return replace(self.stated(), mesh=TriangleMesh.rectangle((times * across, times * up), *self.size))
+
+    def graded(self, depth: int) -> ContactProblem:
+        """The problem on twice the coarsest mesh, whose triangles at singular points are halved again and again."""
+        problem = self.equal(2)
+        assert isinstance(problem.mesh, TriangleMesh)
+        return replace(problem, mesh=problem.mesh.graded(self.singular, depth))
+
+
+def exponent(poisson: float, friction: float | None = None, plane: str = "stress") -> float:
+    """λ for a coefficient of friction μ ≥ 0, or where the wedge is held (None)."""
+    kappa = (3.0 - poisson) / (1.0 + poisson) if plane == "stress" else 3.0 - 4.0 * poisson
+    if friction == 0.0:
+        return 1.0  # uniform pressure
+
+    def determinant(power: float) -> float:
+        return float(np.linalg.det(_conditions(power, kappa, friction)))
+
+    samples = np.linspace(0.5, 1.0 - 1e-6, _SAMPLES)
+    values = [determinant(power) for power in samples]
+    first = next((k for k in range(_SAMPLES - 1) if values[k] * values[k + 1] <= 0.0), None)
+    if first is None:
+        return 1.0  # no singularity: uniform stress
+    return float(brentq(determinant, samples[first], samples[first + 1], xtol=1e-13))
+
+
+def _conditions(power: float, kappa: float, friction: float | None) -> FloatArray:
+    """Rows of the conditions on both faces, columns a, b, c, d."""
+
+    def shape(angle: float) -> tuple[FloatArray, FloatArray]:  # F and F′
+        outer, inner = power + 1.0, power - 1.0
+        value = [np.cos(outer * angle), np.sin(outer * angle), np.cos(inner * angle), np.sin(inner * angle)]
+        slope = [-outer * value[1], outer * value[0], -inner * value[3], inner * value[2]]
+        return np.array(value), np.array(slope)
+
+    (value, slope), (far, far_slope) = shape(0.0), shape(np.pi / 2.0)
+    across = -slope - (kappa + 1.0) * np.array([0.0, 0.0, 0.0, 1.0])  # u_θ
+    if friction is None:
+        along = -(power + 1.0) * value + (kappa + 1.0) * np.array([0.0, 0.0, 1.0, 0.0])  # u_r
+    else:
+        along = -slope - friction * (power + 1.0) * value
+    return np.stack([across, along, far, far_slope])
+
+
+def punch(friction: float) -> ContactProblem:
+    """Right half of a block on a smooth foundation, pressed by a rigid punch of parabolic shape.
+
+    [0, 4] × [0, 2] mm, steel in plane strain, symmetry on x = 0 and y = 0, x = 4 mm free. The punch goes down by 1e-3
+    mm and has the radius 800 mm: u_y ≤ −1e-3 + x²/1600 on the top.
+    """
+
+    def gap(x: FloatArray, y: FloatArray) -> FloatArray:
+        return -_PUSH + x**2 / (2.0 * _RADIUS) + 0.0 * y
+
+    contact = (
+        Contact("top", friction=friction, gap=gap, name="punch")
+        if friction
+        else Contact.frictionless("top", gap=gap, name="punch")
+    )
+    sides: list[Condition] = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)]
+    return ContactProblem(TriangleMesh.rectangle((2, 1), 4.0, 2.0), Material(2.1e5, 0.3, "strain"), [*sides, contact])
+
+
+def _block() -> ContactProblem:
+    return stick_slip_block((4, 2), transition=1.0, slip=0.02, pressure_drop=40.0)[0]
+
+
+def _plate(friction: float) -> Problem:
+    """The plate, with the order of the paper's element on equal cells, from the exponent λ of its free corner.
+
+    Where the contact sticks, the squared error of the stresses, and with it energy and force, fall like h^2λ. Where it
+    slips, Φ_xy of the corner node is zero and |σ_T| = μ|σ_N| beside it: the last edge misses friction ~ h^(λ−1) h in
+    the work on a slip that is not zero there, which makes h^λ.
+    """
+    sticks = friction >= _STICKING
+    power = exponent(0.3, None if sticks else friction)
+    ends = [(1.0, 1.0), *([] if sticks else [(TRANSITIONS[friction], 1.0)])]
+    title = f"The plate, μ = {friction:g}{' (sticks everywhere)' if sticks else ''}"
+    return Problem(
+        f"plate {friction:g}", title, "plate", "normal_force", (1.0, 1.0), (2, 2), ends,
+        lambda: compressed_plate(friction), LIMITS[friction], LIMITS_SOURCE,
+        2.0 * power if sticks else power, sticks,
+    )  # fmt: skip
+
+
+_ALL: Final = [
+    *map(_plate, LIMITS),
+    Problem("ssnv128", "SSNV128: opens, slips and sticks", "base", "tangential_force", (0.04, 0.04), (4, 4),
+            [(0.0, 0.0), (3.28e-3, 0.0), (2.984e-2, 0.0)], lambda: ssnv128((2, 2))),
+    Problem("punch smooth", "Parabolic punch, frictionless: closed and open", "punch", "normal_force", (4.0, 2.0),
+            (4, 2), [(0.985, 2.0)], partial(punch, 0.0)),
+    Problem("punch rough", "Parabolic punch, μ = 0.3: sticks, slips and opens", "punch", "normal_force", (4.0, 2.0),
+            (4, 2), [(0.97, 2.0)], partial(punch, 0.3)),
+    # the change from stick to slip, x = 1, is on no vertex of equal cells; ∫ 3a x² dx with a = 30/(3·2²) over [0, 2]
+    Problem("block", "Block with an exact solution: sticks and slips", "base", "tangential_force", (2.0, 1.0), (3, 2),
+            [(1.0, 0.0)], _block, (20.0, 0.0), "closed form, `gallery.stick_slip_block`"),
+]  # fmt: skip
+
+PROBLEMS: Final = {problem.name: problem for problem in _ALL}
+"""Name → problem."""
+
+
+# The study: problems × meshes × degrees, each solved and bracketed; the paper's element on the plate beside them.
+
 
 TOLERANCE: Final = 1e-8
 """That every certificate confirms."""
@@ -43,8 +223,8 @@ Record = dict[str, Any]
 
 
 def study(quick: bool) -> Study:
-    """The study, or a quick one of coarse meshes and few degrees under another name."""
-    return Study.of("convergence-mesh-quick" if quick else "convergence-mesh", 4, run, _cases(quick))
+    """The study, or coarse meshes and few degrees of it."""
+    return Study("convergence-mesh", 4, "comparisons.convergence.mesh.study:run", [*_cases(quick)])
 
 
 def _cases(quick: bool) -> Iterator[Record]:

@@ -7,27 +7,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pandas import DataFrame, Series
 
-from comparisons.convergence.bodies import NAMES, PLACE
+from comparisons.convergence.bodies import PLACE, in_words
 from comparisons.convergence.outer.study import CONDENSED, INNER, LOOPS, MAX_ITERATIONS, PATIENCE, PLAIN, TOLERANCE
-from comparisons.convergence.solves import in_words
-from comparisons.lab.report import Document, environment_grids, render
-from comparisons.lab.report.drawing import (
-    LOOKS,
-    drawn,
-    failing_band,
-    legend_below,
-    panelled,
-    plain_ticks,
-    powers_of_two,
-)  # fmt: skip
-from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
-from comparisons.lab.study import Row, frame_of, largest_of
+from comparisons.lab.drawing import drawn, failing_band, legend_below, panelled, plain_ticks
+from comparisons.lab.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
+from comparisons.lab.reports import Form, Report, render
+from comparisons.lab.studies import Row, frame_of, largest_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-
-    Panel = Callable[[Axes, str, DataFrame], None]
 
 SOLUTIONS: Final = {"open": 0.0, "slip": 5.0 / 3.0, "stick": 17.0 / 9.0}
 """The three solutions of the problem that has them: state → pressure r_N; by hand, see `bodies`."""
@@ -38,7 +27,7 @@ _NUMBERS: Final = (
 )  # fmt: skip
 """Columns that are numbers, NaN where a run has none; see `study.run`."""
 
-FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
+FORMS: Final[Mapping[str, Form]] = {
     "friction": fixed("g"), "steps": count, "seconds": seconds, "accuracy": scientific,
     **dict.fromkeys(("rate", "ratio", "linearised", "exact", "bound", "root"), significant),
     **dict.fromkeys(("quicker", "typical", "slowest", "smallest", "largest", "spread"), partial(significant, digits=2)),
@@ -78,12 +67,6 @@ def main_bodies(runs: DataFrame) -> list[str]:
         counts = several.groupby(["cells", "body"]).friction.nunique().reset_index()
         found.append(str(counts.sort_values(["friction", "cells"]).body.iloc[-1]))
     return found
-
-
-def on_meshes(runs: DataFrame) -> DataFrame:
-    """Runs of the plain loop at the μ that it has on at least two meshes of a problem, by problem, μ and mesh."""
-    plain = single(runs)[single(runs).loop == PLAIN].sort_values(["problem", "friction", "cells"])
-    return plain[plain.groupby(["problem", "friction"]).cells.transform("size") > 1]
 
 
 def by_loop(runs: DataFrame) -> list[tuple[str, "DataFrame"]]:
@@ -155,11 +138,12 @@ def solution_found(run: Any) -> str:
 
 def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
-    found, meshes = single(runs), on_meshes(runs)
+    found = single(runs)
+    plain = found[found.loop == PLAIN]
+    states = [" / ".join(map(count, (run.slipping, run.open, run.points))) for run in plain.itertuples()]
     return {
-        "loops": _loops(found), "limits": _limits(found), "contraction": _contraction(found[found.loop == PLAIN]),
-        "spread": _spread(meshes), "meshes": meshes, "runs": found,
-        "solutions": _solutions(runs[runs.problem == "three"]),
+        "loops": _loops(found), "limits": _limits(found), "contraction": plain.assign(states=states), "runs": found,
+        "spread": _spread(plain), "solutions": _solutions(runs[runs.problem == "three"]),
     }  # fmt: skip
 
 
@@ -193,23 +177,14 @@ def _limits(found: DataFrame) -> DataFrame:
     return DataFrame(lines)
 
 
-def _contraction(plain: DataFrame) -> DataFrame:
-    """Observed contraction of the plain loop beside theory."""
-    return plain.assign(
-        interval=[f"{significant(run.low)} to {significant(run.high)}" if run.rate == run.rate else NOTHING
-                  for run in plain.itertuples()],
-        states=[" / ".join(map(count, (run.slipping, run.open, run.points))) for run in plain.itertuples()],
-    )  # fmt: skip
-
-
-def _spread(meshes: DataFrame) -> DataFrame:
-    """How much the contraction of the plain loop changes from mesh to mesh."""
-    lines = [
-        {"name": runs["name"].iloc[0], "friction": runs.friction.iloc[0], "share": _share(runs.rate.notna()),
-         "smallest": runs.rate.min(), "largest": runs.rate.max(), "spread": runs.rate.max() / runs.rate.min()}
-        for _, runs in meshes.groupby(["problem", "friction"])
-    ]  # fmt: skip
-    return DataFrame(lines)
+def _spread(plain: DataFrame) -> DataFrame:
+    """How much the contraction of the plain loop changes from mesh to mesh, where μ has at least two."""
+    several = plain[plain.groupby(["problem", "friction"]).cells.transform("size") > 1]
+    groups = several.groupby(["problem", "friction"])
+    found = groups.rate.agg(smallest="min", largest="max").assign(
+        name=groups.name.first(), share=groups.rate.agg(lambda rates: _share(rates.notna()))
+    )
+    return found.assign(spread=found.largest / found.smallest).reset_index()
 
 
 def _share(good: Series) -> str:
@@ -227,36 +202,19 @@ def _solutions(several: DataFrame) -> DataFrame:
     return DataFrame(lines, columns=["loop", *(f"start s = {start:g}" for start in starts)])
 
 
-_SIZE: Final = (8.0, 2.6, 0.9)  # of pictures, see `panelled` [inch]
-
 _RATES: Final = (1e-2, 10.0, 60.0)
 """Lowest rate drawn, beginning of the band of what fails, top."""
 
 _COUNTS: Final = (0.8, 300.0, 1000.0)
-_RATIOS: Final = (0.3, 3e3, 1e4)
 
 
-def figures(runs: DataFrame) -> dict[str, str]:
-    """Name → picture; empty where matplotlib is not installed."""
-    found = single(runs)
-    main = {body: found[found.body == body] for body in main_bodies(runs)}
-    iterations = partial(_numbers_panel, column="steps", label="iterations to 1e-8 [-]", limits=_COUNTS)
-    times = partial(_numbers_panel, column="ratio", label="time over condensed [-]", limits=_RATIOS)
-    drawings: dict[str, Callable[[], Canvas]] = {
-        "rates": partial(_drawing, main, _rate_panel), "iterations": partial(_drawing, main, iterations),
-        "times": partial(_drawing, main, times), "histories": partial(_drawing, shown_places(main), _history_panel),
-        "mesh": partial(_drawing, dict(iter(on_meshes(runs).groupby("problem"))), _mesh_panel, shared=False),
-    }  # fmt: skip
-    return {name: drawn(f"outer-{name}", draw) for name, draw in drawings.items()}
-
-
-def _drawing(groups: dict[str, DataFrame], panel: "Panel", shared: bool = True) -> "Canvas":
-    """A panel for each group, and one legend for all."""
-    canvas, panels = panelled(len(groups), *_SIZE)
-    for axes, (title, runs) in zip(panels, groups.items(), strict=True):
-        panel(axes, title, runs)
-    if shared:
-        legend_below(canvas)
+def _picture(runs: DataFrame, panel: "Callable[[Axes, str, DataFrame], None]") -> "Canvas":
+    """A panel for the main mesh of each problem, and one legend for all."""
+    found, names = single(runs), main_bodies(runs)
+    canvas, panels = panelled(len(names), 8.0, 2.6, 0.9)
+    for axes, name in zip(panels, names, strict=True):
+        panel(axes, name, found[found.body == name])
+    legend_below(canvas)
     return canvas
 
 
@@ -271,64 +229,15 @@ def _rate_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
     for loop, found in by_loop(runs[runs.loop != CONDENSED]):
         rated = found[found.rate > _RATES[0]]
         _marks(axes, loop, rated.friction, rated.rate)
-        for run in rated.dropna(subset=["low", "high"]).itertuples():
-            ends = [max(run.low, _RATES[0]), min(run.high, _RATES[1])]
-            axes.plot([run.friction] * 2, ends, color=LOOPS[loop].colour, linewidth=1.0)
         _failures(axes, loop, found, _RATES)
 
 
-def _numbers_panel(
-    axes: "Axes", title: str, runs: DataFrame, column: str, label: str, limits: tuple[float, float, float]
-) -> None:
-    """A column of the runs of each loop that has it."""
-    _frame(axes, title, label, limits)
-    if column == "ratio":
-        axes.axhline(1.0, color="black", linewidth=0.8)
-    for loop, found in by_loop(runs[(runs.loop != CONDENSED) | (column != "ratio")]):
-        known = found[found[column].notna()]
-        _marks(axes, loop, known.friction, known[column])
-        _failures(axes, loop, found, limits)
-
-
-def _history_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
-    axes.set(xscale="log", yscale="log", ylim=(1e-10, 3.0), xlabel="iteration [-]", ylabel="residual [-]")
-    plain_ticks(axes.xaxis, axes.yaxis)
-    axes.set_title(title, fontsize=9)
-    axes.axhline(TOLERANCE, color="black", linewidth=0.8, linestyle="--")
-    for run in runs[runs.has & (runs.residuals.str.len() > 0)].itertuples():
-        look, shown = LOOPS[run.loop], [max(value, 1e-10) for value in run.residuals]
-        axes.plot(range(1, len(shown) + 1), shown, color=look.colour, linestyle=look.line, linewidth=1.1,
-                  label=run.loop, marker=look.marker, markersize=4, markevery=max(1, len(shown) // 6))  # fmt: skip
-        if not run.solved:
-            axes.plot([len(shown)], [shown[-1]], color=look.colour, marker="x", markersize=8, markeredgewidth=2)
-
-
-def shown_places(main: dict[str, DataFrame]) -> dict[str, DataFrame]:
-    """Of each main problem the runs at the middle μ of those the plain loop solves, and of those it does not."""
-    shown = {}
-    for body, runs in main.items():
-        for solved in (True, False):
-            found = runs[(runs.loop == PLAIN) & (runs.solved == solved)].friction.tolist()
-            for friction in found[len(found) // 2 : len(found) // 2 + 1]:
-                shown[f"{body}, μ = {friction:g}"] = runs[runs.friction == friction]
-    return shown
-
-
-def _mesh_panel(axes: "Axes", problem: str, plain: DataFrame) -> None:
-    """Contraction of the plain loop against the mesh."""
-    _frame(axes, NAMES.get(problem, problem), "contraction [-]", _RATES)
-    powers_of_two(axes)
-    axes.set_xlabel("cells a side [-]")
-    axes.axhline(1.0, color="black", linewidth=0.8)
-    for number, (friction, found) in enumerate(plain.groupby("friction")):
-        colour, marker, _ = LOOKS[number % len(LOOKS)]
-        rated, local = found[found.rate > 0.0], found[found.linearised > 0.0]
-        axes.plot(rated.cells, rated.rate, color=colour, marker=marker, markersize=5, label=f"μ = {friction:g}")
-        if len(local):
-            axes.plot(local.cells, local.linearised, color=colour, linestyle=":", linewidth=1.0)
-        failed = found[~found.solved].cells
-        axes.plot(failed, [20.0 * 1.15**number] * len(failed), "x", color=colour, markersize=7, markeredgewidth=2)
-    axes.legend(fontsize=7, frameon=False, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.2))  # not over curves
+def _iterations_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
+    _frame(axes, title, "iterations to 1e-8 [-]", _COUNTS)
+    for loop, found in by_loop(runs):
+        known = found[found.steps.notna()]
+        _marks(axes, loop, known.friction, known.steps)
+        _failures(axes, loop, found, _COUNTS)
 
 
 def _frame(axes: "Axes", title: str, label: str, limits: tuple[float, float, float]) -> None:
@@ -354,10 +263,10 @@ def _failures(axes: "Axes", loop: str, runs: DataFrame, limits: tuple[float, flo
               markeredgewidth=1.5)  # fmt: skip
 
 
-def report(rows: Sequence[Row], quick: bool = False) -> Document:
+def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same report."""
     runs = runs_of(rows)
-    return render(
-        "comparisons.convergence.outer", "convergence-outer-quick" if quick else "convergence-outer",
-        {"quick": quick, **values_of(runs)}, tables_of(runs), figures(runs), environment_grids(rows), forms=FORMS,
-    )  # fmt: skip
+    panels = {"rates": _rate_panel, "iterations": _iterations_panel}
+    figures = {name: drawn(f"outer-{name}", partial(_picture, runs, panel)) for name, panel in panels.items()}
+    return render("comparisons.convergence.outer", "convergence-outer", values_of(runs), tables_of(runs), figures, rows,
+                  forms=FORMS)  # fmt: skip

@@ -5,10 +5,9 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
-from comparisons.convergence.bodies import Reference, exact_contraction, reference
-from comparisons.convergence.rates import rate_of
-from comparisons.convergence.solves import ending, timed
-from comparisons.lab.study import Study
+from comparisons.convergence.bodies import Reference, ending, exact_contraction, reference, timed
+from comparisons.convergence.linearised import rate_of
+from comparisons.lab.studies import Study
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE
 from solvers.certificate import uniqueness_bound
@@ -90,17 +89,11 @@ STARTS: Final = (0.0, 1.7, 10.0)
 
 
 def study(quick: bool) -> Study:
-    """The study, or a quick one of a few coarse meshes under another name."""
-    name = "convergence-outer-quick" if quick else "convergence-outer"
-    return study_of(name, QUICK if quick else FULL)
+    """The study, or a few coarse meshes of it."""
+    return Study("convergence-outer", 2, "comparisons.convergence.outer.study:run", [*cases(QUICK if quick else FULL)])
 
 
-def study_of(name: str, meshes: Meshes, loops: Sequence[str] = tuple(LOOPS)) -> Study:
-    """The study on these problems, meshes and frictions, by these loops."""
-    return Study.of(name, 2, run, _cases(meshes, loops))
-
-
-def _cases(meshes: Meshes, loops: Sequence[str]) -> Iterator[dict[str, Any]]:
+def cases(meshes: Meshes, loops: Sequence[str] = tuple(LOOPS)) -> Iterator[dict[str, Any]]:
     """All loops from the bonded state; on "three" each from several starts, but for the method that takes none."""
     for (problem, cells), frictions in meshes.items():
         for friction in frictions:

@@ -12,16 +12,14 @@ go on for ever.
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
-from comparisons.convergence.bodies import Reference, reference
-from comparisons.convergence.rates import first_lasting
-from comparisons.convergence.solves import ending, plain_certificate, timed
-from comparisons.lab.study import Study
+from comparisons.convergence.bodies import Reference, ending, plain_certificate, reference, timed
+from comparisons.convergence.linearised import first_lasting
+from comparisons.lab.studies import Study
 from comparisons.paper.reference import load
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from solvers import QVISolution, solve_qvi
 
 MOST: Final = 20_000
@@ -31,30 +29,16 @@ SHRINKING: Final = 100.0
 """Iterations in which a shrinking step halves at first; it goes down like 1/(1 + i / k0)."""
 
 
-class Method(NamedTuple):
-    """A method: options of `solve_qvi`, and how it is drawn."""
-
-    options: Mapping[str, Any]
-    colour: str
-    marker: str
-    line: Any
-
-    @property
-    def is_uzawa(self) -> bool:
-        """Whether it takes steps."""
-        return bool(self.options["method"] == "uzawa")
-
-
 _DECAY: Final = {"step_decay": SHRINKING, "decay": "harmonic"}
 
-METHODS: Final[Mapping[str, Method]] = {
-    "Uzawa": Method({"method": "uzawa", "max_iterations": MOST}, VERMILLION, "o", "-"),
-    "Uzawa, shrinking step": Method({"method": "uzawa", "max_iterations": MOST, **_DECAY}, ORANGE, "^", "--"),
-    "fixed point, QP": Method({"method": "fixed-point", "inner": "qp:clarabel"}, BLUE, "s", "-."),
-    "fixed point, SOCP": Method({"method": "fixed-point", "inner": "socp:clarabel"}, GREEN, "D", ":"),
-    "condensed": Method({"method": "condensed"}, GREY, "*", (0, (5, 1))),
+METHODS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "Uzawa": {"method": "uzawa", "max_iterations": MOST},
+    "Uzawa, shrinking step": {"method": "uzawa", "max_iterations": MOST, **_DECAY},
+    "fixed point, QP": {"method": "fixed-point", "inner": "qp:clarabel"},
+    "fixed point, SOCP": {"method": "fixed-point", "inner": "socp:clarabel"},
+    "condensed": {"method": "condensed"},
 }
-"""Name → method, in the order of tables and legends."""
+"""Name → options of `solve_qvi`, in the order of tables."""
 
 HALF: Final = 0.5
 """Steps of runs that are not about steps, as a share of the limits."""
@@ -122,17 +106,11 @@ SLIDING: Final = ("sliding", 0, 0.0)
 
 
 def study(quick: bool) -> Study:
-    """The study, or a quick one of coarse meshes under another name."""
-    name = "convergence-uzawa-quick" if quick else "convergence-uzawa"
-    return study_of(name, QUICK if quick else FULL)
+    """The study, or coarse meshes of it."""
+    return Study("convergence-uzawa", 3, "comparisons.convergence.uzawa.study:run", [*cases(QUICK if quick else FULL)])
 
 
-def study_of(name: str, extent: Extent) -> Study:
-    """The study of this extent."""
-    return Study.of(name, 3, run, _cases(extent))
-
-
-def _cases(extent: Extent) -> Iterator[dict[str, Any]]:
+def cases(extent: Extent) -> Iterator[dict[str, Any]]:
     """All cases: the paper's run, maps of both steps, searches for their limits, meshes, and other methods."""
     maps, limits, meshes = (
         [("plate", number, friction) for number in cells for friction in extent.friction]
@@ -337,9 +315,9 @@ def _accuracy(case: Mapping[str, Any], known: Reference) -> Record:
     Adds "seconds", wall times of repeated solves, factorisation included, and "last_error" of the normal force. Uzawa
     takes half its limits as steps, and where ω_T* is zero, as without friction, the paper's.
     """
-    options = dict(METHODS[case["run"]].options)
+    options = dict(METHODS[case["run"]])
     given: Record = {"omega_T": None, "omega_N": None, "linearised": None}
-    if METHODS[case["run"]].is_uzawa:
+    if options["method"] == "uzawa":
         steps = _half_steps(known)
         options |= {"omega_T": steps[0], "omega_N": steps[1]}
         given = _given(known, *steps)

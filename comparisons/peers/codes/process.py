@@ -16,17 +16,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 BUDGET: Final = 5.0
 """Seconds after which no further repetition begins."""
 
 
-class Code(Protocol):
-    """A module with a problem by one code."""
-
-    def build(self, case: dict[str, Any], **options: Any) -> Callable[[], dict[str, Any]]:
-        """What solves a case, from zero each time: status, message, numbers of the solution, and of the solve."""
+Build = Callable[..., Callable[[], dict[str, Any]]]
+"""A case, and options of the code → what solves it, from zero each time: status, message, numbers."""
 
 
 def main() -> None:
@@ -34,11 +31,12 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     order = json.load(sys.stdin)
-    answers.write(json.dumps(repeated(import_module(order.pop("module")), **order)) + "\n")
+    build = getattr(import_module(order.pop("module")), order.pop("problem"))
+    answers.write(json.dumps(repeated(build, **order)) + "\n")
     answers.close()
 
 
-def repeated(code: Code, case: dict[str, Any], warm_up: dict[str, Any], options: dict[str, Any], repetitions: int
+def repeated(build: Build, case: dict[str, Any], warm_up: dict[str, Any], options: dict[str, Any], repetitions: int
              ) -> dict[str, Any]:  # fmt: skip
     """Solve a case once, and again up to `repetitions` times in all while `BUDGET` lasts.
 
@@ -46,31 +44,25 @@ def repeated(code: Code, case: dict[str, Any], warm_up: dict[str, Any], options:
     largest resident memory [bytes] with all libraries loaded by a tiny case, and after the first solve of this one.
     Status and message of an exception instead if the code raises one.
     """
-    try:
-        code.build(warm_up, **options)()
-        return _measured(code, case, options, repetitions)
-    except Exception as error:  # a library may raise anything
-        return {"status": "error", "message": f"{type(error).__name__}: {error}"}
-
-
-def _measured(code: Code, case: dict[str, Any], options: dict[str, Any], repetitions: int) -> dict[str, Any]:
-    before, peak = peak_memory(), None
-    began = time.perf_counter()
     answer: dict[str, Any] = {}
     times: dict[str, list[float]] = {"setup": [], "solve": []}
-    for count in range(repetitions):
-        if count and time.perf_counter() - began > BUDGET:
-            break
-        gc.collect()
-        start = time.process_time()  # that of the clock would count what else the machine does
-        solve = code.build(case, **options)
-        built = time.process_time()
-        answer = solve()
-        ended = time.process_time()
-        times["setup"].append(built - start)
-        times["solve"].append(ended - built)
-        del solve
-        peak = peak_memory() if count == 0 else peak
+    try:
+        build(warm_up, **options)()
+        before, peak, began = peak_memory(), None, time.perf_counter()
+        for count in range(repetitions):
+            if count and time.perf_counter() - began > BUDGET:
+                break
+            gc.collect()
+            start = time.process_time()  # that of the clock would count what else the machine does
+            solve = build(case, **options)
+            built = time.process_time()
+            answer = solve()
+            times["setup"].append(built - start)
+            times["solve"].append(time.process_time() - built)
+            del solve
+            peak = peak_memory() if count == 0 else peak
+    except Exception as error:  # a library may raise anything
+        return {"status": "error", "message": f"{type(error).__name__}: {error}"}
     return {**answer, **times, "before": before, "peak": peak}
 
 

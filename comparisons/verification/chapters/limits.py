@@ -323,7 +323,7 @@ def _problem() -> FrictionQVI:
     """Unknowns r = (p, t), σ_N = −p, σ_T = t: K = W, f = −q."""
     normal, tangential = csc_array([[-1.0, 0.0]]), csc_array([[0.0, 1.0]])
     zero, one = np.zeros(1), np.ones(1)
-    return FrictionQVI(K=csc_array(_W), f=-_Q, N=normal, n0=zero, T=tangential, t0=zero, mu=_MU * one, W=one)
+    return FrictionQVI.from_arrays(csc_array(_W), -_Q, N=normal, n0=zero, T=tangential, t0=zero, mu=_MU * one, W=one)
 
 
 def _certificate(r: FloatArray) -> Certificate:

@@ -1,0 +1,170 @@
+"""What loads a body: the data f, n0, t0, b of (D2), its energy, and the state in which no contact law acts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from solvers.basics.types import Stated, Vector
+from solvers.errors import InputError
+from solvers.factorisation.base import State
+from solvers.inequality.contact import CondensedContact
+from solvers.inequality.rows import checked_vector
+from solvers.inequality.stiffness import EnergyRoot, Stiffness
+
+SLOW_CONTRACTION = 1e-3
+"""Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
+
+_ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
+_CORRECTIONS = 7  # defect corrections of the bonded solution at most
+
+
+@dataclass(frozen=True, eq=False)
+class Loads(Stated):
+    """Loads, tractions at z = 0, and right-hand sides of equations.
+
+    Attributes
+    ----------
+    f : (n,)
+    n0, t0 : (m,), tractions at z = 0
+    b : (p,), optional; p = 0 when not given
+    root, load : an `EnergyRoot` with the r₀ of these loads and (n,), optional, both or none, with f = load − Rᵀr₀. They
+        give the gradient of the energy more accurately than K and f, whose entries may be large and cancel
+
+    """
+
+    f: Vector
+    n0: Vector
+    t0: Vector
+    b: Vector = None  # type: ignore[assignment]  # None is replaced on construction
+    root: EnergyRoot | None = None
+    load: Vector | None = None
+
+    def __post_init__(self) -> None:
+        if (self.root is None) != (self.load is None):
+            missing = "root" if self.root is None else "load"
+            raise InputError(missing, None, "give root and load together, or neither")
+        object.__setattr__(self, "b", np.zeros(0) if self.b is None else self.b)
+        for name in ("f", "n0", "t0", "b", *(() if self.load is None else ("load",))):
+            object.__setattr__(self, name, checked_vector(name, getattr(self, name)))
+
+    def energy(self, stiffness: Stiffness) -> Energy:
+        """That of a body under these loads, kept."""
+        found: Energy | None = self.__dict__.get("_energy")
+        if found is None or found.K is not stiffness.array:
+            found = self.__dict__["_energy"] = Energy(stiffness.array, self.f, self.root, self.load)
+        return found
+
+    def bonded(self, condensed: CondensedContact, energy: Energy) -> BondedState:
+        """The state without contact law, kept until the factorisation is another one."""
+        found: BondedState | None = self.__dict__.get("_bonded")
+        if found is None or found.condensed is not condensed:
+            found = self.__dict__["_bonded"] = BondedState(condensed, energy, self.b)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """½ zᵀKz − fᵀz, K (n, n), dense or sparse, and f (n,); through root and load (n,) where they are given."""
+
+    K: Any
+    f: Vector
+    root: EnergyRoot | None = None
+    load: Vector | None = None
+
+    def value(self, z: Vector) -> float:
+        """½ zᵀKz − fᵀz."""
+        return float(0.5 * z @ (self.K @ z) - self.f @ z)
+
+    def strain(self, z: Vector) -> float:
+        """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
+        if self.root is not None:
+            r = self.root.apply(z)
+            return 0.5 * float(r @ r)
+        return 0.5 * float(z @ (self.K @ z))
+
+    def gradient(self, z: Vector) -> Vector:
+        """Rᵀr(z) − load where there is a root, else K z − f (n,)."""
+        if self.root is not None and self.load is not None:
+            return np.asarray(self.root.adjoint(self.root.apply(z)) - self.load)
+        return np.asarray(self.K @ z - self.f)
+
+    def state(self, z: Vector) -> tuple[float, Vector]:
+        """`strain` and `gradient` at once."""
+        return self._state(z) if z.any() else self.at_zero
+
+    @cached_property
+    def at_zero(self) -> tuple[float, Vector]:
+        """Both at z = 0, where every solve begins, more than once."""
+        strain, gradient = self._state(np.zeros(self.K.shape[0]))
+        gradient.setflags(write=False)
+        return strain, gradient
+
+    def _state(self, z: Vector) -> tuple[float, Vector]:
+        if self.root is None or self.load is None:
+            return self.strain(z), self.gradient(z)
+        r = self.root.apply(z)
+        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+
+
+class BondedState:
+    """Minimiser of an energy under A z = b alone: contact that neither opens nor slips."""
+
+    def __init__(self, condensed: CondensedContact, energy: Energy, b: Vector) -> None:
+        self.condensed, self.energy, self._b = condensed, energy, b
+
+    @property
+    def z(self) -> Vector:
+        """The state (n,), by defect corrections."""
+        return self._corrected[0]
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
+        sizes = self._corrected[1]
+        return len(sizes) > 1 and sizes[1] > SLOW_CONTRACTION * sizes[0]
+
+    @cached_property
+    def strain_energy(self) -> float:
+        """That of z; 0 if it is rounding, since all loads cancel."""
+        return self._not_rounding(self.energy.strain(self.z))
+
+    @cached_property
+    def error(self) -> float:
+        """How far the last defect correction still moved z, in the energy norm, relative; 0 without a root."""
+        if self.energy.root is None or self.strain_energy == 0.0:
+            return 0.0
+        return self._corrected[1][-1] / float(np.sqrt(2.0 * self.strain_energy))
+
+    @cached_property
+    def rough_stress(self) -> float:
+        """√(2 × strain energy) by one linear solve, not corrected: its size, not its digits."""
+        z, _ = self.condensed.system.solve(-self.energy.at_zero[1], self._b)
+        return float(np.sqrt(2.0 * self._not_rounding(self.energy.strain(z))))
+
+    @cached_property
+    def at_rest(self) -> tuple[Vector, State, float]:
+        """The interior eliminated at z = 0, see `Factorisation.reduce`, and the energy with Γ at rest."""
+        factor = self.condensed.system.factor
+        reduced, state = factor.reduce(-self.energy.at_zero[1])
+        return reduced, state, self.energy.value(factor.expand(state, np.zeros_like(reduced)))
+
+    def _not_rounding(self, energy: float) -> float:
+        """A strain energy; 0 if it is rounding."""
+        return energy if energy > _ROUNDING * self.energy.at_zero[0] else 0.0
+
+    @cached_property
+    def _corrected(self) -> tuple[Vector, list[float]]:
+        """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
+        z, sizes = np.zeros(self.energy.K.shape[0]), list[float]()
+        for number in range(_CORRECTIONS):
+            gradient = self.energy.gradient(z) if number else self.energy.at_zero[1]
+            correction, _ = self.condensed.system.solve(-gradient, self._b - self.condensed.contact.arrays[2] @ z)
+            sizes.append(float(np.sqrt(abs(correction @ (self.energy.K @ correction)))))
+            if len(sizes) > 1 and not sizes[-1] < 0.5 * sizes[-2]:
+                break
+            z = z + correction
+        return z, sizes

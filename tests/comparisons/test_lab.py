@@ -1,0 +1,522 @@
+"""Studies: keys, store, runs, exports, and their commands; what comes of processes is in test_runs."""
+
+import csv
+import json
+import math
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import closing, contextmanager
+from dataclasses import replace
+from enum import Enum
+from importlib.metadata import version
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from pandas import DataFrame
+
+from comparisons.lab.commands import Plan, experiment
+from comparisons.lab.reports import render
+from comparisons.lab.studies import (
+    Study,
+    finite_json,
+    frame_of,
+    largest_of,
+    plain,
+    progress,
+    read_csv,
+    read_rows,
+    run_study,
+    write_csv,
+    writing,
+)
+from qvi_contact import InputError
+from qvi_contact.basics import run
+from qvi_contact.runs import FAILURES, Outcome, database
+from tests.comparisons.parts import row
+from tests.run_processes import ROOT, eventually, marked, started
+
+PLACES = [(mesh, mu, seed) for mesh in (8, 16) for mu in (0.1, 0.2, 0.5) for seed in (7, 8)]
+DEMO = Study(
+    "demo", 1, "tests.run_tasks:measured",
+    [{"mesh": mesh, "friction": mu, "method": method, "seed": seed}
+     for mesh, mu, seed in PLACES for method in ("plain", "raise", *(["crash"] if (mesh, mu) == (8, 0.2) else []))],
+    packages=("click", "no-such-package"),
+)  # fmt: skip
+SMALL = Study("small", 1, "package.module:function", [{"mesh": mesh, "at": [mu]} for mesh in (4, 8) for mu in (0.1, 2)])
+ENVIRONMENT = {"machine": None, "versions": {"numpy": "2"}, "threads": 1, "timeout_seconds": 2.0, "memory_mib": None}
+
+
+def ways(*names):
+    """The study of some ways to fail."""
+    return Study("ways", 1, "tests.run_tasks:failing", [{"way": name} for name in names], packages=())
+
+
+@experiment(short_help="The demo study.")
+@click.option("--way", "names", multiple=True)
+def demo(names):
+    """The demo study, or some ways to fail."""
+    return Plan([ways(*names) if names else DEMO], lambda rows: render("", "demo", {}, {}, {}, rows, template="# A\n"))
+
+
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
+VALUES = st.recursive(
+    SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3)
+)
+
+
+def shuffled(value):
+    """The same value with the entries of all its mappings the other way round."""
+    if isinstance(value, dict):
+        return {name: shuffled(value[name]) for name in reversed(value)}
+    return [shuffled(item) for item in value] if isinstance(value, list) else value
+
+
+def told_apart(value):
+    """The value with the kind of each number, so that 1, 1.0 and True, or 0.0 and -0.0, differ."""
+    if isinstance(value, dict):
+        return {name: told_apart(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [told_apart(item) for item in value]
+    return type(value).__name__, repr(value)
+
+
+def filled(path, study=SMALL, count=2):
+    """A store with the first rows of a study."""
+    with writing(path, study) as store:
+        for number, case in enumerate(study.cases[:count]):
+            value = {"n": number, "gap": math.inf, "certificate": {"passed": True}}
+            store.append(case, Outcome("done", value, "", 0.25, 1.5), ENVIRONMENT)
+    return path
+
+
+class TestCases:
+    """Plain values, and what finds a row."""
+
+    @settings(max_examples=40, deadline=None)
+    @given(VALUES, VALUES)
+    def test_other_values_have_other_keys_and_the_order_of_entries_does_not_matter(self, one, other):
+        keys = {SMALL.key({"factor": value}) for value in (one, shuffled(one), other)}
+        assert len(keys) == (1 if told_apart(one) == told_apart(other) else 2)
+        assert told_apart(json.loads(json.dumps(plain(one, "value")))) == told_apart(one)
+
+    def test_name_and_version_are_in_the_key_which_stays_for_ever(self):
+        keys = {replace(SMALL, name=name, version=number).key({}) for name in ("a", "b") for number in (1, 2)}
+        assert len(keys) == 4
+        assert SMALL.key({"mesh": 4, "friction": 0.1, "repeat": 0, "seed": 5}) == "399f5225b59e6ca6e8f9f4993ec7d936"
+
+    def test_a_case_is_done_once(self):
+        assert replace(SMALL, cases=[*SMALL.cases, *SMALL.cases[:2]]).cases == SMALL.cases
+
+    def test_scalars_of_numpy_and_enumerations(self):
+        class Colour(str, Enum):  # noqa: UP042 - whose text is not its value
+            RED = "red"
+
+        found = plain({"n": np.int64(3), "x": np.float32(0.5), "b": np.bool_(True), "c": Colour.RED, "t": (1, 2)}, "v")
+        assert told_apart(found) == told_apart({"n": 3, "x": 0.5, "b": True, "c": "red", "t": [1, 2]})
+
+    @pytest.mark.parametrize(
+        "value", [np.zeros(2), {1}, b"", 1j, np.longdouble(1), "\ud800", {"a": [object()]}, {1: 2}]
+    )
+    def test_other_things_are_named(self, value):
+        with pytest.raises(TypeError, match=r"^value"):
+            plain(value, "value")
+
+    @pytest.mark.parametrize(
+        "cases", [[], [{"mesh": math.nan}], [{"mesh": len}], [{1: 2}], [{"two words": 1}], [{"status": 1}]]
+    )
+    def test_bad_cases(self, cases):
+        with pytest.raises(InputError, match=r"Study\.cases"):
+            replace(SMALL, cases=cases)
+
+
+class TestStore:
+    """Rows in and out."""
+
+    def test_rows_come_back_in_the_order_of_the_study(self, tmp_path):
+        with writing(tmp_path / "new" / "a", SMALL) as store:
+            for number, case in reversed([*enumerate(SMALL.cases)]):
+                value = {"n": number, "gap": math.inf, "certificate": {"passed": True}}
+                store.append(case, Outcome("done", value, "", 0.25, 1.5), ENVIRONMENT)
+        found = read_rows(SMALL, tmp_path / "new" / "a")
+        assert [each.case for each in found] == [*SMALL.cases]
+        one = found[1]
+        assert (one.status, one.reason, one.certificate) == ("done", "", {"passed": True})
+        assert (one.result, one.seconds, one.load_average) == ({"n": 1, "gap": math.inf}, 0.25, 1.5)
+        assert (one.environment, one.finished[-6:]) == (ENVIRONMENT, "+00:00")
+
+    def test_studies_share_a_store_and_a_larger_one_takes_the_rows_of_a_smaller_one(self, tmp_path):
+        path, other = filled(tmp_path / "a"), replace(SMALL, version=2)
+        larger = replace(SMALL, cases=[{"mesh": 99}, *SMALL.cases])
+        assert read_rows(larger, path) == read_rows(SMALL, path) != ()
+        assert read_rows(other, path) == read_rows(replace(SMALL, name="other"), path) == ()
+        filled(path, other, 4)
+        assert (len(read_rows(SMALL, path)), len(read_rows(other, path))) == (2, 4)
+
+    def test_no_row_twice_and_a_machine_is_written_once(self, tmp_path):
+        path = filled(tmp_path / "a", count=4)
+        before = read_rows(SMALL, path)
+        with pytest.raises(InputError, match="another process"):
+            filled(path, count=1)
+        assert read_rows(SMALL, path) == before
+        with closing(sqlite3.connect(path)) as connection:
+            assert connection.execute("SELECT count(*) FROM environments").fetchone() == (1,)
+
+    def test_killed_inside_a_transaction(self, tmp_path):
+        """So late that a part of the row is in the file already and SQLite has to take it out again."""
+        path = filled(tmp_path / "a", count=2)
+        before = read_rows(SMALL, path)
+        script = f"""
+import os, sqlite3
+opened = sqlite3.connect({str(path)!r}, isolation_level="IMMEDIATE")
+opened.execute("PRAGMA cache_size = 10")
+opened.execute("UPDATE rows SET result = ?", ("x" * 10_000_000,))
+os.kill(os.getpid(), {int(signal.SIGKILL)})
+"""
+        with started() as start:
+            assert start("-c", script).wait() == -signal.SIGKILL
+        assert (tmp_path / "a-journal").stat().st_size > 0
+        assert read_rows(SMALL, path) == before
+
+    def test_nothing_there_and_what_is_no_store(self, tmp_path):
+        assert read_rows(SMALL, tmp_path / "a") == ()
+        (tmp_path / "empty").touch()
+        for path, word in ((tmp_path, "cannot be opened"), (tmp_path / "empty", "is an empty file")):
+            with pytest.raises(InputError, match=word):
+                run_study(SMALL, path)
+
+    def test_full(self, tmp_path, monkeypatch):
+        path = filled(tmp_path / "a", count=2)
+        monkeypatch.setattr(database, "SETTINGS", (*database.SETTINGS, "max_page_count = 8"))
+        with writing(path, SMALL) as store:
+            with pytest.raises(InputError, match="no room left"):
+                store.append(SMALL.cases[2], Outcome("done", {"text": "x" * 20_000}), ENVIRONMENT)
+            store.append(SMALL.cases[3], Outcome("done"), ENVIRONMENT)
+        monkeypatch.undo()
+        assert [each.case for each in read_rows(SMALL, path)] == [SMALL.cases[place] for place in (0, 1, 3)]
+
+
+def other_schema(path):
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA user_version = 99")
+
+
+def other_application(path):
+    path.unlink()
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("CREATE TABLE rows (key TEXT)")
+
+
+def text(path):
+    path.write_text("not a database, but long enough to be looked at " * 100, encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda path: os.truncate(path, path.stat().st_size - 8192), "damaged"),
+        (text, "not the store of a study"),
+        (other_application, "not the store of a study"),
+        (other_schema, "version 99, not 2"),
+    ],
+)
+def test_a_store_that_is_not_sound_is_one_line_and_stays_as_it_was(tmp_path, change, word):
+    path = filled(tmp_path / "a")
+    change(path)
+    before = path.read_bytes()
+    for use in (lambda: read_rows(SMALL, path), lambda: run_study(SMALL, path), lambda: filled(path)):
+        with pytest.raises(InputError, match=word) as caught:
+            use()
+        assert len(str(caught.value).splitlines()) == 1
+    assert path.read_bytes() == before
+
+
+def test_any_page_that_is_damaged(tmp_path, monkeypatch):
+    """Also one that is not read to find out which rows are there."""
+    monkeypatch.setattr("subprocess.Popen", lambda *_, **__: pytest.fail("work was begun"))
+    content = filled(tmp_path / "a").read_bytes()
+    assert len(content) > 4 * 4096
+    for start in range(4096, len(content), 4096):
+        path = tmp_path / str(start)
+        path.write_bytes(content[:start] + b"\xa5" * 4096 + content[start + 4096 :])
+        with pytest.raises(InputError, match="damaged"):
+            run_study(SMALL, path)
+
+
+@contextmanager
+def read_only(*paths):
+    """Take the right to write away; root, who has it anyway, is somebody else meanwhile."""
+    root = os.geteuid() == 0
+    modes = {path: path.stat().st_mode for path in paths}
+    for path, mode in modes.items():
+        path.chmod(mode & 0o555)
+    if root:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        if root:
+            os.seteuid(0)
+        for path, mode in modes.items():
+            path.chmod(mode)
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_a_complete_study_needs_no_rights_and_another_is_refused_before_any_work(tmp_path, monkeypatch, count):
+    path = filled(tmp_path / "a", count=count)
+    for folder in (tmp_path, *tmp_path.parents[:3]):
+        folder.chmod(0o755)
+    before = path.read_bytes()
+    monkeypatch.setattr("subprocess.Popen", lambda *_, **__: pytest.fail("work was begun"))
+    with read_only(tmp_path, path):
+        if count == 4:
+            assert len(run_study(SMALL, path)) == 4
+        else:
+            with pytest.raises(InputError, match="cannot be written"):
+                run_study(SMALL, path)
+    assert path.read_bytes() == before
+
+
+class TestExport:
+    """Rows for others."""
+
+    def test_frame(self):
+        values = {"n": 1, "gap": math.inf, "status": "stalled", "certificate": {"accuracy": 1e-3}}
+        rows = [
+            row({"mesh": 4}, {"n": 0, "gap": 2.0}),
+            row({"mesh": 8}, values),
+            row({"mesh": 9}, {}, "timeout", "2 s"),
+        ]
+        frame = frame_of(rows, ("n", "gap", "other"))
+        assert frame.mesh.tolist() == [4, 8, 9]
+        assert frame.n.fillna(-1).tolist() == [0, 1, -1]
+        assert frame.status.tolist() == ["done", "stalled", "timeout"]  # the task's own
+        assert frame.reason.tolist() == ["", "", "2 s"]
+        assert frame.has.tolist() == [True, True, False]
+        assert frame.accuracy.fillna(0.0).tolist() == [0.0, 1e-3, 0.0]
+        assert frame.other.isna().all()
+        assert frame_of([], ("n",)).empty
+
+    def test_the_largest_line_of_a_frame(self):
+        frame = DataFrame({"name": ["a", "b", "c"], "value": [1.0, 3.0, math.nan]})
+        assert largest_of(frame.value, frame) == {"name": "b", "value": 3.0}
+        assert largest_of(frame.value[:0], frame) == largest_of(frame.value[2:], frame) == {"name": None, "value": None}
+
+    def test_csv(self, tmp_path):
+        write_csv(tmp_path / "a.csv", [row({"mesh": 4}, {"n": 0, "gap": math.inf}, versions={"numpy": "2"})])
+        with open(tmp_path / "a.csv", encoding="utf-8", newline="") as file:
+            (found,) = csv.DictReader(file)
+        assert (found["result.n"], found["result.gap"], found["machine"]) == ("0", "Infinity", "null")
+        assert json.loads(found["versions"]) == {"numpy": "2"}
+        with pytest.raises(InputError, match="cannot be read"):
+            read_csv(tmp_path / "none.csv.gz")
+
+    @given(st.dictionaries(st.text("ab.", min_size=1), st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(), st.lists, max_leaves=3
+    ), max_size=4), st.sampled_from(["a.csv", "a.csv.gz"]))  # fmt: skip
+    @example({"a": "\r"}, "a.csv")
+    @settings(max_examples=40, derandomize=True)
+    def test_rows_come_back_from_csv(self, tmp_path_factory, result, name):
+        """Whatever a result is, also a text that reads like a number or like nothing."""
+        path = tmp_path_factory.mktemp("rows") / name
+        rows = (row({"mesh": 4}, {**result, "certificate": {"passed": True}}), row({"mesh": 8}, {"n": "null"}, "1e3"))
+        write_csv(path, rows)
+        assert read_csv(path) == rows
+        before = path.read_bytes()
+        write_csv(path, read_csv(path))
+        assert path.read_bytes() == before
+
+    def test_numbers_that_json_has_not(self):
+        found = finite_json({"a": [math.inf, 1.0], "b": {"c": (math.nan, -math.inf)}})
+        assert found == {"a": ["inf", 1.0], "b": {"c": ["nan", "-inf"]}}
+        assert finite_json({"a": [math.inf, 1.0]}, null=True) == {"a": [None, 1.0]}
+
+
+def comparable(path):
+    """All of the demo's rows but the times, machine and versions included."""
+    return [replace(each, seconds=0.0, finished="", load_average=None) for each in read_rows(DEMO, path)]
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """Rows of the demo from one process that nobody disturbs."""
+    path = tmp_path_factory.mktemp("study") / "demo.sqlite"
+    statuses = [each.status for each in run_study(DEMO, path)]
+    assert {name: statuses.count(name) for name in set(statuses)} == {"done": 12, "crashed": 2, "error": 12}
+    return comparable(path)
+
+
+class TestRuns:
+    """A study with successes and failures."""
+
+    def test_rows_are_what_the_task_returned_and_tell_what_they_were_made_with(self, uninterrupted):
+        for case, found in zip(DEMO.cases, uninterrupted, strict=True):
+            assert found.case == case
+            assert found.environment["versions"] == {"click": version("click"), "no-such-package": None}
+            assert found.environment["machine"]["cores"] >= 1
+            assert os.uname().nodename not in str(found.environment)
+            if case["method"] == "plain":
+                force = case["mesh"] * case["friction"] + case["seed"]
+                assert (found.status, found.result) == ("done", {"force": force, "error": math.inf})
+                assert found.certificate == {"passed": True, "gap": 1e-9 * case["mesh"]}
+                continue
+            assert found.status in FAILURES
+            assert (found.result, found.certificate) == ({}, None)
+            crashed = case["method"] == "crash"
+            said = "exit status 3: no message" if crashed else f"ValueError: no method for {case['mesh']} (run_tasks.py"
+            assert found.reason.startswith(said)
+
+    def test_what_is_no_mapping_of_plain_values_is_an_error(self, tmp_path):
+        rows = run_study(ways("nan", "number", "plain"), tmp_path / "a", 2, timeout=20.0, memory=4000, threads=3)
+        nan, number, fine = rows
+        assert repr(nan.result) == "{'value': nan, 'bound': -inf}"
+        assert number.reason.startswith("TypeError: the task returned float, not a mapping")
+        assert fine.result["threads"] == "3"
+        environment = [fine.environment[name] for name in ("timeout_seconds", "memory_mib", "threads")]
+        assert environment == [20.0, 4000, 3]
+
+    def test_a_study_may_fix_threads_and_limit(self, tmp_path):
+        (found,) = run_study(replace(ways("plain"), threads=2, timeout=9.0), tmp_path / "a", timeout=20.0, threads=3)
+        assert (found.environment["threads"], found.environment["timeout_seconds"]) == (2, 9.0)
+
+    @pytest.mark.parametrize(
+        ("task", "word"),
+        [
+            ("tests.no_such_module:f", "ModuleNotFoundError: No module named 'tests.no_such_module'"),
+            ("tests.run_tasks:nothing", "AttributeError"),
+        ],
+    )
+    def test_a_task_that_cannot_be_loaded_ends_the_study(self, tmp_path, task, word):
+        with pytest.raises(InputError, match="cannot be loaded: .*" + word) as caught:
+            run_study(replace(SMALL, task=task), tmp_path / "a", workers=2, memory=4000)
+        assert caught.value.field == "Study.task"
+
+    def test_too_little_memory_for_the_task_ends_the_study(self, tmp_path):
+        with pytest.raises(InputError, match=r"is too little .MiB. to load tests.run_tasks:failing") as caught:
+            run_study(ways("plain"), tmp_path / "a", memory=10)
+        assert (caught.value.field, caught.value.value) == ("memory", 10)
+
+    @pytest.mark.parametrize("name", ["workers", "timeout", "memory", "threads"])
+    def test_bad_input(self, tmp_path, name):
+        with pytest.raises(InputError, match=f"{name}: 0: give a number above 0"):
+            run_study(SMALL, tmp_path / "a", **{name: 0})
+        assert list(tmp_path.iterdir()) == []
+
+    def test_full_disk_keeps_what_is_finished(self, tmp_path, uninterrupted, monkeypatch):
+        """And in which order cases come does not matter."""
+        monkeypatch.setattr(database, "SETTINGS", (*database.SETTINGS, "max_page_count = 6"))
+        with pytest.raises(InputError, match="no room left"):
+            run_study(DEMO, tmp_path / "a", workers=2)
+        monkeypatch.undo()
+        assert 5 < len(read_rows(DEMO, tmp_path / "a")) < 26
+        run_study(DEMO, tmp_path / "a", workers=2)
+        assert comparable(tmp_path / "a") == uninterrupted
+
+
+COMMAND = "from tests.comparisons.test_lab import demo, run\nrun(demo, 'demo')"
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")
+class TestEnds:
+    """However a run ends."""
+
+    def test_killed_again_and_again_and_interrupted(self, tmp_path, uninterrupted):
+        moments, counts, store = random.Random(0), [], tmp_path / "a"
+        words = ("-c", COMMAND, "--store", store, "--out", tmp_path / "out", "--workers", "2")
+        with started() as start:
+            for attempt in range(3):
+                process = start(*words, DEMO_SECONDS="0.2")
+                if attempt % 2:  # any moment of the start is hit by the others
+                    assert eventually(lambda: len(read_rows(DEMO, store)) > max(counts, default=0))
+                time.sleep(moments.uniform(0.0, 0.4))
+                assert process.poll() is None
+                process.kill()
+                process.wait()
+                assert eventually(lambda mark=process.mark: not marked(mark)), marked(process.mark)
+                counts.append(len(read_rows(DEMO, store)))
+            assert counts == sorted(counts)
+            assert 0 < counts[-1] < 26
+            process = start(*words, DEMO_SECONDS="0.1")
+            assert eventually(lambda: len(read_rows(DEMO, store)) > counts[-1])
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=60)
+            count = len(read_rows(DEMO, store))
+            assert not marked(process.mark)
+            assert (process.returncode, out) == (130, "")
+            assert err == f"interrupted: {count} of 26 rows are in {store}; the same command goes on from there\n"
+            last = start(*words)
+            out, err = last.communicate(timeout=60)
+            assert (last.returncode, err, "Written to" in out) == (0, "", True)
+        assert comparable(store) == uninterrupted
+        assert [each.case for each in read_csv(tmp_path / "out" / "demo.csv.gz")] == [*DEMO.cases]
+
+    def test_second_run_on_one_store_is_refused(self, tmp_path):
+        words = ("-c", COMMAND, "--store", tmp_path / "a", "--out", tmp_path, "--way", "plain", "--way", "wait")
+        with started() as start:
+            first = start(*words)
+            assert eventually(lambda: len(read_rows(ways("plain"), tmp_path / "a")) == 1)
+            second = start(*words)
+            out, err = second.communicate(timeout=60)
+            assert (second.returncode, out, len(err.splitlines())) == (2, "", 1)
+            assert "another run is at work on it" in err
+            assert first.poll() is None
+        done = run_study(ways("plain", "wait"), tmp_path / "a", timeout=0.1)
+        assert [each.status for each in done] == ["done", "timeout"]
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("--workers", "0"), ("--store", "/proc/a/b"), ("--store", ""), ("--timeout", "-1"), ("--timeout", "nan"),
+            ("--timeout", "inf"), ("--memory", "0"), ("--memory", "9" * 30), ("--threads", "9" * 30),
+            ("--workers", "10001"), ("--dask", "nowhere"), ("--out", ""), ("--out", "/proc/below"),
+        ],
+    )  # fmt: skip
+    def test_bad_options_are_one_line(self, capfd, monkeypatch, tmp_path, words):
+        monkeypatch.setattr(sys, "argv", ["demo", "--store", "a", "--out", "out", *words])
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(SystemExit) as caught:
+            run(demo, "demo")
+        out, err = capfd.readouterr()
+        assert (caught.value.code, out, len(err.splitlines())) == (2, "", 1)
+        assert list(tmp_path.iterdir()) in ([], [tmp_path / "out"])
+        assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
+
+
+def test_progress_is_shown_on_a_terminal_only(capfd):
+    with progress("title", 3, 1) as advance:
+        advance("something")
+    assert capfd.readouterr() == ("", "")
+    shown = on_a_terminal(True)
+    for word in ("title: μ = 0.15", "3/3", "left"):
+        assert word in shown
+    assert on_a_terminal(False) == ""
+
+
+def on_a_terminal(shown):
+    """What a terminal gets on standard error of a run."""
+    pty = pytest.importorskip("pty")
+    script = (
+        "from comparisons.lab.studies import progress\n"
+        f"with progress('title', 3, 1, shown={shown}) as advance:\n"
+        "    for _ in range(2):\n        advance('μ = 0.15')"
+    )
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
+    subprocess.run([sys.executable, "-c", script], cwd=ROOT, stderr=theirs, check=True, env=environment)
+    os.close(theirs)
+    found = b""
+    try:
+        while part := os.read(ours, 65536):
+            found += part
+    except OSError:  # Linux says so at the end
+        pass
+    os.close(ours)
+    return found.decode()

@@ -1,0 +1,406 @@
+"""Meshes from other programs: names come along, broken files and such that claim more than they hold are refused."""
+
+import os
+import sys
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+import skfem
+
+from qvi_contact import InputError, TriangleMesh
+from qvi_contact.basics import handlers_kept
+
+meshio = pytest.importorskip("meshio")
+MUCH = 300_000_000
+STEP = "ENS_MAA/mesh/-0000000000000000001-0000000000000000001"  # of a file of MED
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+HALVES = [(0, 1, 2), (0, 2, 3)]
+MSH_2, MSH_4, INP = (
+    Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("named_2.msh", "named_4.msh", "named.inp")
+)
+
+
+def med_file(path):
+    """A MED file as Salome writes it: names are groups of families."""
+    h5py = pytest.importorskip("h5py")
+    points = np.array([*SQUARE, (5.0, 5.0)])
+    blocks = [("line", np.array([[0, 1], [0, 2]])), ("triangle", np.array(HALVES))]
+    tags = [np.array([-6, -7]), np.array([-8, 0])]
+    mesh = meshio.Mesh(points, blocks, cell_data={"cell_tags": tags})
+    mesh.cell_tags = {-6: ["floor"], -7: ["seam"], -8: ["steel"]}
+    mesh.point_tags = {}
+    meshio.med.write(path, mesh)
+    assert h5py.is_hdf5(path)
+
+
+class TestSkfem:
+    """Meshes of scikit-fem."""
+
+    def test_boundaries_and_subdomains_come_along(self):
+        mesh = skfem.MeshTri().refined(2)
+        mesh = mesh.with_boundaries({"floor": lambda x: x[1] == 0.0}).with_subdomains({"left": lambda x: x[0] < 0.5})
+        mesh = mesh.with_boundaries({"seam": mesh.facets_satisfying(lambda x: x[0] == 0.5)}, boundaries_only=False)
+        found = TriangleMesh.from_skfem(mesh)
+        assert (found.edge_names, found.joint_names) == (("floor",), ("seam",))
+        assert found.midpoints[found.numbers("floor")][:, 1] == pytest.approx(0.0)
+        assert found.corners[found.regions["left"]].mean(axis=1)[:, 0].max() < 0.5
+        assert len(found.numbers("seam")) == 4
+
+    def test_other_meshes_are_refused(self):
+        for other in (skfem.MeshQuad(), None, "mesh"):
+            with pytest.raises(InputError, match="MeshTri"):
+                TriangleMesh.from_skfem(other)
+
+
+class TestFiles:
+    """Gmsh, and by meshio Abaqus and MED."""
+
+    @pytest.mark.parametrize(("name", "text"), [("a.msh", MSH_2), ("b.MSH", MSH_4), ("c.inp", INP), ("d.med", None)])
+    def test_names_of_curves_and_surfaces(self, tmp_path, name, text):
+        path = tmp_path / name
+        if text is None:
+            med_file(path)
+        else:
+            path.write_text(text)
+        mesh, names = TriangleMesh.load(path), ("steel", "rest") if text is MSH_4 else ("steel",)
+        assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), ("seam",), names)
+        assert mesh.vertices == pytest.approx(np.array(SQUARE))
+        assert mesh.cells.tolist() == [[0, 1, 2], [0, 2, 3]]
+        assert mesh.edge_sets["floor"].tolist() == [[0, 1]]
+        assert mesh.edge_sets["seam"].tolist() == [[0, 2]]
+        assert mesh.regions["steel"].tolist() == [0]
+
+    def test_a_folder_is_not_called_missing(self, tmp_path):
+        (tmp_path / "a.msh").mkdir()
+        with pytest.raises(InputError, match="cannot be read"):
+            TriangleMesh.load(tmp_path / "a.msh")
+
+    @pytest.mark.parametrize(
+        ("name", "text", "told"),
+        [
+            ("a.stl", "", "endings"),
+            ("a.msh", None, "no such file"),
+            ("a.msh", "nonsense", "cannot be read"),
+            ("a.msh", "", "cannot be read"),
+            ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
+            ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=CPS4\n3, 1, 2, 3, 4"), "'quad'"),
+            ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
+            ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"),
+            ("a.med", "nonsense", "cannot be read"),
+        ],
+    )
+    def test_what_cannot_be_read_is_told_in_one_line(self, tmp_path, capsys, name, text, told):
+        path = tmp_path / name
+        if text is not None:
+            path.write_text(text)
+        with pytest.raises(InputError, match=told) as caught:
+            TriangleMesh.load(path)
+        assert "\n" not in str(caught.value)
+        assert capsys.readouterr() == ("", "")
+
+    def test_names_may_be_given_to_some_curves_and_surfaces_only(self, tmp_path):
+        path = tmp_path / "a.msh"
+        path.write_text(MSH_4.replace("0 1 4 0\n", "0 0 0\n").replace("0 1 2 0\n", "0 0 0\n"))
+        mesh = TriangleMesh.load(path)
+        assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), (), ("steel",))
+        assert mesh.cells.tolist() == [[0, 1, 2], [0, 2, 3]]
+        assert [entry.name for entry in tmp_path.iterdir()] == ["a.msh"]
+
+    @pytest.mark.parametrize("binary", [0, 1])
+    def test_gmsh_itself_writes_such_files(self, tmp_path, binary):
+        gmsh = pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
+        with handlers_kept():
+            gmsh.initialize(interruptible=False)
+        try:
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.option.setNumber("Mesh.SaveAll", 1)
+            gmsh.option.setNumber("Mesh.Binary", binary)
+            gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 2.0, 1.0)
+            gmsh.model.occ.synchronize()
+            gmsh.model.addPhysicalGroup(1, [1], name="floor")
+            gmsh.model.mesh.generate(2)
+            gmsh.write(str(tmp_path / "a.msh"))
+        finally:
+            gmsh.finalize()
+        assert TriangleMesh.load(tmp_path / "a.msh").edges("floor").length.sum() == pytest.approx(2.0)
+
+    def test_without_meshio_the_command_to_type_is_told(self, tmp_path, monkeypatch):
+        path = tmp_path / "a.inp"
+        path.write_text(INP)
+        monkeypatch.setitem(sys.modules, "meshio.abaqus", None)
+        with pytest.raises(InputError, match="pip install"):
+            TriangleMesh.load(path)
+
+
+def refusal(path):
+    """The error of a file, which is one line and takes no memory."""
+    with pytest.raises(InputError):  # loads what reading needs once
+        TriangleMesh.load(path)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError) as caught:
+            TriangleMesh.load(path)
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
+    assert caught.value.field == "mesh"
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def written(path, text, *changes):
+    """A file of the text with changes, each of a part that is there."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path.write_text(text)
+    return path
+
+
+def square(**more):
+    """Two triangles and two lines, each named but the last, for meshio to write."""
+    blocks = [("line", [[0, 1]]), ("line", [[0, 2]]), ("triangle", HALVES[:1]), ("triangle", HALVES[1:])]
+    data = {"gmsh:physical": [[1], [2], [3], [4]], "gmsh:geometrical": [[1], [2], [1], [2]]}
+    names = {"floor": np.array([1, 1]), "seam": np.array([2, 1]), "steel": np.array([3, 2])}
+    given = {"gmsh:dim_tags": np.array([[1, 1], [1, 2], [2, 1], [2, 2]]), **more}
+    return meshio.Mesh(
+        np.c_[np.array(SQUARE), np.zeros(4)],
+        [(kind, np.array(cells)) for kind, cells in blocks],
+        given,
+        {name: [np.array(values) for values in each] for name, each in data.items()},
+        names,
+    )
+
+
+class TestGmsh:
+    """Counts, tags and sections."""
+
+    @pytest.mark.parametrize(
+        ("text", "old", "new"),
+        [
+            (MSH_4, "$Nodes\n1 5", f"$Nodes\n1 {MUCH}"),
+            (MSH_4, "$Nodes\n1 5", f"$Nodes\n{MUCH} 5"),
+            (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", f"$Nodes\n1 {MUCH} 1 5\n2 1 0 {MUCH}"),
+            (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", "$Nodes\n1 4 1 5\n2 1 0 4"),
+            (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", "$Nodes\n1 5 1 5\n2 1 1 5"),
+            (MSH_4, "$Elements\n4 4", f"$Elements\n{MUCH} 4"),
+            (MSH_4, "$Elements\n4 4", "$Elements\n3 4"),
+            (MSH_4, "1 1 1 1\n", f"1 1 1 {MUCH}\n"),
+            (MSH_4, "1 1 1 1\n", f"1 1 1 {2**63}\n"),
+            (MSH_4, "0 2 2 0\n", f"{MUCH} 2 2 0\n"),
+            (MSH_4, "0 1 1 0\n", f"0 {MUCH} 1 0\n"),
+            (MSH_4, "0 1 1 0\n", f"0 1 1 {MUCH}\n"),
+            (MSH_4, "$PhysicalNames\n4", f"$PhysicalNames\n{MUCH}"),
+            (MSH_4, "\n5\n0 0 0\n", "\n4\n0 0 0\n"),
+            (MSH_4, "\n5\n0 0 0\n", "\n0\n0 0 0\n"),
+            (MSH_4, "$EndElements", ""),
+            (MSH_4, "$PhysicalNames", "$Nodes"),
+            (MSH_2, "$Nodes\n5", f"$Nodes\n{MUCH}"),
+            (MSH_2, "$Nodes\n5", "$Nodes\n4"),
+            (MSH_2, "$Nodes\n5", "$Nodes\n-1"),
+            (MSH_2, "9 5 5 0", "9.5 5 5 0"),
+            (MSH_2, "9 5 5 0", "nan 5 5 0"),
+            (MSH_2, "$Elements\n4", f"$Elements\n{MUCH}"),
+            (MSH_2, "$Elements\n4", "$Elements\n3"),
+        ],
+    )
+    def test_what_is_claimed_and_not_held(self, tmp_path, text, old, new):
+        refusal(written(tmp_path / "a.msh", text, (old, new)))
+
+    def test_numbers_with_gaps_are_read_and_take_no_memory(self, tmp_path):
+        path = written(tmp_path / "a.msh", MSH_4, ("\n5\n0 0 0", f"\n{MUCH}\n0 0 0"))
+        assert TriangleMesh.load(path).cells.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+    @pytest.mark.parametrize(
+        ("text", "old", "new"),
+        [
+            (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 7"),
+            (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 70"),
+            (MSH_2, "1 1 2 1 1 1 2", "1 1 2 1 1 1 7"),
+            (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 0"),
+            (MSH_4, "3 1 2 3", "3 1 2 7"),
+            (MSH_4, "3 1 2 3", "3 1 2 0"),
+        ],
+    )
+    def test_nodes_that_are_not_there(self, tmp_path, text, old, new):
+        refusal(written(tmp_path / "a.msh", text, (old, new)))
+
+    @pytest.mark.parametrize("version", ["4.0", "4", "3", "1"])
+    def test_other_formats_are_told_which_there_are(self, tmp_path, version):
+        told = refusal(written(tmp_path / "a.msh", MSH_4, ("4.1 0 8", f"{version} 0 8")))
+        assert "4.1 or 2.2" in told
+
+    @pytest.mark.parametrize("text", [MSH_2, MSH_4])
+    def test_sections_that_no_mesh_needs_are_not_read(self, tmp_path, text):
+        """Periodic nodes and fields, whose counts are wrong here."""
+        more = f'$Periodic\n{MUCH}\n$EndPeriodic\n$NodeData\n1\n"a"\n0\n3\n0\n{MUCH}\n{MUCH}\n$EndNodeData\n'
+        assert TriangleMesh.load(written(tmp_path / "a.msh", text + more)).region_names[0] == "steel"
+
+    def test_names_times_blocks(self, tmp_path):
+        """Each block may have all names."""
+        names = "".join(f'1 {number} "{number}"\n' for number in range(10, 5_010))
+        blocks = "1 1 1 1\n1 1 2\n" * 5_000
+        changes = [("$PhysicalNames\n4\n", f"$PhysicalNames\n5004\n{names}"), ("$Elements\n4 4 1 4\n", "$Elements\n")]
+        path = written(tmp_path / "a.msh", MSH_4, *changes, ("$Elements\n", f"$Elements\n5004 5004 1 4\n{blocks}"))
+        with pytest.raises(InputError, match="5004"):
+            TriangleMesh.load(path)
+
+    @pytest.mark.parametrize("kind", ["gmsh", "gmsh22"])
+    @pytest.mark.parametrize("binary", [False, True])
+    def test_what_meshio_writes_is_read(self, tmp_path, kind, binary):
+        meshio.write(tmp_path / "a.msh", square(heat=np.arange(4.0)), file_format=kind, binary=binary)
+        mesh = TriangleMesh.load(tmp_path / "a.msh")
+        assert mesh.cells.tolist() == [[0, 1, 2], [0, 2, 3]]
+        assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), ("seam",), ("steel",))
+
+    @pytest.mark.parametrize("kind", ["gmsh", "gmsh22"])
+    def test_no_count_of_a_binary_file_takes_memory(self, tmp_path, kind):
+        """Four bytes in each place replaced by a large number; some of these are coordinates or names."""
+        path = tmp_path / "a.msh"
+        meshio.write(path, square(), file_format=kind, binary=True)
+        content, wrong = path.read_bytes(), 0
+        TriangleMesh.load(path)
+        tracemalloc.start()
+        try:
+            for at in range(20, len(content) - 4, 5 if kind == "gmsh22" else 13):
+                path.write_bytes(content[:at] + np.int32(MUCH).tobytes() + content[at + 4 :])
+                try:
+                    TriangleMesh.load(path)
+                except InputError:
+                    wrong += 1
+            assert tracemalloc.get_traced_memory()[1] < 5_000_000
+        finally:
+            tracemalloc.stop()
+        assert wrong > 20
+
+    def test_partitions_are_read_over(self, tmp_path):
+        """As more numbers of each element, of which the first is the physical one."""
+        path = written(tmp_path / "a.msh", MSH_2, ("3 2 2 3 1 1 2 3", "3 2 4 3 1 1 7 1 2 3"))
+        assert TriangleMesh.load(path).region_names == ("steel",)
+
+
+class TestAbaqus:
+    """Ranges and other files."""
+
+    @pytest.mark.parametrize("keyword", ["*INCLUDE", " include", "*Include ", "**\n*INCLUDE"])
+    def test_other_files_are_not_read(self, tmp_path, keyword):
+        (tmp_path / "b.inp").write_text("*NODE\n6, 9, 9\n")
+        assert "INCLUDE" in refusal(written(tmp_path / "a.inp", f"{INP}{keyword}, INPUT=b.inp\n"))
+
+    def test_ranges(self, tmp_path):
+        path = tmp_path / "a.inp"
+        assert str(MUCH) in refusal(written(path, f"{INP}*ELSET, ELSET=all, GENERATE\n1,\n{MUCH}, 1\n"))
+        mesh = TriangleMesh.load(written(path, f"{INP}*ELSET, ELSET=both, GENERATE\n3, 4, 1\n"))
+        assert mesh.regions["both"].tolist() == [0, 1]
+
+    def test_nodes_that_are_not_there(self, tmp_path):
+        refusal(written(tmp_path / "a.inp", INP, ("3, 1, 2, 3\n", "3, 1, 2, 7\n")))
+
+
+class TestMed:
+    """Links and values in other files, counts, and what lies twice in the file."""
+
+    @pytest.fixture
+    def path(self, tmp_path):
+        med_file(tmp_path / "a.med")
+        return tmp_path / "a.med"
+
+    @pytest.fixture
+    def change(self, path):
+        """Change the file; the error it then gives."""
+        h5py = pytest.importorskip("h5py")
+
+        def changed(by):
+            with h5py.File(path, "r+") as file:
+                by(h5py, file)
+            return refusal(path)
+
+        return changed
+
+    @pytest.mark.parametrize("name", ["ENS_MAA", "FAS", f"{STEP}/MAI", f"{STEP}/NOE/COO"])
+    @pytest.mark.parametrize("kind", ["external", "soft"])
+    def test_links(self, change, tmp_path, name, kind):
+        def linked(h5py, file):
+            with h5py.File(tmp_path / "b.med", "w") as other:
+                file.copy(file[name], other, "there")
+            file.move(name, "there")
+            file[name] = h5py.SoftLink("/there") if kind == "soft" else h5py.ExternalLink("b.med", "/there")
+
+        assert name.rpartition("/")[2] in change(linked)
+
+    def test_values_in_another_file(self, change, tmp_path):
+        (tmp_path / "values").write_bytes(np.arange(10.0).tobytes())
+
+        def moved(_, file):
+            points = file[f"{STEP}/NOE"]
+            kept = dict(points["COO"].attrs)
+            del points["COO"]
+            points.create_dataset("COO", (10,), "f8", external=[(str(tmp_path / "values"), 0, 80)])
+            points["COO"].attrs.update(kept)
+
+        assert "another file" in change(moved)
+
+    def test_virtual_values(self, change, tmp_path):
+        def moved(h5py, file):
+            layout = h5py.VirtualLayout((10,), "f8")
+            layout[:] = h5py.VirtualSource(str(tmp_path / "b.h5"), "x", (10,))
+            file["ENS_MAA/mesh"].create_virtual_dataset("more", layout)
+
+        assert "another file" in change(moved)
+
+    def test_counts(self, change):
+        def claimed(_, file):
+            family = next(iter(file["FAS/mesh/ELEME"].values()))
+            family["GRO"].attrs["NBR"] = MUCH
+
+        assert str(MUCH) in change(claimed)
+
+    def test_what_lies_in_the_file_many_times_counts_each_time(self, change):
+        def repeated(_, file):
+            large = file["ENS_MAA/mesh"].create_dataset("large", (1_000_000,), "f8", compression="gzip")
+            for number in range(25):
+                file[f"ENS_MAA/mesh/{number}"] = large
+
+        assert "coarser" in change(repeated)
+
+    def test_a_group_inside_itself(self, change):
+        def circle(_, file):
+            file["ENS_MAA/mesh/again"] = file["ENS_MAA"]
+
+        change(circle)
+
+    def test_nodes_that_are_not_there(self, change):
+        def stranger(_, file):
+            file[f"{STEP}/MAI/TR3/NOD"][0] = 9
+
+        assert "nodes" in change(stranger)
+
+    def test_fields_are_not_read(self, path):
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "r+") as file:
+            file["CHA/field"] = h5py.ExternalLink("nowhere.med", "/there")
+        assert TriangleMesh.load(path).region_names == ("steel",)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no such files")
+@pytest.mark.parametrize("ending", [".msh", ".inp", ".med"])
+class TestOtherThanFiles:
+    """Pipes are not waited for, and devices not read."""
+
+    def test_pipes(self, tmp_path, ending):
+        os.mkfifo(tmp_path / f"a{ending}")
+        assert "regular" in refusal(tmp_path / f"a{ending}")
+
+    def test_devices_behind_links(self, tmp_path, ending):
+        (tmp_path / f"a{ending}").symlink_to("/dev/zero")
+        assert "regular" in refusal(tmp_path / f"a{ending}")
+
+    def test_links_to_files_are_followed(self, tmp_path, ending):
+        if ending == ".med":
+            med_file(tmp_path / "b")
+        else:
+            (tmp_path / "b").write_text(INP if ending == ".inp" else MSH_4)
+        (tmp_path / f"a{ending}").symlink_to(tmp_path / "b")
+        assert TriangleMesh.load(tmp_path / f"a{ending}").cell_count == 2
