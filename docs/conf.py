@@ -56,7 +56,7 @@ nitpick_ignore_regex = [
     (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.basics\.shown\.Rounding"),
-    (r"py:class", r"(ContactRows|Elimination|Parameter|PlateRows|Scales|StressSpace|TriangleEnergy)"),
+    (r"py:class", r"(ContactRows|EdgeRule|Parameter|PlateRows|Root|Scales|StressSpace|Supports)"),
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
     (r"py:class", r"qvi_contact\.companion\.((elasticity|space)\.\w+|result\.CompanionState)"),

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from qvi_contact.companion import solve_companion
     from qvi_contact.discretization.discretization import Discretization, discretize
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
+    from qvi_contact.files.archive import load_result
     from qvi_contact.files.problem_file import ProblemFile, load_problem
     from qvi_contact.files.problem_writer import save_problem
-    from qvi_contact.files.stored import load_result
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
     from qvi_contact.limit.load_factor import (
         LimitLoad,
@@ -34,9 +34,8 @@ if TYPE_CHECKING:
     from qvi_contact.mesh.triangles import TriangleMesh
     from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
     from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
-    from qvi_contact.problem.material import Material, Region
+    from qvi_contact.problem.material import Material, Mises, MohrCoulomb, NoTension, Region, Tresca
     from qvi_contact.problem.problem import ContactProblem
-    from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Tresca
     from qvi_contact.refinement import LimitFactor, LimitRefinement, Refinement, RefinementStatus, refine
     from qvi_contact.solution.contact_line import ContactLine, ContactState
     from qvi_contact.solution.history import History, loop_area, solve_history
@@ -65,9 +64,9 @@ _HOME = {
     "LimitRefinement": "refinement",
     "Material": "problem.material",
     "Mechanism": "mechanism",
-    "Mises": "problem.strength",
-    "MohrCoulomb": "problem.strength",
-    "NoTension": "problem.strength",
+    "Mises": "problem.material",
+    "MohrCoulomb": "problem.material",
+    "NoTension": "problem.material",
     "Polynomial": "problem.fields",
     "ProblemFile": "files.problem_file",
     "QVIError": "errors",
@@ -83,7 +82,7 @@ _HOME = {
     "SweepRow": "solution.sweep",
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
-    "Tresca": "problem.strength",
+    "Tresca": "problem.material",
     "TriangleMesh": "mesh.triangles",
     "UnknownNameError": "errors",
     "discretize": "discretization.discretization",
@@ -91,7 +90,7 @@ _HOME = {
     "limit_load_factor": "limit.load_factor",
     "limit_proof": "limit.load_factor",
     "load_problem": "files.problem_file",
-    "load_result": "files.stored",
+    "load_result": "files.archive",
     "loop_area": "solution.history",
     "other_solutions": "bracket",
     "principal_stresses": "solution.stress",

@@ -22,11 +22,12 @@ def started():
     """
     mark, running = uuid4().hex, []
 
-    def start(*words, **environment):
+    def start(*words, folder=ROOT, **environment):
         before = signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
             process = subprocess.Popen(
-                [sys.executable, *map(str, words)], cwd=ROOT, env={**os.environ, MARK: mark, **environment}, text=True,
+                [sys.executable, *map(str, words)], cwd=folder, text=True,
+                env={**os.environ, "PYTHONPATH": str(ROOT), MARK: mark, **environment},
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             )  # fmt: skip
         finally:

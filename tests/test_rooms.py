@@ -2,7 +2,6 @@
 
 import ast
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -88,34 +87,3 @@ def test_packages_import_from_those_below_only(package):
         (name, target) for name, targets in modules(package) for target in targets if target.split(".")[0] in above
     ]
     assert wrong == []
-
-
-def test_imports_are_found_wherever_they_stand():
-    code = """
-import a.b, c
-if TYPE_CHECKING:
-    from hidden import x
-else:
-    from d import y
-
-def function():
-    with open(name):
-        from e import z
-"""
-    assert set(imports(ast.parse(code))) == {"a.b", "c", "d", "e"}
-
-
-@pytest.mark.parametrize(
-    ("public", "home"),
-    [
-        ("qvi_contact.cli", "qvi_contact.command.cli"),
-        ("qvi_contact.exact", "qvi_contact.gallery.exact"),
-        ("qvi_contact.export", "qvi_contact.files"),
-        ("qvi_contact.result", "qvi_contact.solution.result"),
-        ("qvi_contact.units", "qvi_contact.basics.units"),
-    ],
-)
-def test_public_names_outside_rooms_lead_into_them(public, home):
-    offered = import_module(public)
-    assert offered.__all__
-    assert all(getattr(offered, name) is getattr(import_module(home), name) for name in offered.__all__)

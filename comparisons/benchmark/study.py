@@ -6,15 +6,14 @@ Times are wall times [s], of sequences and walls CPU times. Problems are on tria
 
 import gc
 import os
-import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from qvi_contact import (
     Discretization,
     Displacement,
     Material,
+    Polynomial,
     Traction,
     TriangleMesh,
     discretize,
@@ -34,13 +34,13 @@ from qvi_contact import (
     solve_history,
     solve_sweep,
 )
-from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact.basics.checks import Field
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.runs import THREADS
 from qvi_contact.solution.sweep import Parameter, SweepTask
-from solvers import FrictionQVI, certify
-from solvers.basics.types import Sparse, Vector, load
+from solvers import certify
+from solvers.basics.types import Sparse, load
 from solvers.factorisation import available_backends, factorise, resolve
 from solvers.factorisation.choice import CHOICES
 
@@ -111,13 +111,11 @@ def walls(blocks: Sequence[int], loads: Sequence[float]) -> Study:
 
 # whole solves and factorisations
 
-_T = TypeVar("_T")
 _THREADS: Final = int(os.environ.get(THREADS[0], "1"))
 _NOTHING: Final = np.zeros(0, dtype=np.int64)
 PARTS: Final = ("whole", "assembly", "solve", "factorisation", "interior_point", "certificate", "rest")
 """Times of a solve [s]: whole = assembly + solve; the other four are parts of solve."""
 
-_PARTS: Final = ("factorisation", "interior_point", "certificate")
 _WARM_UP: Final = 4  # cells a side of a solve that loads all libraries
 _REPETITIONS: Final = ((32, 5), (64, 3))  # up to so many cells a side; beyond the last one, two
 _LOOP_RUNS: Final = 3
@@ -137,8 +135,8 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     the largest resident memory [bytes] after the first solve, "imports" before it.
     """
     cells, count, backend = case["cells"], repetitions(case["cells"]), case["sparse"]
-    settings = _settings(backend)
-    _attempt(partial(_timed, compressed_plate(0.2, cells=(_WARM_UP, _WARM_UP)), settings))
+    settings = {"method": "condensed", "factorisation": backend, "threads": _THREADS}
+    _attempt(lambda: _solved(_plate(0.2, _WARM_UP), settings))
     imports, peak, K = peak_memory(), None, None
     solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}
     plain: dict[str, list[dict[str, Any]]] = {}
@@ -148,7 +146,7 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
             measured = found[-1].pop("peak", None)
             peak = peak or measured
         if K is None:  # after the first solve, whose peak memory counts
-            K = discretize(compressed_plate(0.2, cells=(cells, cells))).qvi.K
+            K = discretize(_plate(0.2, cells)).qvi.K
         for name in available_backends():
             if turn == 0 or name == backend or cells <= LARGEST:
                 plain.setdefault(name, []).append(_attempt(partial(_factorised, K, name)))
@@ -157,10 +155,6 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
         "plain": [{"backend": name, **_together(found)} for name, found in plain.items()],
         "peak": peak, "imports": imports,
     }  # fmt: skip
-
-
-def _settings(factorisation: str) -> dict[str, Any]:
-    return {"method": "condensed", "factorisation": factorisation, "threads": _THREADS}
 
 
 def _together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -179,74 +173,65 @@ def _attempt(measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         return {"status": "error", "message": f"{type(error).__name__}: {error}", "seconds": {}}
 
 
+def _plate(friction: float, cells: int) -> ContactProblem:
+    return compressed_plate(friction, cells=(cells, cells))
+
+
 def _whole(cells: int, friction: float, settings: dict[str, Any]) -> dict[str, Any]:
     """One solve from the problem to the certified result, then `discretize` alone on a problem of its own.
 
     The parts of "seconds" are those of `PARTS`.
     """
     gc.collect()
-    record = _timed(compressed_plate(friction, cells=(cells, cells)), settings)
+    record = _solved(_plate(friction, cells), settings)
     record["peak"] = peak_memory()
-    _, assembly = _clocked(time.perf_counter, lambda: _discretised(friction, cells))
-    seconds = record["seconds"]
-    seconds |= {"assembly": assembly, "solve": seconds["whole"] - assembly}
-    seconds["rest"] = seconds["solve"] - sum(seconds[part] for part in _PARTS)
-    return record
+    began = time.perf_counter()
+    discretize(_plate(friction, cells))
+    assembly, seconds = time.perf_counter() - began, record["seconds"]
+    parts = seconds["factorisation"] + seconds["interior_point"] + seconds["certificate"]
+    solve = seconds["whole"] - assembly
+    return record | {"seconds": {**seconds, "assembly": assembly, "solve": solve, "rest": solve - parts}}
 
 
-def _discretised(friction: float, cells: int) -> Any:
-    return discretize(compressed_plate(friction, cells=(cells, cells)))
-
-
-def _clocked(clock: Callable[[], float], work: Callable[[], _T]) -> tuple[_T, float]:
-    """What it returns, and its seconds by this clock."""
-    began = clock()
-    found = work()
-    return found, clock() - began
-
-
-def _timed(problem: ContactProblem, settings: dict[str, Any]) -> dict[str, Any]:
-    solving = partial(solve, problem, tolerance=TOLERANCE, **settings)
-    result, seconds = _clocked(time.perf_counter, solving)
-    timings, factor = result.solution.timings, result.solution.problem.stiffness.factor
-    parts = {
-        "factorisation": float(sum(factor.seconds.values())) if factor is not None else 0.0,  # with Schur complement
-        "interior_point": timings.get("interior point", timings.get("solve", 0.0)),
-        "certificate": timings.get("certificate", 0.0),
-    }
-    return {**_answer(result), "seconds": {"whole": seconds, **parts}}
-
-
-def _answer(result: ContactResult) -> dict[str, Any]:
-    """What became of a solve, as plain data."""
-    solution = result.solution
+def _solved(problem: ContactProblem | Discretization, settings: dict[str, Any]) -> dict[str, Any]:
+    """What became of a solve, as plain data, and its times."""
+    began = time.perf_counter()
+    result = solve(problem, tolerance=TOLERANCE, **settings)
+    whole, solution = time.perf_counter() - began, result.solution
+    timings, factor = solution.timings, solution.problem.stiffness.factor
     return {
         "status": result.status.value, "message": result.message, "unknowns": solution.problem.n,
-        "contact_points": solution.problem.m, "iterations": result.iterations,
-        "corrections": len(solution.corrections), "accuracy": result.certificate.accuracy,
+        "iterations": result.iterations, "accuracy": result.certificate.accuracy, "library": solution.factorisation,
         "half_force": result.contacts["plate"].normal_force if result.has_state else None,
-        "library": solution.factorisation,
+        "seconds": {
+            "whole": whole,
+            "factorisation": float(sum(factor.seconds.values())) if factor is not None else 0.0,  # Schur complement too
+            "interior_point": timings.get("interior point", timings.get("solve", 0.0)),
+            "certificate": timings.get("certificate", 0.0),
+        },
     }  # fmt: skip
 
 
 def _factorised(K: Sparse, backend: str) -> dict[str, Any]:
     """One plain factorisation, without Schur complement."""
     gc.collect()
-    factor, seconds = _clocked(time.perf_counter, lambda: factorise(K, _NOTHING, backend, _THREADS))
-    found = {"status": "done", "message": "", "unknowns": int(K.shape[0]), "version": factor.version,
-             "seconds": {"plain": seconds, **factor.seconds}}  # fmt: skip
+    began = time.perf_counter()
+    factor = factorise(K, _NOTHING, backend, _THREADS)
+    seconds = {"plain": time.perf_counter() - began, **factor.seconds}
+    found = {"status": "done", "message": "", "version": factor.version, "seconds": seconds}
     factor.release()
     return found
 
 
 def solve_graded(case: Mapping[str, Any]) -> dict[str, Any]:
     """Whole solves on a graded mesh, from `discretize` to the certified result: the last answer, all times."""
-    (depth, degree), mu, settings = case["mesh"], case["friction"], _settings(case["sparse"])
-    _timed(compressed_plate(0.2, cells=(_WARM_UP, _WARM_UP)), settings)
+    (depth, degree), mu = case["mesh"], case["friction"]
+    settings = {"method": "condensed", "factorisation": case["sparse"], "threads": _THREADS, "degree": degree}
+    _solved(_plate(0.2, _WARM_UP), settings)
     singular = [(1.0, 1.0), *([(TRANSITIONS[mu], 1.0)] if mu in TRANSITIONS else [])]
     mesh = TriangleMesh.rectangle((_WARM_UP, _WARM_UP)).graded(singular, depth)
     problem = replace(compressed_plate(mu), mesh=mesh)
-    found = [_timed(problem, settings | {"degree": degree}) for _ in range(case["runs"])]
+    found = [_solved(problem, settings) for _ in range(case["runs"])]
     return {**found[-1], "seconds": [each["seconds"]["whole"] for each in found]}
 
 
@@ -256,12 +241,11 @@ def solve_loops(case: Mapping[str, Any]) -> dict[str, Any]:
     seconds: list[float] = []
     found: dict[str, Any] = {}
     while len(seconds) < _LOOP_RUNS and sum(seconds) < _LOOP_BUDGET:
-        problem = compressed_plate(case["friction"], cells=(case["cells"],) * 2)
-        discretization = discretize(problem, contact_rows="gauss")  # Uzawa needs values at points
-        solving = partial(solve, discretization, tolerance=TOLERANCE, threads=_THREADS, **options)
-        by_hand = partial(cvxpy_loop, discretization, TOLERANCE)
+        plate = discretize(
+            _plate(case["friction"], case["cells"]), contact_rows="gauss"
+        )  # Uzawa needs values at points
         began = time.perf_counter()
-        found = _answer(solving()) if options else by_hand()
+        found = _solved(plate, {"threads": _THREADS, **options}) if options else cvxpy_loop(plate, TOLERANCE)
         seconds.append(time.perf_counter() - began)
     return {**found, "seconds": seconds}
 
@@ -270,9 +254,11 @@ def solve_wall(case: Mapping[str, Any]) -> dict[str, Any]:
     """A wall's solve, after a small one that loads all libraries, and then a plain factorisation of the same K."""
     blocks, load = case["blocks"], case["load"]
     solve(wall_of(2, load), method="condensed", system="sparse", threads=_THREADS)
-    cpu = partial(_clocked, time.process_time)
-    discretization, assembly = cpu(partial(discretize, wall_of(blocks, load)))
-    result, seconds = cpu(partial(solve, discretization, method="condensed", tolerance=TOLERANCE, threads=_THREADS))
+    began = time.process_time()
+    discretization = discretize(wall_of(blocks, load))
+    ready = time.process_time()
+    result = solve(discretization, method="condensed", tolerance=TOLERANCE, threads=_THREADS)
+    times = {"assembly": ready - began, "solve": time.process_time() - ready}
     peak, K, solution = peak_memory(), discretization.qvi.K, result.solution
     found = {
         "status": result.status.value, "message": "" if solution.solved else result.message, "unknowns": K.shape[0],
@@ -281,8 +267,9 @@ def solve_wall(case: Mapping[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
     del result, solution, discretization
     gc.collect()
-    _, plain = cpu(lambda: factorise(K, _NOTHING, resolve(), _THREADS))
-    return {**found, "assembly": assembly, "factorisation": plain, "solve": seconds, "peak": peak}
+    began = time.process_time()
+    factorise(K, _NOTHING, resolve(), _THREADS)
+    return {**found, **times, "factorisation": time.process_time() - began, "peak": peak}
 
 
 def peak_memory() -> int | None:
@@ -291,11 +278,6 @@ def peak_memory() -> int | None:
         for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
             if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
                 return 1024 * int(line.split()[1])
-    with suppress(ImportError):
-        import resource
-
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        return int(peak) if sys.platform == "darwin" else 1024 * int(peak)
     return None
 
 
@@ -313,23 +295,7 @@ def cvxpy_loop(discretization: Discretization, tolerance: float) -> dict[str, An
     without centring, acceleration or elimination, by Clarabel; for problems without plates driven by force. The
     certificate is that of every other method.
     """
-    qvi, scales = discretization.qvi, discretization.scales
-    z, m_N, m_T, iterations = _iterated(qvi, tolerance)
-    certificate = certify(qvi, z, m_N, m_T, np.zeros(qvi.p), tolerance)
-    return {
-        "status": "solved" if certificate.passed else "inaccurate",
-        "message": certificate.summary(),
-        "unknowns": qvi.n,
-        "contact_points": qvi.m,
-        "iterations": iterations,
-        "accuracy": certificate.accuracy,
-        "half_force": -scales.stress * scales.length * qvi.resultant(z),
-    }
-
-
-def _iterated(qvi: FrictionQVI, tolerance: float) -> tuple[Vector, Vector, Vector, int]:
-    """(z, m_N, m_T) when the pressure has changed by less than the tolerance, and the number of programs."""
-    cp = load("cvxpy")
+    cp, qvi, scales = load("cvxpy"), discretization.qvi, discretization.scales
     x, bound = cp.Variable(qvi.n), cp.Parameter(qvi.m, nonneg=True)
     normal, shear = qvi.N @ x + qvi.n0, qvi.T @ x + qvi.t0
     laws = [normal <= 0, shear <= bound, -shear <= bound]
@@ -340,8 +306,13 @@ def _iterated(qvi: FrictionQVI, tolerance: float) -> tuple[Vector, Vector, Vecto
         problem.solve(solver="CLARABEL", **_INNER)
         before, pressure, number = pressure, qvi.pressure(x.value), number + 1
         change = float(np.linalg.norm(pressure - before) / np.linalg.norm(pressure))
-    m_N, above, below = (np.asarray(law.dual_value) for law in laws)
-    return np.asarray(x.value), m_N, above - below, number
+    z, (m_N, above, below) = np.asarray(x.value), (np.asarray(law.dual_value) for law in laws)
+    certificate = certify(qvi, z, m_N, above - below, np.zeros(qvi.p), tolerance)
+    return {
+        "status": "solved" if certificate.passed else "inaccurate", "message": certificate.summary(),
+        "unknowns": qvi.n, "iterations": number, "accuracy": certificate.accuracy,
+        "half_force": -scales.stress * scales.length * qvi.resultant(z),
+    }  # fmt: skip
 
 
 # sequences of problems
@@ -349,8 +320,7 @@ def _iterated(qvi: FrictionQVI, tolerance: float) -> tuple[Vector, Vector, Vecto
 _DEPTH: Final = 0.01
 
 
-@dataclass(frozen=True)
-class Chain:
+class Chain(NamedTuple):
     """A sequence.
 
     Attributes
@@ -372,19 +342,9 @@ class Chain:
     values: tuple[float, ...]
     history: bool = False
 
-    def problems(self, quick: bool) -> list[ContactProblem]:
-        """All problems, as they are stated: to put them on the mesh of an element is part of a solve."""
-        base = self.base(quick)
-        task = SweepTask(base, self.parameter, tuple(contact.name for contact in base.contacts))
-        return [task.changed(value) for value in self.chosen(quick)]
 
-    def base(self, quick: bool) -> ContactProblem:
-        """The problem that is changed."""
-        return self.problem(self.coarse if quick else self.cells)
-
-    def chosen(self, quick: bool) -> tuple[float, ...]:
-        """The values."""
-        return self.values[:: 5 if quick else 1]
+_PUNCH: Final = Polynomial([[2.0 * _DEPTH], [-4.0 * _DEPTH], [2.0 * _DEPTH]])
+"""2 (x − 1)² over its depth."""
 
 
 def layer(cells: tuple[int, int], gap: Field = -_DEPTH, offset: float = 0.0) -> ContactProblem:
@@ -393,10 +353,6 @@ def layer(cells: tuple[int, int], gap: Field = -_DEPTH, offset: float = 0.0) -> 
     sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
     held = Displacement("bottom", x=0.0, y=0.0)
     return ContactProblem(mesh, Material(1000.0, 0.3), [Contact("top", 0.3, gap, offset, "obstacle"), held, *sides])
-
-
-def _punch(x: FloatArray, y: FloatArray) -> FloatArray:
-    return 2.0 * _DEPTH * (x - 1.0) ** 2 + 0.0 * y
 
 
 def _evenly(first: float, last: float, count: int) -> tuple[float, ...]:
@@ -417,7 +373,7 @@ CHAINS: Final = {
         (64, 32), (16, 8), "gap", _evenly(-0.5 * _DEPTH, -_DEPTH, 11),
     ),
     "depth": Chain(
-        "sweep: 11 depths of a round punch, layer 32 × 64", partial(layer, gap=_punch), (64, 32), (16, 8), "gap",
+        "sweep: 11 depths of a round punch, layer 32 × 64", partial(layer, gap=_PUNCH), (64, 32), (16, 8), "gap",
         _evenly(-0.2 * _DEPTH, -2.0 * _DEPTH, 11),
     ),
 }  # fmt: skip
@@ -443,41 +399,33 @@ def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
         contact, a list of one number for each problem, of single solves for every fourth
 
     """
-    chain = CHAINS[case["sequence"]]
-    return {way: _solved(way, chain, case["quick"]) for way in WAYS}
-
-
-def _solved(way: str, chain: Chain, quick: bool) -> dict[str, Any]:
-    clock, problems = _Clock(), chain.problems(quick)
-    if way == "single":
-        for problem in problems[::EVERY]:
-            clock(0, solve(problem))
-    elif chain.history:
-        solve_history(problems, clock, warm_start=way == "warm")
-    else:
-        base, values = chain.base(quick), chain.chosen(quick)
-        solve_sweep(base, chain.parameter, values, callback=clock, warm_start=way == "warm")
-    return clock.found
-
-
-class _Clock:
-    """Hears of each result, and takes down its time and its numbers."""
-
-    def __init__(self) -> None:
-        self._last = time.process_time()
+    chain, every = CHAINS[case["sequence"]], 5 if case["quick"] else 1
+    base, values = chain.problem(chain.coarse if case["quick"] else chain.cells), chain.values[::every]
+    task = SweepTask(base, chain.parameter, tuple(contact.name for contact in base.contacts))
+    found: dict[str, Any] = {}
+    for way in WAYS:
         names = ("seconds", "iterations", "status", "accuracy", "normal", "tangential")
-        self.found: dict[str, list[Any]] = {name: [] for name in names}
+        told: dict[str, list[Any]] = {name: [] for name in names}
+        last = [time.process_time()]
 
-    def __call__(self, number: int, result: ContactResult) -> None:  # noqa: ARG002  # as callbacks are called
-        seconds = time.process_time() - self._last
-        line = next(iter(result.contacts.values()))
-        values = (
-            seconds, result.iterations, str(result.status), result.certificate.accuracy,
-            line.normal_force, line.tangential_force,
-        )  # fmt: skip
-        for name, value in zip(self.found, values, strict=True):
-            self.found[name].append(value)
-        self._last = time.process_time()
+        def hear(_: int, result: ContactResult, told: dict[str, list[Any]] = told, last: list[float] = last) -> None:
+            seconds, line = time.process_time() - last[0], next(iter(result.contacts.values()))
+            values = (seconds, result.iterations, str(result.status), result.certificate.accuracy, line.normal_force,
+                      line.tangential_force)  # fmt: skip
+            for name, value in zip(told, values, strict=True):
+                told[name].append(value)
+            last[0] = time.process_time()
+
+        problems = [task.changed(value) for value in values]
+        if way == "single":
+            for problem in problems[::EVERY]:
+                hear(0, solve(problem))
+        elif chain.history:
+            solve_history(problems, hear, warm_start=way == "warm")
+        else:
+            solve_sweep(base, chain.parameter, values, callback=hear, warm_start=way == "warm")
+        found[way] = told
+    return found
 
 
 # walls

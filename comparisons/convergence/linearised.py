@@ -33,7 +33,7 @@ from scipy.linalg import eigh, eigvals, eigvalsh, pinvh
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from solvers.basics.types import BoolVector, Matrix, Vector
-from solvers.inequality.problem import Compliance, FrictionQVI
+from solvers.inequality.problem import Compliance
 from solvers.solution import QVISolution
 
 _NOTHING: Final = 1e-9
@@ -63,17 +63,13 @@ class Linearised:
     moving: Vector
     pressing: Vector
 
-    def outer_matrix(self) -> Matrix:
-        """J (m, m) of (a), in the norm of L²."""
+    def outer_contraction(self, damping: float = 1.0) -> float:
+        """Spectral radius of the loop s + θ (|σ_N(s)| − s), J (m, m) of (a) in the norm of L²."""
         m, active = len(self.threshold), np.concatenate([self.open, self.slipping])
         bounds = np.concatenate([np.zeros((m, m)), np.diag(self.sign * self.moving)])[active]
         held = pinvh(self.compliance[np.ix_(active, active)], rtol=_NOTHING) @ bounds if active.any() else bounds
-        return np.asarray(self.pressing[:, None] * (self.compliance[:m, active] @ held))
-
-    def outer_contraction(self, damping: float = 1.0) -> float:
-        """Spectral radius of the loop s + θ (|σ_N(s)| − s)."""
-        J = self.outer_matrix()
-        return _radius(eigvals((1.0 - damping) * np.eye(len(J)) + damping * J))
+        J = self.pressing[:, None] * (self.compliance[:m, active] @ held)
+        return _radius(eigvals((1.0 - damping) * np.eye(m) + damping * J))
 
     def uzawa_contraction(self, omega_T: float, omega_N: float) -> float:
         """Largest |1 − e| of (b); 0 where nothing is open or slips."""
@@ -137,12 +133,8 @@ def linearised(solution: QVISolution) -> Linearised:
         is_open,
         np.sign(tangential),
         np.where(qvi.cohesion + qvi.mu * pressure < qvi.cap, qvi.mu, 0.0),
-        _pressing(qvi, normal),
+        np.where(normal < 0.0, -1.0, np.where(qvi.bilateral & (normal > 0.0), 1.0, 0.0)),
     )
-
-
-def _pressing(qvi: FrictionQVI, normal: Vector) -> Vector:
-    return np.where(normal < 0.0, -1.0, np.where(qvi.bilateral & (normal > 0.0), 1.0, 0.0))
 
 
 def _step_limit(matrix: Matrix) -> float:
@@ -151,29 +143,6 @@ def _step_limit(matrix: Matrix) -> float:
 
 def _radius(values: Any) -> float:
     return float(np.abs(values).max(initial=0.0))
-
-
-# How fast a sequence of residuals falls, and what it does where it does not fall.
-#
-# The last residuals above a floor, r_k, are fitted by log r_k = a + b k, b the slope of Theil and Sen (the median
-# over
-# all pairs, so that single lucky or spoilt iterations do not count) with its confidence interval. Then, n the length
-# of
-# the fitted piece in iterations and b₋ ≤ b ≤ b₊ the interval,
-#
-#     converges    the last residual is at the target, or exp(b₊ n) < 1/2: certainly falling by more than half
-#     cycles       r_k = r_{k−p} to a thousandth all along, for a period p ≤ 8, p = 1 included
-#     diverges     exp(b₋ n) > 2, or the last residual is no number
-#     wanders      none of these
-#     short        fewer than four residuals
-#
-# The interval is nominal: it is that of independent residuals, which those of an iteration are not.
-#
-# Where an iteration has no residual (its inner problem failed, say) the loop began anew, and only what follows
-# counts.
-#
-# Source: P. K. Sen, Estimates of the regression coefficient based on Kendall's tau, J. Amer. Statist. Assoc. 63
-# (1968).
 
 
 Course = Literal["converges", "cycles", "diverges", "wanders", "short"]
@@ -187,24 +156,12 @@ LONGEST: Final = 40
 FLOOR: Final = 1e-12
 """Residuals below this are rounding."""
 
-_CONFIDENCE: Final = 0.95
-_HALF: Final = float(np.log(2.0))
-_PERIODS: Final = range(1, 9)
-_SAME: Final = 1e-3
+_SAME: Final = 1e-3  # change of log r that is none
 
 
 @dataclass(frozen=True)
 class Rate:
-    """What a sequence of residuals does.
-
-    Attributes
-    ----------
-    course : see the module
-    factor : exp(b), by which each iteration multiplies the residual; None if there are too few
-    low, high : the confidence interval of `factor`, 95 %
-    fitted : number of residuals fitted
-
-    """
+    """What a sequence of residuals does: its course, and exp(b) with its interval, see `rate_of`."""
 
     course: Course
     factor: float | None = None
@@ -216,7 +173,18 @@ class Rate:
 def rate_of(residuals: Sequence[float], target: float = 0.0) -> Rate:
     """Rate and course of the residuals (k,) ≥ 0 of the iterations of a loop.
 
-    A last residual of the target's size or below has converged whatever came before.
+    The last residuals above a floor, r_k, are fitted by log r_k = a + b k, b the slope of Theil and Sen (the median
+    over all pairs, so that single lucky or spoilt iterations do not count) with its confidence interval of 95 %, as if
+    residuals were independent. Then, n the length of the fitted piece in iterations and b₋ ≤ b ≤ b₊ the interval,
+
+        converges    the last residual is at the target, or exp(b₊ n) < 1/2: certainly falling by more than half
+        cycles       r_k = r_{k−p} to a thousandth all along, for a period p ≤ 8, p = 1 included
+        diverges     exp(b₋ n) > 2, or the last residual is no number
+        wanders      none of these
+        short        fewer than four residuals
+
+    Where an iteration has no residual (its inner problem failed, say) the loop began anew, and only what follows
+    counts. Source: P. K. Sen, J. Amer. Statist. Assoc. 63 (1968).
     """
     values = np.asarray(residuals, dtype=float)
     missing = np.flatnonzero(~np.isfinite(values))
@@ -224,14 +192,20 @@ def rate_of(residuals: Sequence[float], target: float = 0.0) -> Rate:
         return Rate("diverges")
     values = values[missing[-1] + 1 :] if len(missing) else values
     above = np.flatnonzero(values > FLOOR)
-    number = above[-_fitted(len(above)) :]
+    # half of them, but all of a few and no more than `LONGEST`
+    number = above[-min(max((len(above) + 1) // 2, min(len(above), 2 * LEAST)), LONGEST) :]
     arrived = len(values) > 0 and values[-1] <= max(target, FLOOR)
     if len(number) < LEAST:
         return Rate("converges" if arrived else "short", fitted=len(number))
-    logs = np.log(values[number])
+    logs, length = np.log(values[number]), float(number[-1] - number[0])
     slope, low, high = _slope(logs, number)
-    length = float(number[-1] - number[0])
-    course = "converges" if arrived else _course(logs, low * length, high * length)
+    cycles = any(len(logs) >= 2 * p and np.abs(logs[p:] - logs[:-p]).max() <= _SAME for p in range(1, 9))
+    half = float(np.log(2.0))
+    course: Course = "wanders"
+    if arrived or (not cycles and high * length < -half):
+        course = "converges"
+    elif cycles or low * length > half:
+        course = "cycles" if cycles else "diverges"
     return Rate(course, float(np.exp(slope)), float(np.exp(low)), float(np.exp(high)), len(number))
 
 
@@ -239,27 +213,8 @@ def _slope(y: FloatArray, x: FloatArray | IntArray) -> tuple[float, float, float
     """Slope of Theil and Sen, and the ends of its confidence interval."""
     from scipy.stats import theilslopes  # as long to load as all else of a worker
 
-    slope, _, low, high = theilslopes(y, x, _CONFIDENCE)
+    slope, _, low, high = theilslopes(y, x, 0.95)
     return float(slope), float(low), float(high)
-
-
-def _fitted(available: int) -> int:
-    """How many of the last residuals are fitted: half of them, but all of a few and no more than `LONGEST`."""
-    return min(max((available + 1) // 2, min(available, 2 * LEAST)), LONGEST)
-
-
-def _course(logs: FloatArray, least: float, most: float) -> Course:
-    """By the change of log r over the piece, between `least` and `most`."""
-    if any(_repeats(logs, period) for period in _PERIODS):
-        return "cycles"
-    if most < -_HALF:
-        return "converges"
-    return "diverges" if least > _HALF else "wanders"
-
-
-def _repeats(logs: FloatArray, period: int) -> bool:
-    """Whether each value is that of a period ago; two whole periods are needed to see it."""
-    return len(logs) >= 2 * period and bool(np.abs(logs[period:] - logs[:-period]).max() <= _SAME)
 
 
 def first_lasting(errors: Sequence[float], numbers: Sequence[int], target: float) -> int | None:

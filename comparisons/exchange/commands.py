@@ -1,6 +1,5 @@
 """Commands ``export`` and ``import`` of ``python -m comparisons``."""
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -130,8 +129,7 @@ def npz(problem: str, file: str) -> int:
 @click.option("--method", help="Outer method, see: qvi-contact methods")
 @click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
 @click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
-def import_file(file: str, as_json: bool, **given: Any) -> int:
+def import_file(file: str, **given: Any) -> int:
     """Solve the problem in FILE, and check the solution that FILE holds.
 
     FILE is an archive of "export npz" or a plane FCLIB problem. The output has the status, the certificate, and
@@ -144,80 +142,45 @@ def import_file(file: str, as_json: bool, **given: Any) -> int:
     """  # noqa: D301
     import numpy as np
 
-    from comparisons.lab.studies import finite_json
-
-    options = {name: value for name, value in given.items() if value is not None}
-    with np.errstate(all="ignore"):  # what overflows fails its certificate
-        found = _solved_archive(file, options) if Path(file).suffix.lower() == ".npz" else _solved_fclib(file, options)
-    if as_json:
-        click.echo(json.dumps(finite_json(found, null=True), indent=2, allow_nan=False, ensure_ascii=False))
-        return 0 if found["status"] == "solved" else 1
-    title = f", “{found['title']}”" if found["title"] else ""
-    head = f"{file}: {found['kind']}{title}, {found['contacts']} contact points, {found['unknowns']} unknowns, "
-    click.echo(f"{head}{found['equations']} equations")
-    for judgement in found["judgements"]:
-        click.echo(f"  {judgement['label']}: {judgement['certificate']}")
-        if judgement["siconos_error"] is not None:
-            own = f"{judgement['siconos_error_dimensionless']:.1e} with dimensionless u and r"
-            click.echo(f"    Siconos error {judgement['siconos_error']:.1e}, {own}")
-    click.echo("".join([f"  {found['note']}\n" if found["note"] else "", f"status: {found['message']}"]))
-    return 0 if found["status"] == "solved" else 1
-
-
-def _solved_fclib(path: str, options: dict[str, Any]) -> dict[str, Any]:
-    """What an FCLIB file holds, how good its solution is and that found here, and how solving went."""
-    from comparisons.exchange import read_fclib, solve_local
-
-    held = read_fclib(path)
-    problem, judgements = held.problem, []
-    if held.solution is not None:
-        certificate = problem.certify(held.solution, options.get("tolerance", 1e-8))
-        judgements.append(_judged("solution", problem, held.solution, certificate))
-    state, solution = solve_local(problem, **options)
-    judgements.append(_judged("solved here", problem, state, solution.certificate))
-    return {
-        "file": path, "kind": "FCLIB", "title": held.title, "contacts": problem.contacts, "unknowns": len(problem.q),
-        "equations": len(problem.s), "judgements": judgements, "status": solution.status.value,
-        "message": solution.message, "note": "",
-    }  # fmt: skip
-
-
-def _solved_archive(path: str, options: dict[str, Any]) -> dict[str, Any]:
-    """The same of an archive; without Siconos' measure where FCLIB has no form for its problem."""
-    from comparisons.exchange import load_qvi, local_problem, state_of
+    from comparisons.exchange import load_qvi, local_problem, read_fclib, siconos_error, solve_local, state_of
     from solvers import InputError, solve_qvi
 
-    qvi, known = load_qvi(path)
-    problem, note = None, ""
-    try:
-        problem = local_problem(qvi)
-    except InputError as error:
-        note = f"no Siconos error: {error.field} has no place in FCLIB"
-    solution = solve_qvi(qvi, **options)
-    judgements = [
-        _judged(label, problem, None if problem is None else state_of(problem, each), each.certificate)
-        for label, each in (("solution", known), ("solved here", solution))
-        if each is not None
-    ]
-    return {
-        "file": path, "kind": "NumPy archive", "title": "", "contacts": qvi.m, "unknowns": qvi.n, "equations": qvi.p,
-        "judgements": judgements, "status": solution.status.value, "message": solution.message, "note": note,
-    }  # fmt: skip
-
-
-def _judged(
-    label: str, problem: "LocalProblem | None", state: "ContactState | None", certificate: "Certificate"
-) -> dict[str, Any]:
-    from comparisons.exchange import siconos_error
-
-    errors: tuple[float | None, float | None] = (None, None)
-    if problem is not None and state is not None:
-        own, own_state = problem.dimensionless(state)
-        errors = siconos_error(problem, state.r, state.lam), siconos_error(own, own_state.r, own_state.lam)
-    return {
-        "label": label, "certificate": certificate.summary(), "accuracy": certificate.accuracy,
-        "siconos_error": errors[0], "siconos_error_dimensionless": errors[1],
-    }  # fmt: skip
+    options = {name: value for name, value in given.items() if value is not None}
+    states: list[tuple[str, ContactState | None, Certificate]] = []
+    problem: LocalProblem | None = None
+    note = ""
+    with np.errstate(all="ignore"):  # what overflows fails its certificate
+        if Path(file).suffix.lower() == ".npz":
+            qvi, known = load_qvi(file)
+            kind, sizes = "NumPy archive", (qvi.m, qvi.n, qvi.p)
+            try:
+                problem = local_problem(qvi)
+            except InputError as error:
+                note = f"  no Siconos error: {error.field} has no place in FCLIB\n"
+            solution = solve_qvi(qvi, **options)
+            for label, each in (("solution", known), ("solved here", solution)):
+                if each is not None:
+                    state = None if problem is None else state_of(problem, each)
+                    states.append((label, state, each.certificate))
+        else:
+            held = read_fclib(file)
+            problem, kind = held.problem, f"FCLIB, “{held.title}”" if held.title else "FCLIB"
+            sizes = (problem.contacts, len(problem.q), len(problem.s))
+            if held.solution is not None:
+                certificate = problem.certify(held.solution, options.get("tolerance", 1e-8))
+                states.append(("solution", held.solution, certificate))
+            state, solution = solve_local(problem, **options)
+            states.append(("solved here", state, solution.certificate))
+        points, unknowns, equations = sizes
+        click.echo(f"{file}: {kind}, {points} contact points, {unknowns} unknowns, {equations} equations")
+        for label, state, certificate in states:
+            click.echo(f"  {label}: {certificate.summary()}")
+            if problem is not None and state is not None:
+                own, (_, r, lam) = problem.dimensionless(state)
+                given_units, scaled = siconos_error(problem, state.r, state.lam), siconos_error(own, r, lam)
+                click.echo(f"    Siconos error {given_units:.1e}, {scaled:.1e} with dimensionless u and r")
+    click.echo(f"{note}status: {solution.message}")
+    return 0 if solution.solved else 1
 
 
 def _check_target(file: str, suffix: str) -> None:

@@ -37,8 +37,8 @@ from solvers.errors import InputError
 _KIND = "an FCLIB file (HDF5)"
 _OWN = "qvi_contact"
 _MATH = (
-    "Plane Coulomb friction u = W r + V l + q, V' r + R l + s = 0 (V, R only if present; without them u = W r + q), "
-    "order (N, T) per contact, r_N >= 0 compression, u_N >= 0 gap. Solutions need not be unique."
+    "Plane Coulomb friction u = W r + V l + q, V' r + R l + s = 0, R = 0 (V, R only if present; without them "
+    "u = W r + q), order (N, T) per contact, r_N >= 0 compression, u_N >= 0 gap. Solutions need not be unique."
 )
 
 
@@ -85,7 +85,7 @@ def write_fclib(
         vectors["q"], vectors["mu"] = problem.q, problem.mu
         if len(problem.s):
             _write_matrix(local.create_group("V"), problem.V)
-            _write_matrix(local.create_group("R"), problem.R)
+            _write_matrix(local.create_group("R"), np.zeros((len(problem.s), len(problem.s))))
             vectors["s"] = problem.s
         info = local.create_group("info")
         for name, text in (("title", title), ("description", description), ("math_info", _MATH)):
@@ -186,8 +186,9 @@ def _read_problem(local: Any, weights: Any) -> LocalProblem:
         raise InputError("fclib_local", "one of V and R", "give both, or none")
     if "V" not in local:
         return LocalProblem(W, q, mu, weights=lengths)  # type: ignore[arg-type]  # None stands for ones
-    V, R = _read_matrix(local, "V"), _read_matrix(local, "R")
-    return LocalProblem(W, q, mu, V, R, _vector(local, "vectors/s"), lengths)  # type: ignore[arg-type]
+    if _read_matrix(local, "R").any():
+        raise InputError("fclib_local/R", "other than zero", "give equations V' r + s = 0 alone")
+    return LocalProblem(W, q, mu, _read_matrix(local, "V"), _vector(local, "vectors/s"), lengths)  # type: ignore[arg-type]
 
 
 def _read_matrix(local: Any, name: str) -> Matrix:

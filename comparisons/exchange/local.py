@@ -2,12 +2,13 @@ r"""The friction problem at the contacts alone, as rigid-body and contact codes 
 
 FCLIB's local problem in the plane, order (N, T) for each of c contacts: find r, u (2c,) and λ (p,) with
 
-    u = W r + V λ + q,    Vᵀ r + R λ + s = 0,                                                          (L)
+    u = W r + V λ + q,    Vᵀ r + s = 0,                                                                (L)
     r_N ≥ 0,  u_N ≥ 0,  r_N u_N = 0;    |r_T| ≤ μ r_N,  u_T = −|u_T| r_T / |r_T| where |r_T| = μ r_N,  else u_T = 0.
 
 r are forces on the body (r_N > 0 compression), u relative displacements (u_N > 0 an open gap). Without equations,
-p = 0, it is the plain problem (W, q, μ). Source: FCLIB, src/fclib.h; Acary, Brémond, Koziara and Pérignon, FCLIB: a
-collection of discrete 3D frictional contact problems, INRIA RT-444, 2014.
+p = 0, it is the plain problem (W, q, μ). FCLIB's equations have a term R λ, which is zero here. Source: FCLIB,
+src/fclib.h; Acary, Brémond, Koziara and Pérignon, FCLIB: a collection of discrete 3D frictional contact problems, INRIA
+RT-444, 2014.
 
 **From (D2).** With the tractions σ = (σ_N, σ_T) at the points, those of the bonded body σ_b, weights w, and
 C = [N; T] K⁻¹ [N; T]ᵀ (K⁻¹ on A z = b), a *stiffness*, (D2) reads σ = σ_b − C m: tractions by displacements m = w λ.
@@ -19,7 +20,7 @@ The points' rows depend on each other (four on an edge where the traction has tw
 singular: tractions can only be σ_b + range C, and displacements are unique only up to its null space. Let Z be an
 orthonormal basis of the null space of C_w = √w C √w and C_w⁺ its pseudo-inverse. Then (D2) is exactly (L) with
 
-    W = D⁻¹ √w C_w⁺ √w D⁻¹,   q = −D⁻¹ √w C_w⁺ √w σ_b,   V = D⁻¹ √w Z,   R = 0,   s = −Zᵀ √w σ_b.
+    W = D⁻¹ √w C_w⁺ √w D⁻¹,   q = −D⁻¹ √w C_w⁺ √w σ_b,   V = D⁻¹ √w Z,   s = −Zᵀ √w σ_b.
 
 W is positive definite where Vᵀ r = 0, and ½ rᵀ W r + qᵀ r + ½ qᵀ W⁺ q is the energy above that of the bonded body.
 Independent rows (Z empty) give the plain problem. No plain problem has the same solutions where rows are dependent:
@@ -73,15 +74,6 @@ class ContactState(NamedTuple):
     lam: Vector
 
 
-class _Reduced(NamedTuple):
-    """(L) with the invertible part of R eliminated, and equations with orthonormal rows: Uᵀ (r / d) = target."""
-
-    W: Matrix
-    q: Vector
-    U: Matrix
-    target: Vector
-
-
 @dataclass(frozen=True, eq=False)
 class LocalProblem:
     """Problem (L) in the plane.
@@ -91,7 +83,7 @@ class LocalProblem:
     W : (2c, 2c) compliance, symmetric positive semi-definite
     q : (2c,) displacements at r = 0
     mu : (c,) ≥ 0
-    V, R, s : (2c, p), (p, p) symmetric positive semi-definite, and (p,); p = 0 when not given
+    V, s : (2c, p) and (p,); p = 0 when not given
     weights : (c,) > 0, lengths that make forces tractions; 1 when not given
 
     Accepted is every such problem of up to `LARGEST` rows. Where W is singular on Vᵀ r = 0 (more forces than
@@ -104,24 +96,23 @@ class LocalProblem:
     q: Vector
     mu: Vector
     V: Matrix = None  # type: ignore[assignment]  # None is replaced on construction
-    R: Matrix = None  # type: ignore[assignment]
     s: Vector = None  # type: ignore[assignment]
     weights: Vector = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         size = np.size(self.q)
-        if (self.V is None) != (self.s is None) or (self.V is None) != (self.R is None):
-            raise InputError("V", "V, R and s are not all there", "give all three, or none")
+        if (self.V is None) != (self.s is None):
+            raise InputError("V", "one of V and s", "give both, or none")
         none, ones = np.zeros(0), np.ones(np.size(self.mu))
-        empty = {"V": none.reshape(size, 0), "R": none.reshape(0, 0), "s": none, "weights": ones}
-        for name in ("W", "q", "mu", "V", "R", "s", "weights"):
+        empty = {"V": none.reshape(size, 0), "s": none, "weights": ones}
+        for name in ("W", "q", "mu", "V", "s", "weights"):
             value = getattr(self, name)
             object.__setattr__(self, name, finite(name, np.asarray(empty[name] if value is None else value)))
         if size % 2 or not 0 < size <= LARGEST:
             raise InputError("q", f"{size} entries", f"give two for each contact, at most {LARGEST} in all")
         c, p = size // 2, np.size(self.s)
         expected: dict[str, tuple[int, ...]] = {
-            "W": (size, size), "q": (size,), "mu": (c,), "V": (size, p), "R": (p, p), "s": (p,), "weights": (c,),
+            "W": (size, size), "q": (size,), "mu": (c,), "V": (size, p), "s": (p,), "weights": (c,),
         }  # fmt: skip
         for name, shape in expected.items():
             found = getattr(self, name).shape
@@ -131,8 +122,14 @@ class LocalProblem:
             raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
         if not (self.weights > 0).all():
             raise InputError("weights", float(self.weights.min()), "give lengths > 0")
-        for name in ("W", "R"):
-            _check_definite(name, getattr(self, name))
+        # symmetric and positive semi-definite, up to rounding
+        largest = float(np.abs(self.W).max(initial=0.0))
+        asymmetry = float(np.abs(self.W - self.W.T).max(initial=0.0))
+        if asymmetry > _ASYMMETRY * largest:
+            raise InputError("W", f"asymmetry {asymmetry / largest:.1e}", "give a symmetric matrix")
+        values = np.linalg.eigvalsh(self.W)
+        if values[0] < -_NEGATIVE * max(values[-1], 0.0) - np.finfo(float).tiny:
+            raise InputError("W", f"eigenvalue {values[0]:.1e}", "give a positive semi-definite matrix")
 
     @property
     def contacts(self) -> int:
@@ -144,7 +141,7 @@ class LocalProblem:
         return np.asarray(self.W @ r + self.V @ lam + self.q)
 
     def energy(self, r: Vector) -> float:
-        """½ rᵀ W r + qᵀ r; with R of full rank that of λ is not in it."""
+        """½ rᵀ W r + qᵀ r."""
         return float(0.5 * r @ (self.W @ r) + self.q @ r)
 
     def tractions(self, r: Vector) -> tuple[Vector, Vector]:
@@ -166,7 +163,7 @@ class LocalProblem:
         rows. U Uᵀ changes nothing where they hold, and makes K positive definite. ε is the `regularisation`: where it
         is not 0, u has an additional part ε W_ii (r − r₀), with r₀ the `centre`, 0 when not given.
         """
-        _, q, U, target = self._reduced
+        U, target = self._equations
         omega, rho, d, epsilon = self._compliance, self.force_unit, self._scale, self.regularisation
         c, t = self.contacts, target / rho
         N, T = np.zeros((c, 2 * c)), np.zeros((c, 2 * c))
@@ -175,7 +172,7 @@ class LocalProblem:
         K = self._stiffened + epsilon * np.eye(2 * c)
         z0 = np.zeros(2 * c) if centre is None else centre / (rho * d)
         return FrictionQVI.from_arrays(
-            K=csc_array((K + K.T) / 2.0), f=U @ t + epsilon * z0 - d * q / (omega * rho),
+            K=csc_array((K + K.T) / 2.0), f=U @ t + epsilon * z0 - d * self.q / (omega * rho),
             N=csc_array(N), n0=np.zeros(c), T=csc_array(T), t0=np.zeros(c),
             mu=self.mu, W=self.weights, A=csc_array(U.T), b=t,
         )  # fmt: skip
@@ -183,20 +180,15 @@ class LocalProblem:
     @cached_property
     def force_unit(self) -> float:
         """ρ: what a displacement of the size of q costs, or what the equations prescribe."""
-        reduced = self._reduced
-        sizes = (np.abs(self._scale * reduced.q).max() / self._compliance, np.abs(reduced.target).max(initial=0.0))
+        pushed, prescribed = np.abs(self._scale * self.q).max(), np.abs(self._equations[1]).max(initial=0.0)
+        sizes = (pushed / self._compliance, prescribed)
         return float(max(sizes)) or 1.0
 
     def state(self, solution: QVISolution) -> ContactState:
         """r, λ, and u = W r + V λ + q computed from them, of a solution of `qvi` (NaN where it has none)."""
         r = self.force_unit * self._scale * solution.z
-        held = self._compliance * self.force_unit * solution.equality_multiplier  # what the equations push with
-        values, vectors = np.linalg.eigh(self.R)
-        large = values > _SINGULAR * values.max(initial=0.0)
-        soft, rigid = vectors[:, large], vectors[:, ~large]
-        lam = -soft @ ((soft.T @ (self.V.T @ r + self.s)) / values[large])
-        pushed = self._reduced.U @ held  # d V λ
-        lam = lam + rigid @ np.linalg.lstsq(self._scale[:, None] * (self.V @ rigid), pushed, rcond=None)[0]
+        pushed = self._equations[0] @ (self._compliance * self.force_unit * solution.equality_multiplier)  # d V λ
+        lam = np.linalg.lstsq(self._scale[:, None] * self.V, pushed, rcond=None)[0]
         return ContactState(self.displacements(r, lam), r, lam)
 
     def certify(self, state: ContactState, tolerance: float = 1e-8) -> Certificate:
@@ -206,8 +198,7 @@ class LocalProblem:
         """
         scale = self._compliance * self.force_unit
         m_N, m_T = self.weights * state.u[0::2] / scale, -self.weights * state.u[1::2] / scale
-        W, q, U, _ = self._reduced
-        held = U.T @ (self._scale * (self.displacements(state.r, state.lam) - W @ state.r - q))
+        held = self._equations[0].T @ (self._scale * (self.V @ state.lam))
         return certify(self.qvi(state.r), state.r / (self.force_unit * self._scale), m_N, m_T, held / scale, tolerance)
 
     def dimensionless(self, state: ContactState) -> "tuple[LocalProblem, ContactState]":
@@ -215,7 +206,7 @@ class LocalProblem:
         omega, rho = self._compliance, self.force_unit
         u, r, lam = state
         q, s = self.q / (omega * rho), self.s / rho
-        problem = LocalProblem(self.W / omega, q, self.mu, self.V, self.R * omega, s, self.weights)
+        problem = LocalProblem(self.W / omega, q, self.mu, self.V, s, self.weights)
         return problem, ContactState(u / (omega * rho), r / rho, lam / (omega * rho))
 
     def penalised(self, factor: float = 1e8) -> "LocalProblem":
@@ -224,10 +215,11 @@ class LocalProblem:
         Equations Uᵀ (r / d) = t become springs of compliance factor × ω (ω, d of `qvi`). For programs that read W, q
         and μ only; the condition number of W grows with the factor.
         """
-        W, q, U, target = self._reduced
+        U, target = self._equations
         pulled = U / self._scale[:, None]
         stiff = factor * self._compliance
-        return LocalProblem(W + stiff * pulled @ pulled.T, q - stiff * pulled @ target, self.mu, weights=self.weights)
+        W, q = self.W + stiff * pulled @ pulled.T, self.q - stiff * pulled @ target
+        return LocalProblem(W, q, self.mu, weights=self.weights)
 
     @property
     def _compliance(self) -> float:
@@ -243,26 +235,19 @@ class LocalProblem:
     @cached_property
     def _stiffened(self) -> Matrix:
         """The matrix d W d / ω + U Uᵀ of `qvi`."""
-        W, _, U, _ = self._reduced
+        U, W = self._equations[0], (self.W + self.W.T) / 2.0
         return np.asarray(W * self._scale * self._scale[:, None] / self._compliance + U @ U.T)
 
     @cached_property
-    def _reduced(self) -> _Reduced:
-        """λ eliminated where R is invertible; the other equations by a singular value decomposition."""
-        values, vectors = np.linalg.eigh(self.R)
-        large = values > _SINGULAR * values.max(initial=0.0)
-        V, s = self.V @ vectors, vectors.T @ self.s
-        soft = V[:, large] / values[large]
-        W, q = self.W - soft @ V[:, large].T, self.q - soft @ s[large]
-        _check_definite("W − V R⁻¹ Vᵀ", W)
-        U, sizes, Y = np.linalg.svd(self._scale[:, None] * V[:, ~large], full_matrices=False)
+    def _equations(self) -> tuple[Matrix, Vector]:
+        """U (2c, k) with orthonormal columns and t (k,): the equations as Uᵀ (r / d) = t."""
+        U, sizes, Y = np.linalg.svd(self._scale[:, None] * self.V, full_matrices=False)
         kept = sizes > _SINGULAR * sizes.max(initial=0.0)
-        wanted = -Y @ s[~large]
-        target = wanted[kept] / sizes[kept]
-        missed = float(np.linalg.norm(Y[kept].T @ wanted[kept] + s[~large]))
-        if missed > _INCONSISTENT * float(np.linalg.norm(s)):
-            raise InputError("s", f"{missed:.1e}", "give equations Vᵀ r + R λ + s = 0 that some forces satisfy")
-        return _Reduced((W + W.T) / 2.0, q, U[:, kept], target)
+        wanted = -Y @ self.s
+        missed = float(np.linalg.norm(Y[kept].T @ wanted[kept] + self.s))
+        if missed > _INCONSISTENT * float(np.linalg.norm(self.s)):
+            raise InputError("s", f"{missed:.1e}", "give equations Vᵀ r + s = 0 that some forces satisfy")
+        return U[:, kept], wanted[kept] / sizes[kept]
 
 
 def solve_local(problem: LocalProblem, **options: Any) -> tuple[ContactState, QVISolution]:
@@ -327,10 +312,7 @@ def local_problem(qvi: FrictionQVI) -> LocalProblem:
     V = signs[:, None] * U[order, k:]
     W = span @ span.T
     q = -span @ ((U[:, :k].T @ bonded) / sizes)
-    if V.shape[1] == 0:
-        return LocalProblem(W, q, qvi.mu, weights=qvi.W)
-    p = V.shape[1]
-    return LocalProblem(W, q, qvi.mu, V, np.zeros((p, p)), -U[:, k:].T @ bonded, qvi.W)
+    return LocalProblem(W, q, qvi.mu, V, -U[:, k:].T @ bonded, qvi.W)
 
 
 def state_of(problem: LocalProblem, solution: QVISolution) -> ContactState:
@@ -347,17 +329,6 @@ def state_of(problem: LocalProblem, solution: QVISolution) -> ContactState:
     return ContactState(u, r, lam)
 
 
-def _check_definite(name: str, matrix: Matrix) -> None:
-    """Symmetric and positive semi-definite, up to rounding."""
-    size = float(np.abs(matrix).max(initial=0.0))
-    asymmetry = float(np.abs(matrix - matrix.T).max(initial=0.0))
-    if asymmetry > _ASYMMETRY * size:
-        raise InputError(name, f"asymmetry {asymmetry / size:.1e}", "give a symmetric matrix")
-    values = np.linalg.eigvalsh(matrix)
-    if len(values) and values[0] < -_NEGATIVE * max(values[-1], 0.0) - np.finfo(float).tiny:
-        raise InputError(name, f"eigenvalue {values[0]:.1e}", "give a positive semi-definite matrix")
-
-
 def siconos_error(problem: LocalProblem, r: Vector, lam: Vector | None = None) -> float:
     """How far forces r (2c,) and multipliers λ (p,) of the equations are from a solution, as Siconos measures it; ≥ 0.
 
@@ -368,7 +339,7 @@ def siconos_error(problem: LocalProblem, r: Vector, lam: Vector | None = None) -
 
     the denominator being left out where it is below the machine epsilon; infinite for NaN. It compares displacements
     with forces (ρ = 1 in r − ρ u), so that it depends on their units: it means most where both are dimensionless.
-    Where the problem has equations, |Vᵀ r + R λ + s|₂ / (1 + |s|₂) is added, as FCLIB's own merit function does
+    Where the problem has equations, |Vᵀ r + s|₂ / (1 + |s|₂) is added, as FCLIB's own merit function does
     (`fclib_merit_local`, MERIT_1); λ is then needed.
 
     Source: `fc2d_compute_error` of Siconos/Numerics (numerics/src/FrictionContact/fc2d_compute_error.c, as of 2021);
@@ -395,7 +366,7 @@ def siconos_error(problem: LocalProblem, r: Vector, lam: Vector | None = None) -
     scale = max(float(np.linalg.norm(each)) for each in (r, u, problem.q))
     if scale > np.finfo(float).eps:
         error /= scale
-    equations = problem.V.T @ r + problem.R @ lam + problem.s
+    equations = problem.V.T @ r + problem.s
     return error + float(np.linalg.norm(equations)) / (1.0 + float(np.linalg.norm(problem.s)))
 
 

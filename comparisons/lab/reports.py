@@ -29,8 +29,7 @@ from typing import TYPE_CHECKING, Any, Final
 from comparisons.lab import numbers
 from comparisons.lab.numbers import NOTHING, listing, memory, seconds, span
 from comparisons.lab.studies import Row
-from qvi_contact.basics.page import page_template
-from qvi_contact.basics.writing import writable_folder, write_text
+from qvi_contact.basics.writing import page_template, writable_folder, write_text
 from qvi_contact.errors import InputError
 from qvi_contact.plots.inline import inline_svg
 

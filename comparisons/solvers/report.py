@@ -255,55 +255,35 @@ def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    solvers = set(runs.solver)
+    solvers, told, found = set(runs.solver), told_by(runs), judged(runs)
+    often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
+    nobody = found[found.nobody].drop_duplicates(["what", *INSTANCE])
+    single = runs[runs.task == INNER]
+    hopeless = single[~single.feasible]
+    recognised = hopeless.groupby("solver", sort=False).certified.agg(["sum", "size"])
+    every = len(hopeless.drop_duplicates([*INSTANCE]))
+    some = single[single.problem.isin([*EQUAL_CELLS])]
+    twins = beside(some.assign(twin=some.problem.map(EQUAL_CELLS)), single.assign(twin=single.problem),
+                   ("twin", "solver", "form", "level"))  # fmt: skip
+    graded = twins.groupby("form")[["certified", "certified_beside"]].mean().reindex([*FORMS])
+    warm, forms = by_solver(warm_ratios(runs))["mean"], by_solver(condensed_ratios(runs, INNER))["mean"]
     return {
         "levels": LEVELS, "margin": MARGIN, "until": UNTIL, "highlighted": HIGHLIGHTED, "negligible": NEGLIGIBLE,
         "shift": SHIFT, "rarely": RARELY, "runs": len(runs), "problems": runs.problem.nunique(),
-        "backends": len(solvers - set(METHODS)),
+        "backends": len(solvers - set(METHODS)), "first": ranking(runs, "inner"),
         "methods": [method_of(runs, name) for name in METHODS if name in solvers],
         "feasible": int(runs.feasible.sum()), "certified": int((runs.feasible & runs.certified).sum()),
-        "first": ranking(runs, "inner"),
-        **_of_truth(runs), **_of_infeasible(runs), **_of_ratios(runs),
-    }  # fmt: skip
-
-
-def _of_truth(runs: DataFrame) -> dict[str, Any]:
-    """Who says "solved" of what is not, and how much of that is about problems that nobody solves."""
-    told, found = told_by(runs), judged(runs)
-    often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
-    nobody = found[found.nobody].drop_duplicates(["what", *INSTANCE])
-    return {
+        # who says "solved" of what is not, and how much of that is about problems that nobody solves
         "often": [f"{each.Index} ({percent(each.share)} of {each.said})" for each in often.itertuples()],
         "seldom": int((told.share < RARELY).sum()), "untrue": int(told[UNTRUE].sum()),
         "alarms": int(told[FALSE_ALARM].sum()), "nobody": len(nobody), "nobody_untrue": int(told.nobody.sum()),
         "nobody_at": [f"{each.problem} ({each.what}, {each.form}, {each.level})" for each in nobody.itertuples()],
-    }  # fmt: skip
-
-
-def _of_infeasible(runs: DataFrame) -> dict[str, Any]:
-    """Who recognises inner problems without a solution, always; and who says "solved"."""
-    chosen = runs[~runs.feasible & (runs.task == INNER)]
-    recognised = chosen.groupby("solver", sort=False).certified.agg(["sum", "size"])
-    every = len(chosen.drop_duplicates([*INSTANCE]))
-    return {
+        # who recognises inner problems without a solution, always; and who says "solved"
         "asked": int((recognised["size"] == every).sum()), "right": [*recognised.index[recognised["sum"] == every]],
-        "lied": int(chosen[UNTRUE].sum()),
-    }  # fmt: skip
-
-
-def _of_ratios(runs: DataFrame) -> dict[str, Any]:
-    """Graded cells beside equal ones, warm sequences beside cold ones, all unknowns beside condensed."""
-    single, warm = runs[runs.task == INNER], by_solver(warm_ratios(runs))["mean"]
-    some = single[single.problem.isin([*EQUAL_CELLS])]
-    on = ("twin", "solver", "form", "level")
-    pairs = beside(some.assign(twin=some.problem.map(EQUAL_CELLS)), single.assign(twin=single.problem), on)
-    forms = by_solver(condensed_ratios(runs, INNER))["mean"]
-    graded = pairs.groupby("form")[["certified", "certified_beside"]].mean().reindex([*FORMS])
-    return {
-        "graded": graded.T.to_dict("list"),
-        "gaining": listing([*warm.index[warm < 1.0 / NEGLIGIBLE]]),
-        "losing": listing([*warm.index[warm > NEGLIGIBLE]]),
-        "form": geometric_mean(forms), "form_span": _span(forms),
+        "lied": int(hopeless[UNTRUE].sum()),
+        # graded cells beside equal ones, warm sequences beside cold ones, all unknowns beside condensed
+        "graded": graded.T.to_dict("list"), "gaining": listing([*warm.index[warm < 1.0 / NEGLIGIBLE]]),
+        "losing": listing([*warm.index[warm > NEGLIGIBLE]]), "form": geometric_mean(forms), "form_span": _span(forms),
     }  # fmt: skip
 
 
@@ -355,20 +335,19 @@ def _share(certified: "Series[bool]") -> str:
 
 
 def speeds(chosen: DataFrame) -> DataFrame:
-    """Shares of the profile, and shifted geometric means, by solver."""
-    told = concat([_speeds_at(chosen[chosen.level == level]).add_prefix(f"{level}: ") for level in LEVELS], axis=1)
-    return told.reindex(chosen.solver.unique()).rename_axis("solver").reset_index()
-
-
-def _speeds_at(runs: DataFrame) -> DataFrame:
-    """Solver → texts of its shares and means at one level."""
-    ratios, times = performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
-    limited = runs.time.fillna(runs.limit).groupby(runs.solver)
-    return DataFrame({
-        **{name: profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
-        "mean time": times.agg(shifted_mean).map(seconds) + times.size().map(" ({})".format),
-        "mean, failures at the limit": limited.agg(shifted_mean).map(seconds),
-    })  # fmt: skip
+    """Shares of the profile, and shifted geometric means, by solver, in texts."""
+    parts = []
+    for level in LEVELS:
+        runs = chosen[chosen.level == level]
+        ratios, times = performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
+        limited = runs.time.fillna(runs.limit).groupby(runs.solver)
+        told = {
+            **{name: profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
+            "mean time": times.agg(shifted_mean).map(seconds) + times.size().map(" ({})".format),
+            "mean, failures at the limit": limited.agg(shifted_mean).map(seconds),
+        }
+        parts.append(DataFrame(told).add_prefix(f"{level}: "))
+    return concat(parts, axis=1).reindex(chosen.solver.unique()).rename_axis("solver").reset_index()
 
 
 def _words(runs: DataFrame) -> str:

@@ -15,19 +15,17 @@ condensed inner problems condenses anew; the package's own methods find what the
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import product
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from comparisons.lab.studies import PACKAGES, Study
 from comparisons.solvers import accuracies
 from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS, Instance, instance
-from solvers import Certificate, QVISolution, certify, solve_qvi
+from solvers import Certificate, certify, solve_qvi
 from solvers.basics.status import Status
-from solvers.basics.types import Vector
 from solvers.fixed_point.forms import Form
 from solvers.inner.problem import InnerSolution
 from solvers.inner.registry import make_inner
@@ -39,33 +37,13 @@ BUDGET: Final = 1.0
 """Seconds after which a run is not repeated any more."""
 
 _FIRST: Final = "plate_4"
-_PRIMAL: Final = ("equality", "normal", "friction")
-_DUAL: Final = ("stationarity", "sign")
-_COMPLEMENTARITY: Final = ("complementarity_normal", "complementarity_tangential")
+_MEASURES: Final = {
+    "primal": ("equality", "normal", "friction"), "dual": ("stationarity", "sign"),
+    "complementarity": ("complementarity_normal", "complementarity_tangential"),
+}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Setup:
-    """A case in objects."""
-
-    problem: Instance
-    form: Form
-    solver: str
-    level: str
-
-    @property
-    def tolerance(self) -> float:
-        """Of the certificate."""
-        return accuracies.LEVELS[self.level]
-
-    @property
-    def options(self) -> Mapping[str, Any]:
-        """Of the solver."""
-        return accuracies.options(self.solver, self.level)
-
-
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """What a solver said of one problem, and what the certificate says."""
 
     status: Status
@@ -74,116 +52,38 @@ class Answer:
     certificate: Certificate
 
 
-Runner = Callable[[], tuple[float, list[Answer]]]
-
-
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The task of the study; see the module for what a case is, and `_summary` for what comes back.
+    """The task of the study; see the module for what a case is.
 
-    Besides, "seconds" are the wall times [s] of the runs, "options" those that the solver was given, "facts" those of
-    the problem.
+    Returns
+    -------
+    dict
+        steps : number of answers
+        outcomes : outcome → number of answers
+        status, message : of the first answer that was not solved, or else of the last
+        iterations : of all
+        primal, dual, complementarity, accuracy, certificate : largest errors of all steps, and the certificate of the
+            worst one; not where there is no solution
+        seconds : wall times of the runs
+        options, facts : those that the solver was given, those of the problem
+
     """
-    task = case["task"]
+    task, problem, feasible = case["task"], instance(case["problem"]), PROBLEMS[case["problem"]].feasible
     _first_use(task, case["form"], case["solver"], case["level"])
-    setup = Setup(instance(case["problem"]), case["form"], case["solver"], case["level"])
-    answers, seconds = _repeated(setup, task, case["runs"])
-    return {**_summary(answers, setup), "seconds": seconds, "options": setup.options, "facts": setup.problem.facts}
-
-
-@cache
-def _first_use(task: str, form: Form, solver: str, level: str) -> None:
-    """Once in a process, on the smallest problem."""
-    _repeated(Setup(instance(_FIRST), form, solver, level), task, runs=1)
-
-
-def _repeated(setup: Setup, task: str, runs: int) -> tuple[list[Answer], list[float]]:
-    """Answers of the first run, and wall times of up to `runs` runs, fewer where they take long."""
-    run = _outer_run(setup) if task == OUTER else _inner_run(setup, task)
-    found, answers = run()
-    seconds = [found]
-    while len(seconds) < runs and sum(seconds) < BUDGET:
-        seconds.append(run()[0])
-    return answers, seconds
-
-
-def _inner_run(setup: Setup, task: str) -> Runner:
-    problem, form = setup.problem, setup.problem.form(setup.form)
-    bounds = (problem.bound,) if task == INNER else problem.bounds
-    thresholds = [form.threshold(bound) for bound in bounds]
-    problem.centre(setup.form)  # computed now, not when time is taken
-
-    def run() -> tuple[float, list[Answer]]:
-        began = time.perf_counter()
-        found = _sequence(setup, thresholds, task == WARM)
-        seconds = time.perf_counter() - began
-        return seconds, [_judged(setup, bound, each) for bound, each in zip(bounds, found, strict=True)]
-
-    return run
-
-
-def _sequence(setup: Setup, thresholds: Sequence[Vector], keep: bool) -> list[InnerSolution]:
-    """The inner problems for these bounds, all posed at one centre so that cold and warm ones are the same."""
-    form, centre = setup.problem.form(setup.form), setup.problem.centre(setup.form)
-    solver, found = None, list[InnerSolution]()
-    for threshold in thresholds:
-        if solver is None or not keep:
-            solver = make_inner(setup.solver, form.problem, accuracies.asked(setup.level), setup.options)
-        found.append(solver.solve(threshold, centre, found[-1] if keep and found else None))
-    return found
-
-
-def _judged(setup: Setup, bound: Vector, inner: InnerSolution) -> Answer:
-    """By the certificate of the inner problem on the original data, in all unknowns whatever the form was."""
-    form, given = setup.problem.form(setup.form), setup.problem.given(bound)
-    if inner.finite:
-        result = form.expand(inner)
-        certificate = certify(given, result.z, result.m_N, result.m_T, result.nu, setup.tolerance)
-    else:
-        certificate = certify(given, None, None, None, None, setup.tolerance)
-    return Answer(inner.status, inner.message, inner.iterations, certificate)
-
-
-def _outer_run(setup: Setup) -> Runner:
-    settings: dict[str, Any] = {"method": setup.solver, **setup.options}
-    if setup.solver not in accuracies.METHODS:
-        settings = {
-            "method": "fixed-point", "inner": setup.solver, "form": setup.form, "inner_options": setup.options,
-            "inner_tolerance": accuracies.asked(setup.level),
-        }  # fmt: skip
-    _ = setup.problem.bound  # factorises K and computes the bonded state
-
-    def run() -> tuple[float, list[Answer]]:
-        began = time.perf_counter()
-        found = solve_qvi(setup.problem.qvi, tolerance=setup.tolerance, **settings)
-        return time.perf_counter() - began, [_whole(found)]
-
-    return run
-
-
-def _whole(found: QVISolution) -> Answer:
-    return Answer(found.status, found.message, found.iterations, found.certificate)
-
-
-def _summary(answers: Sequence[Answer], setup: Setup) -> dict[str, Any]:
-    """What is kept of the answers.
-
-    "steps", "outcomes" (outcome → number of answers), "status" and "message" of the first that was not solved or else
-    of the last, "iterations" of all; errors are the largest of all steps, and the certificate that of the worst one.
-    Without a solution there are no errors and no certificate.
-    """
-    feasible = setup.problem.described.feasible
+    answers, seconds = _repeated(problem, task, case["form"], case["solver"], case["level"], case["runs"])
     told = next((each for each in answers if each.status is not Status.SOLVED), answers[-1])
     counts = Counter(outcome(each.status, each.certificate.passed, feasible) for each in answers)
     found: dict[str, Any] = {
         "steps": len(answers), "outcomes": dict(sorted(counts.items())), "status": told.status.value,
         "message": " ".join(told.message.split()), "iterations": sum(each.iterations for each in answers),
+        "seconds": seconds, "options": accuracies.options(case["solver"], case["level"]), "facts": problem.facts,
     }  # fmt: skip
     if not feasible:
         return found
     worst = max((each.certificate for each in answers), key=lambda certificate: certificate.accuracy)
     errors = {
         name: max(each.certificate.measures[measure] for each in answers for measure in measures)
-        for name, measures in (("primal", _PRIMAL), ("dual", _DUAL), ("complementarity", _COMPLEMENTARITY))
+        for name, measures in _MEASURES.items()
     }
     certificate = {
         "passed": worst.passed, "tolerance": worst.tolerance, "accuracy": worst.accuracy, "worst": worst.worst,
@@ -192,11 +92,58 @@ def _summary(answers: Sequence[Answer], setup: Setup) -> dict[str, Any]:
     return {**found, **errors, "accuracy": worst.accuracy, "certificate": certificate}
 
 
-# The study as a declaration, in full and quick.
-#
-# The product of tasks, problems, forms, levels and solvers is thinned out where a combination means nothing or costs
-# too
-# much; `keep` says where.
+@cache
+def _first_use(task: str, form: Form, solver: str, level: str) -> None:
+    """Once in a process, on the smallest problem."""
+    _repeated(instance(_FIRST), task, form, solver, level, runs=1)
+
+
+def _repeated(
+    problem: Instance, task: str, form: Form, solver: str, level: str, runs: int
+) -> tuple[list[Answer], list[float]]:
+    """Answers of the first run, and wall times of up to `runs` runs, fewer where they take long."""
+    run = _outer if task == OUTER else _inner
+    found, answers = run(problem, task, form, solver, level)
+    seconds = [found]
+    while len(seconds) < runs and sum(seconds) < BUDGET:
+        seconds.append(run(problem, task, form, solver, level)[0])
+    return answers, seconds
+
+
+def _inner(problem: Instance, task: str, name: Form, solver: str, level: str) -> tuple[float, list[Answer]]:
+    """Inner problems, all posed at one centre so that cold and warm ones are the same.
+
+    They are judged by the certificate of the inner problem on the original data, in all unknowns whatever the form.
+    """
+    form, options, tolerance = problem.form(name), accuracies.options(solver, level), LEVELS[level]
+    bounds, centre = (problem.bound,) if task == INNER else problem.bounds, problem.centre(name)
+    thresholds, made, found = [form.threshold(bound) for bound in bounds], None, list[InnerSolution]()
+    began = time.perf_counter()
+    for threshold in thresholds:
+        if made is None or task != WARM:
+            made = make_inner(solver, form.problem, accuracies.asked(level), options)
+        found.append(made.solve(threshold, centre, found[-1] if task == WARM and found else None))
+    seconds, answers = time.perf_counter() - began, []
+    for bound, inner in zip(bounds, found, strict=True):
+        result = form.expand(inner) if inner.finite else None
+        parts = (None,) * 4 if result is None else (result.z, result.m_N, result.m_T, result.nu)
+        certificate = certify(problem.given(bound), *parts, tolerance)
+        answers.append(Answer(inner.status, inner.message, inner.iterations, certificate))
+    return seconds, answers
+
+
+def _outer(problem: Instance, _: str, form: Form, solver: str, level: str) -> tuple[float, list[Answer]]:
+    settings: dict[str, Any] = {"method": solver, **accuracies.options(solver, level)}
+    if solver not in METHODS:
+        settings = {
+            "method": "fixed-point", "inner": solver, "form": form,
+            "inner_options": accuracies.options(solver, level), "inner_tolerance": accuracies.asked(level),
+        }  # fmt: skip
+    _ = problem.bound  # factorises K and computes the bonded state
+    began = time.perf_counter()
+    found = solve_qvi(problem.qvi, tolerance=LEVELS[level], **settings)
+    seconds = time.perf_counter() - began
+    return seconds, [Answer(found.status, found.message, found.iterations, found.certificate)]
 
 
 FORMS: Final = ("full", "condensed")

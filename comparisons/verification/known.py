@@ -49,6 +49,7 @@ from qvi_contact import (
 from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.limit import LimitLoad
 from qvi_contact.limit.load_factor import limit_load
+from qvi_contact.refinement.outcome import Measure as Quantity
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
@@ -111,6 +112,9 @@ class Answer:
 Measure: TypeAlias = Callable[[Answer], tuple[Value, Proof]]
 """The computed value of a quantity, and what certifies it."""
 
+Further: TypeAlias = Callable[[Answer, bool], Iterator[Row]]
+"""What another method, or another model on the same mesh, says of a problem file; less in quick runs."""
+
 
 @dataclass(frozen=True)
 class Known:
@@ -118,13 +122,15 @@ class Known:
 
     Attributes
     ----------
+    measure : str or callable
+        A quantity of `refine` by its name, or what measures it.
     compare : str, optional
         The comparison of `Check` that it is; by default "relative", or "absolute" where the value is zero.
 
     """
 
     quantity: str
-    measure: Measure
+    measure: str | Measure
     value: Value
     tolerance: float
     source: str
@@ -133,7 +139,11 @@ class Known:
 
     def row(self, answer: Answer) -> Row:
         """The known value beside the computed one."""
-        ours, proof = self.measure(answer)
+        if isinstance(self.measure, str):
+            ours: Value = Quantity.of(answer.problem, self.measure).value(answer.result)
+            proof = certified(answer.result)
+        else:
+            ours, proof = self.measure(answer)
         rows = Check(proof, self.source, self.tolerance, self.kind)
         if isinstance(self.value, str):
             return rows.word(self.quantity, str(ours), self.value)
@@ -147,14 +157,6 @@ def _of(value: Callable[[ContactResult], Value]) -> Measure:
 
 def _line(contact: str, value: Callable[[ContactLine], Value]) -> Measure:
     return _of(lambda result: value(result.contacts[contact]))
-
-
-def _normal(contact: str) -> Measure:
-    return _line(contact, lambda line: line.normal_force)
-
-
-def _tangential(contact: str) -> Measure:
-    return _line(contact, lambda line: line.tangential_force)
 
 
 def _slope(contact: str) -> Measure:
@@ -237,169 +239,6 @@ def _both_sides(load: str, factor: float, source: str) -> tuple[Known, Known]:
     )
 
 
-@dataclass(frozen=True)
-class Table:
-    """What a problem file is about, in one sentence, the lines known of it, and the degree it is solved with."""
-
-    about: str
-    lines: Sequence[Known]
-    degree: int = 4
-
-
-_HERTZ: Final = "Hertz; half planes, a/R = "
-_DAM: Final = (10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0)  # weight, uplift and thrust [MN/m]
-_EXTERNAL, _METHODS, _PUBLISHED = Kind.EXTERNAL, Kind.METHODS, Kind.PUBLISHED
-
-KNOWN: Final[dict[str, Table]] = {
-    "block_with_hole": Table("A block with a free hole under a plate: top and bottom carry the same.", [
-        Known("force on hole floor [N/mm]", _edges("hole floor", "y"), 0.0, 1e-7, "the hole is free"),
-        Known("force on hole roof [N/mm]", _edges("hole roof", "y"), 0.0, 1e-7, "the hole is free"),
-        Known("N less the force on the bottom, over N", _beside("block bottom", "y", "plate"), 0.0, 1e-9, "balance"),
-        Known("T over N", _slope("plate"), 0.0, 1e-8, "symmetry in x"),
-        Known("N [N/mm]", _normal("plate"), 3e4 / (1.0 - 0.25**2) * 1e-3, 0.0,
-              "E U/(1 − ν²), the whole block held sideways; a hole makes it softer", compare="at_most"),
-    ]),
-    "bolted_angle": Table("An angle bolted to a wall: forces, centre of pressure, and the load at which it slides.", [
-        Known("N [N/mm]", _normal("wall"), 400.0, 1e-9, "force of the bolt"),
-        Known("T [N/mm]", _tangential("wall"), 100.0, 1e-9, "load"),
-        Known("centre of pressure y [mm]", _centre("wall", "y"), 60.0 - 80.0 * 100.0 / 400.0, 1e-8,
-              "60 - 80 F/B, moments"),
-        *_both_sides("load", 0.4 * 400.0 / 100.0, "μB/F"),
-    ]),
-    "bracket": Table("An L on rough ground: forces and their centre by statics alone.", [
-        Known("N [MN/m]", _normal("ground"), 10.0, 1e-9, "load on the roof, balance"),
-        Known("T [MN/m]", _tangential("ground"), -3.0, 1e-9, "wind, balance"),
-        Known("centre of pressure x [m]", _centre("ground", "x"), (10.0 * 0.5 + 3.0 * 1.5) / 10.0, 1e-9,
-              "(10 · 0.5 + 3 · 1.5)/10, balance of moments"),
-    ]),
-    "brake_pad": Table("A brake pad in full slip: friction force and centre of pressure by statics.", [
-        Known("N [N/mm]", _normal("face"), 160.0, 1e-9, "force of the piston"),
-        Known("T [N/mm]", _tangential("face"), 0.4 * 160.0, 1e-6, "μ N in full slip"),
-        Known("share of the face that sticks", _share("face", "stick"), 0.0, 0.0, "the disc turns"),
-        Known("force on the abutment [N/mm]", _normal("abutment"), 0.4 * 160.0, 1e-6, "balance"),
-        Known("centre of pressure x [mm]", _centre("face", "x"), 40.0 - 0.4 * 14.5, 1e-6, "balance of moments"),
-    ]),
-    "compressed_plate": Table("The paper's plate on 16 × 16 graded cells, against displacement codes.", [
-        Known("N [N/mm]", _normal("plate"), SETTLED[0.2], 1e-3, f"{DISPLACEMENT_CODES}; the mesh is coarse", _EXTERNAL),
-    ]),
-    "cyclic_shear": Table("A block sheared to and fro: the second cycle repeats the first and loses the loop's area.", [
-        Known("largest |T| − μN over N", _of_history(_excess), 0.0, 1e-9, "|T| ≤ μN", compare="at_most"),
-        Known("largest difference of T between the cycles, over N", _of_history(_between_cycles), 0.0, 1e-6,
-              "a cyclic state repeats itself after the first loading"),
-        Known("work of friction in the second cycle over the loop's area", _of_history(_lost_and_around), 1.0, 1e-6,
-              "∮T dw, balance of energy"),
-    ]),
-    "cylinder_on_block": Table("A cylinder on a block: NAFEMS R0094-1 with a hundredth of its force, against Hertz.", [
-        Known("peak pressure [MPa]", _ellipse("contact", 0), 358.536, 2e-4, f"{_HERTZ}0.012"),
-        Known("half-width [mm]", _ellipse("contact", 1), 0.62146, 2e-4, f"{_HERTZ}0.012"),
-    ]),
-    "dragged_block_holds": Table("A block at 0.99 of what friction can carry: balance, and the limit load factor.", [
-        Known("N [MN/m]", _normal("base"), 20.0, 1e-9, "p w, balance"),
-        Known("T [MN/m]", _tangential("base"), -9.9, 1e-9, "−T w, balance"),
-        Known("limit load factor", _limit("drag", lambda limit: limit.lower), 1.0 / 0.99, 1e-6, "μp/T"),
-    ]),
-    "dragged_block_slides": Table("The same block at 1.01 of the limit: infeasible, with a proof.", [
-        Known("status", lambda a: (a.result.status.value, infeasible(a.result)), "infeasible", 0.0, "T > μp"),
-        Known("limit load factor", _limit("drag", lambda limit: limit.lower), 1.0 / 1.01, 1e-6, "μp/T"),
-    ]),
-    "dry_stone_wall": Table("A wall of three courses: every bed carries load and weight above it.", [
-        line
-        for bed, height in (("upper bed", 1.0), ("lower bed", 2.0), ("ground", 3.0))
-        for line in (
-            Known(f"N of {bed} [kN/m]", _normal(bed), 3.0 * (30.0 + 24.0 * height), 1e-9,
-                  "3 (30 + 24 h), balance of what lies above"),
-            Known(f"T of {bed} over N", _slope(bed), 0.0, 1e-9, "balance in x"),
-        )
-    ]),
-    "gravity_column": Table("A column under its own weight: balance, and uniform pressure away from the ends.", [
-        Known("N [N/m]", _normal("ground"), 98100.0, 1e-9, "ρ g w h"),
-        Known("T over N", _slope("ground"), 0.0, 1e-9, "symmetry in x"),
-        Known("σ_yy at mid-height [Pa]", _of(lambda r: float(r.stress(0.5, 2.0)[1])), -49050.0, 1e-3,
-              "−ρ g (h − y), Saint-Venant two widths above the ground"),
-    ]),
-    "gravity_dam": Table("A dam on rock with uplift in its base joint: forces, and the factor of sliding.", [
-        Known("N [MN/m]", _normal("base"), _DAM[0], 1e-9, "W"),
-        Known("effective N [MN/m]", _line("base", lambda line: line.effective_normal_force), _DAM[0] - _DAM[1], 1e-9,
-              "W - U"),
-        Known("T [MN/m]", _tangential("base"), _DAM[2], 1e-9, "H = γ h²/2"),
-        *_both_sides("thrust", 0.75 * (_DAM[0] - _DAM[1]) / _DAM[2], "μ (W - U)/H, factor of sliding"),
-    ]),
-    "half_discs": Table("Two half discs with partial slip, against Hertz and Cattaneo.", [
-        Known("peak pressure [MPa]", _ellipse("contact", 0), 9.351351, 0.01, f"{_HERTZ}0.085"),
-        Known("half-width [mm]", _ellipse("contact", 1), 0.680778, 0.01, f"{_HERTZ}0.085"),
-        Known("half-width that sticks [mm]",
-              _line("contact", lambda line: float(np.abs(line.x[line.state == ContactState.STICK]).max())),
-              0.496511, 0.05, "Cattaneo, a √(1 - Q/(μP)); to one point of the mesh"),
-        Known("shear in the middle [MPa]",
-              _line("contact", lambda line: float(np.abs(line.tangential_stress)[np.argmin(np.abs(line.x))])),
-              0.2 * 9.351351 * (1.0 - 0.496511 / 0.680778), 0.03, "Cattaneo, μ p₀ (1 - c/a); half planes, a/R = 0.085"),
-    ]),
-    "jointed_slope": Table("A jointed slope pushed by water in its crack slides on its lowest bedding plane.", [
-        Known("thrust [kN/m]", _edges("crack", "x"), -10.0 * 4.0**2 / 2.0, 1e-9, "γ_w z²/2"),
-        *_both_sides("water", 25.0 * 28.0 * sqrt(3.0) * tan(atan(0.7) - pi / 6.0) / 80.0,
-                     "W tan(φ - β)/V, plane failure; W of 28 √3 m²"),
-    ]),
-    "lug": Table("A lug pulled by a rigid pin: the force goes through the bore.", [
-        Known("force where it is held [N/mm]", _edges("held", "x"), -4000.0, 1e-12, "force of the pin, balance"),
-        Known("force across, over the pin's", _of(lambda r: r.resultant("held").y / 4000.0), 0.0, 1e-12, "balance"),
-        Known("force of the pin [N/mm]", _of(lambda r: float(r.plate_force("bore").x)), 4000.0, 1e-12, "the pull"),
-        Known("share of the bore that sticks", _share("bore", "stick"), 0.0, 0.0, "the bore gives way on both sides"),
-    ]),
-    "masonry_wall": Table("A masonry wall with openings: forces on the ground, and bounds of the wind it carries.", [
-        Known("N of ground [kN/m]", _normal("ground"), 20.0 * (3.0 * 2.0 - 0.5 * 1.0 - 0.75 * 0.75), 1e-9,
-              "weight, balance"),
-        Known("T of ground [kN/m]", _tangential("ground"), -2.0 * 2.0, 1e-9, "p h, balance"),
-        *(Known("limit load factor, from below over from above",
-                _limit("wind", lambda limit: limit.lower / limit.upper),
-                value, 0.0, "motion of rigid blocks on the same joints", _METHODS, compare)
-          for value, compare in ((1.0, "at_most"), (0.92, "at_least"))),
-    ]),
-    "punch": Table("A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure.", [
-        Known("N [N/mm]", _normal("punch"), 100.0, 1e-9, "force on the punch"),
-        Known("T over N", _slope("punch"), 0.0, 1e-3, "symmetry in x; diagonals of the cells are not"),
-        Known("centre of pressure x [mm]", _centre("punch", "x"), 0.0, 1e-3, "symmetry in x"),
-        Known("pressure in the middle [MPa]", _line("punch", lambda line: -value_at(line, line.normal_stress, 0.0)),
-              100.0 / pi, 0.08, "P/(π a), Johnson, Contact Mechanics, section 2.8; "
-              "frictionless half-plane, 8 % for a block 20 times as wide"),
-        Known("share that sticks", _share("punch", "stick"), 0.775, 0.05,
-              "displacements on lines 0.01 apart; an element of 0.05 to 0.2 has the end of stick", _METHODS,
-              "absolute"),
-    ]),
-    "ssnv128": Table("SSNV128 on 32 × 32 cells.", [
-        Known("N [Pa m]", _normal("base"), 2e6, 1e-9, "p a, balance"),
-        Known("T [Pa m]", _tangential("base"), TANGENTIAL_FORCE, 2e-3, "biquadratic displacement elements; ± 5 N/m",
-              _EXTERNAL),
-        Known("u_x at point A [m]", _line("base", lambda line: value_at(line, line.slip, 0.0)), 2.86e-5, 0.05,
-              f"{SSNV128}; ± 5 %", _PUBLISHED),
-        Known("zones from the left", _line("base", lambda line: runs(edge_states(line))), "open, slip, stick", 0.0,
-              "biquadratic displacement elements", _EXTERNAL),
-    ]),
-    "stacked_blocks": Table("Three blocks: every joint hands on what acts on the top, and holds it.", [
-        line
-        for joint in ("lower", "upper")
-        for line in (
-            Known(f"N of {joint} less the force on the top, over N", _beside("top", "y", joint, -1.0), 0.0, 1e-9,
-                  "balance of the blocks above"),
-            Known(f"T of {joint} less the force on the top, over N", _beside("top", "x", joint), 0.0, 1e-9,
-                  "balance of the blocks above"),
-        )
-    ]),
-    "trapezoid": Table("A trapezoid on a plane that holds it: bounds around the force of a displacement code.", [
-        *(Known(f"P, {side} bound [MN/m]", _bound("base.normal_force", side), 14.0483793, 0.0,
-                "NGSolve, degree 12, mesh graded to the corners", _EXTERNAL, compare)
-          for side, compare in (("lower", "at_most"), ("upper", "at_least"))),
-        Known("share of the base that sticks", _share("base", "stick"), 1.0, 0.0, "rough enough"),
-    ], 5),
-    "wedge": Table("A block pushed up a slope: NAFEMS CGS-4.",
-                   _both_sides("push", 1.0 / 0.99, "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied")),
-}  # fmt: skip
-"""Name of a problem file → what is known of it."""
-
-EXAMPLES: Final = Chapter()
-
-_Check: TypeAlias = Callable[[Answer, bool], Iterator[Row]]
-
-
 def _by_another_method(answer: Answer, quick: bool, contact: str, form: str = "full") -> Iterator[Row]:
     """The fixed point with quadratic programs against the condensed interior point.
 
@@ -449,36 +288,176 @@ def _bounds(answer: Answer, quick: bool, contact: str, tolerance: float, apart: 
     yield from two_models(quick, answer.result, contact, tolerance, apart)
 
 
-_OTHERWISE: Final[dict[str, tuple[_Check, ...]]] = {
-    "block_with_hole": (
-        partial(_by_another_method, contact="plate"), partial(_by_displacements, contact="plate", tolerance=0.02),
-    ),
-    "bracket": (partial(_by_another_method, contact="ground"),),
-    "compressed_plate": (
-        partial(_by_another_method, contact="plate"), partial(_by_displacements, contact="plate", tolerance=1e-3),
-    ),
-    "dry_stone_wall": (partial(_by_displacements, contact="head 1", tolerance=5e-3),),
-    "gravity_column": (partial(_by_another_method, contact="ground"),),
-    "gravity_dam": (partial(_bounds, contact="base", tolerance=1e-9, apart=1e-4),),
-    "lug": (partial(_motions, plate="bore", axis="x", tolerance=1e-3),),
-    "punch": (
-        partial(_by_another_method, contact="punch", form="condensed"),
-        partial(_motions, plate="punch", axis="y", tolerance=0.02),
-    ),
-    "ssnv128": (partial(_by_displacements, contact="base", tolerance=1e-3, shear=True),),
-    "stacked_blocks": (
-        partial(_by_another_method, contact="lower"),
-        partial(_by_displacements, contact="lower", tolerance=5e-3, shear=True),
-    ),
+@dataclass(frozen=True)
+class Table:
+    """What a problem file is about, in one sentence, the lines known of it, what else is compared, and the degree."""
+
+    about: str
+    lines: Sequence[Known]
+    further: Sequence[Further] = ()
+    degree: int = 4
+
+
+_HERTZ: Final = "Hertz; half planes, a/R = "
+_DAM: Final = (10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0)  # weight, uplift and thrust [MN/m]
+_EXTERNAL, _METHODS, _PUBLISHED = Kind.EXTERNAL, Kind.METHODS, Kind.PUBLISHED
+
+KNOWN: Final[dict[str, Table]] = {
+    "block_with_hole": Table("A block with a free hole under a plate: top and bottom carry the same.", [
+        Known("force on hole floor [N/mm]", _edges("hole floor", "y"), 0.0, 1e-7, "the hole is free"),
+        Known("force on hole roof [N/mm]", _edges("hole roof", "y"), 0.0, 1e-7, "the hole is free"),
+        Known("N less the force on the bottom, over N", _beside("block bottom", "y", "plate"), 0.0, 1e-9, "balance"),
+        Known("T over N", _slope("plate"), 0.0, 1e-8, "symmetry in x"),
+        Known("N [N/mm]", "plate.normal_force", 3e4 / (1.0 - 0.25**2) * 1e-3, 0.0,
+              "E U/(1 − ν²), the whole block held sideways; a hole makes it softer", compare="at_most"),
+    ], [partial(_by_another_method, contact="plate"), partial(_by_displacements, contact="plate", tolerance=0.02)]),
+    "bolted_angle": Table("An angle bolted to a wall: forces, centre of pressure, and the load at which it slides.", [
+        Known("N [N/mm]", "wall.normal_force", 400.0, 1e-9, "force of the bolt"),
+        Known("T [N/mm]", "wall.tangential_force", 100.0, 1e-9, "load"),
+        Known("centre of pressure y [mm]", _centre("wall", "y"), 60.0 - 80.0 * 100.0 / 400.0, 1e-8,
+              "60 - 80 F/B, moments"),
+        *_both_sides("load", 0.4 * 400.0 / 100.0, "μB/F"),
+    ]),
+    "bracket": Table("An L on rough ground: forces and their centre by statics alone.", [
+        Known("N [MN/m]", "ground.normal_force", 10.0, 1e-9, "load on the roof, balance"),
+        Known("T [MN/m]", "ground.tangential_force", -3.0, 1e-9, "wind, balance"),
+        Known("centre of pressure x [m]", _centre("ground", "x"), (10.0 * 0.5 + 3.0 * 1.5) / 10.0, 1e-9,
+              "(10 · 0.5 + 3 · 1.5)/10, balance of moments"),
+    ], [partial(_by_another_method, contact="ground")]),
+    "brake_pad": Table("A brake pad in full slip: friction force and centre of pressure by statics.", [
+        Known("N [N/mm]", "face.normal_force", 160.0, 1e-9, "force of the piston"),
+        Known("T [N/mm]", "face.tangential_force", 0.4 * 160.0, 1e-6, "μ N in full slip"),
+        Known("share of the face that sticks", _share("face", "stick"), 0.0, 0.0, "the disc turns"),
+        Known("force on the abutment [N/mm]", "abutment.normal_force", 0.4 * 160.0, 1e-6, "balance"),
+        Known("centre of pressure x [mm]", _centre("face", "x"), 40.0 - 0.4 * 14.5, 1e-6, "balance of moments"),
+    ]),
+    "compressed_plate": Table("The paper's plate on 16 × 16 graded cells, against displacement codes.", [
+        Known("N [N/mm]", "plate.normal_force", SETTLED[0.2], 1e-3, f"{DISPLACEMENT_CODES}; the mesh is coarse",
+              _EXTERNAL),
+    ], [partial(_by_another_method, contact="plate"), partial(_by_displacements, contact="plate", tolerance=1e-3)]),
+    "cyclic_shear": Table("A block sheared to and fro: the second cycle repeats the first and loses the loop's area.", [
+        Known("largest |T| − μN over N", _of_history(_excess), 0.0, 1e-9, "|T| ≤ μN", compare="at_most"),
+        Known("largest difference of T between the cycles, over N", _of_history(_between_cycles), 0.0, 1e-6,
+              "a cyclic state repeats itself after the first loading"),
+        Known("work of friction in the second cycle over the loop's area", _of_history(_lost_and_around), 1.0, 1e-6,
+              "∮T dw, balance of energy"),
+    ]),
+    "cylinder_on_block": Table("A cylinder on a block: NAFEMS R0094-1 with a hundredth of its force, against Hertz.", [
+        Known("peak pressure [MPa]", _ellipse("contact", 0), 358.536, 2e-4, f"{_HERTZ}0.012"),
+        Known("half-width [mm]", _ellipse("contact", 1), 0.62146, 2e-4, f"{_HERTZ}0.012"),
+    ]),
+    "dragged_block_holds": Table("A block at 0.99 of what friction can carry: balance, and the limit load factor.", [
+        Known("N [MN/m]", "base.normal_force", 20.0, 1e-9, "p w, balance"),
+        Known("T [MN/m]", "base.tangential_force", -9.9, 1e-9, "−T w, balance"),
+        Known("limit load factor", _limit("drag", lambda limit: limit.lower), 1.0 / 0.99, 1e-6, "μp/T"),
+    ]),
+    "dragged_block_slides": Table("The same block at 1.01 of the limit: infeasible, with a proof.", [
+        Known("status", lambda a: (a.result.status.value, infeasible(a.result)), "infeasible", 0.0, "T > μp"),
+        Known("limit load factor", _limit("drag", lambda limit: limit.lower), 1.0 / 1.01, 1e-6, "μp/T"),
+    ]),
+    "dry_stone_wall": Table("A wall of three courses: every bed carries load and weight above it.", [
+        line
+        for bed, height in (("upper bed", 1.0), ("lower bed", 2.0), ("ground", 3.0))
+        for line in (
+            Known(f"N of {bed} [kN/m]", f"{bed}.normal_force", 3.0 * (30.0 + 24.0 * height), 1e-9,
+                  "3 (30 + 24 h), balance of what lies above"),
+            Known(f"T of {bed} over N", _slope(bed), 0.0, 1e-9, "balance in x"),
+        )
+    ], [partial(_by_displacements, contact="head 1", tolerance=5e-3)]),
+    "gravity_column": Table("A column under its own weight: balance, and uniform pressure away from the ends.", [
+        Known("N [N/m]", "ground.normal_force", 98100.0, 1e-9, "ρ g w h"),
+        Known("T over N", _slope("ground"), 0.0, 1e-9, "symmetry in x"),
+        Known("σ_yy at mid-height [Pa]", _of(lambda r: float(r.stress(0.5, 2.0)[1])), -49050.0, 1e-3,
+              "−ρ g (h − y), Saint-Venant two widths above the ground"),
+    ], [partial(_by_another_method, contact="ground")]),
+    "gravity_dam": Table("A dam on rock with uplift in its base joint: forces, and the factor of sliding.", [
+        Known("N [MN/m]", "base.normal_force", _DAM[0], 1e-9, "W"),
+        Known("effective N [MN/m]", _line("base", lambda line: line.effective_normal_force), _DAM[0] - _DAM[1], 1e-9,
+              "W - U"),
+        Known("T [MN/m]", "base.tangential_force", _DAM[2], 1e-9, "H = γ h²/2"),
+        *_both_sides("thrust", 0.75 * (_DAM[0] - _DAM[1]) / _DAM[2], "μ (W - U)/H, factor of sliding"),
+    ], [partial(_bounds, contact="base", tolerance=1e-9, apart=1e-4)]),
+    "half_discs": Table("Two half discs with partial slip, against Hertz and Cattaneo.", [
+        Known("peak pressure [MPa]", _ellipse("contact", 0), 9.351351, 0.01, f"{_HERTZ}0.085"),
+        Known("half-width [mm]", _ellipse("contact", 1), 0.680778, 0.01, f"{_HERTZ}0.085"),
+        Known("half-width that sticks [mm]",
+              _line("contact", lambda line: float(np.abs(line.x[line.state == ContactState.STICK]).max())),
+              0.496511, 0.05, "Cattaneo, a √(1 - Q/(μP)); to one point of the mesh"),
+        Known("shear in the middle [MPa]",
+              _line("contact", lambda line: float(np.abs(line.tangential_stress)[np.argmin(np.abs(line.x))])),
+              0.2 * 9.351351 * (1.0 - 0.496511 / 0.680778), 0.03, "Cattaneo, μ p₀ (1 - c/a); half planes, a/R = 0.085"),
+    ]),
+    "jointed_slope": Table("A jointed slope pushed by water in its crack slides on its lowest bedding plane.", [
+        Known("thrust [kN/m]", _edges("crack", "x"), -10.0 * 4.0**2 / 2.0, 1e-9, "γ_w z²/2"),
+        *_both_sides("water", 25.0 * 28.0 * sqrt(3.0) * tan(atan(0.7) - pi / 6.0) / 80.0,
+                     "W tan(φ - β)/V, plane failure; W of 28 √3 m²"),
+    ]),
+    "lug": Table("A lug pulled by a rigid pin: the force goes through the bore.", [
+        Known("force where it is held [N/mm]", _edges("held", "x"), -4000.0, 1e-12, "force of the pin, balance"),
+        Known("force across, over the pin's", _of(lambda r: r.resultant("held").y / 4000.0), 0.0, 1e-12, "balance"),
+        Known("force of the pin [N/mm]", "bore.force_x", 4000.0, 1e-12, "the pull"),
+        Known("share of the bore that sticks", _share("bore", "stick"), 0.0, 0.0, "the bore gives way on both sides"),
+    ], [partial(_motions, plate="bore", axis="x", tolerance=1e-3)]),
+    "masonry_wall": Table("A masonry wall with openings: forces on the ground, and bounds of the wind it carries.", [
+        Known("N of ground [kN/m]", "ground.normal_force", 20.0 * (3.0 * 2.0 - 0.5 * 1.0 - 0.75 * 0.75), 1e-9,
+              "weight, balance"),
+        Known("T of ground [kN/m]", "ground.tangential_force", -2.0 * 2.0, 1e-9, "p h, balance"),
+        *(Known("limit load factor, from below over from above",
+                _limit("wind", lambda limit: limit.lower / limit.upper),
+                value, 0.0, "motion of rigid blocks on the same joints", _METHODS, compare)
+          for value, compare in ((1.0, "at_most"), (0.92, "at_least"))),
+    ]),
+    "punch": Table("A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure.", [
+        Known("N [N/mm]", "punch.normal_force", 100.0, 1e-9, "force on the punch"),
+        Known("T over N", _slope("punch"), 0.0, 1e-3, "symmetry in x; diagonals of the cells are not"),
+        Known("centre of pressure x [mm]", _centre("punch", "x"), 0.0, 1e-3, "symmetry in x"),
+        Known("pressure in the middle [MPa]", _line("punch", lambda line: -value_at(line, line.normal_stress, 0.0)),
+              100.0 / pi, 0.08, "P/(π a), Johnson, Contact Mechanics, section 2.8; "
+              "frictionless half-plane, 8 % for a block 20 times as wide"),
+        Known("share that sticks", _share("punch", "stick"), 0.775, 0.05,
+              "displacements on lines 0.01 apart; an element of 0.05 to 0.2 has the end of stick", _METHODS,
+              "absolute"),
+    ], [partial(_by_another_method, contact="punch", form="condensed"),
+         partial(_motions, plate="punch", axis="y", tolerance=0.02)]),
+    "ssnv128": Table("SSNV128 on 32 × 32 cells.", [
+        Known("N [Pa m]", "base.normal_force", 2e6, 1e-9, "p a, balance"),
+        Known("T [Pa m]", "base.tangential_force", TANGENTIAL_FORCE, 2e-3, "biquadratic displacement elements; ± 5 N/m",
+              _EXTERNAL),
+        Known("u_x at point A [m]", _line("base", lambda line: value_at(line, line.slip, 0.0)), 2.86e-5, 0.05,
+              f"{SSNV128}; ± 5 %", _PUBLISHED),
+        Known("zones from the left", _line("base", lambda line: runs(edge_states(line))), "open, slip, stick", 0.0,
+              "biquadratic displacement elements", _EXTERNAL),
+    ], [partial(_by_displacements, contact="base", tolerance=1e-3, shear=True)]),
+    "stacked_blocks": Table("Three blocks: every joint hands on what acts on the top, and holds it.", [
+        line
+        for joint in ("lower", "upper")
+        for line in (
+            Known(f"N of {joint} less the force on the top, over N", _beside("top", "y", joint, -1.0), 0.0, 1e-9,
+                  "balance of the blocks above"),
+            Known(f"T of {joint} less the force on the top, over N", _beside("top", "x", joint), 0.0, 1e-9,
+                  "balance of the blocks above"),
+        )
+    ], [partial(_by_another_method, contact="lower"),
+         partial(_by_displacements, contact="lower", tolerance=5e-3, shear=True)]),
+    "trapezoid": Table("A trapezoid on a plane that holds it: bounds around the force of a displacement code.", [
+        *(Known(f"P, {side} bound [MN/m]", _bound("base.normal_force", side), 14.0483793, 0.0,
+                "NGSolve, degree 12, mesh graded to the corners", _EXTERNAL, compare)
+          for side, compare in (("lower", "at_most"), ("upper", "at_least"))),
+        Known("share of the base that sticks", _share("base", "stick"), 1.0, 0.0, "rough enough"),
+    ], degree=5),
+    "wedge": Table("A block pushed up a slope: NAFEMS CGS-4.",
+                   _both_sides("push", 1.0 / 0.99, "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied")),
 }  # fmt: skip
-"""Name of a problem file → what another method, or another model on the same mesh, is compared in."""
+"""Name of a problem file → what is known of it."""
+
+EXAMPLES: Final = Chapter()
 
 
 def _rows(p: int, quick: bool, name: str) -> Iterator[Row]:
     answer = Answer(name, p)
     for line in KNOWN[name].lines:
         yield line.row(answer)
-    for check in _OTHERWISE.get(name, ()):
+    for check in KNOWN[name].further:
         yield from check(answer, quick)
 
 

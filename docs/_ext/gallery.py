@@ -73,7 +73,7 @@ def known_table(name: str) -> str:
     """What `comparisons.verification` knows of a problem file, beside what it computes, in Markdown."""
     from comparisons.verification import KNOWN, Answer
 
-    answer = Answer(name, KNOWN[name].element)
+    answer = Answer(name, KNOWN[name].degree)
     lines = ["| quantity | computed | known | tolerance | source |", "|---|---|---|---|---|"]
     for line in KNOWN[name].lines:
         row = line.row(answer)

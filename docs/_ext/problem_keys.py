@@ -17,7 +17,7 @@ from qvi_contact.basics.schema import defaults_of, described, file_keys, is_need
 from qvi_contact.basics.units import Units
 from qvi_contact.files import mesh_tables, options, problem_file
 from qvi_contact.mesh.outline import Corner
-from qvi_contact.problem import conditions, material, strength
+from qvi_contact.problem import conditions, material
 
 PAGE = DOCS / "problem_files.md"
 
@@ -39,7 +39,7 @@ TABLES: dict[str, type] = {
     "[[joints]]": mesh_tables.JointTable,
     "[material]": material.Material,
     "[[regions]]": mesh_tables.RegionTable,
-    **{f'strength of [material] and [[regions]], law = "{each.kind}"': each for each in strength.STRENGTHS},
+    **{f'strength of [material] and [[regions]], law = "{each.kind}"': each for each in material.STRENGTHS},
     "[[symmetry]]": conditions.Symmetry,
     "[[displacements]]": conditions.Displacement,
     "[[tractions]]": conditions.Traction,

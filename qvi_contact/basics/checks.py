@@ -60,15 +60,15 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
 
     """
     if not callable(field):
-        values = np.full(np.shape(x), float(field))
-    else:
-        try:
-            values = np.array(np.broadcast_to(real_array("value", field(x, y)), np.shape(x)))
-        except TimeoutError:  # meant for those who called
-            raise
-        except Exception as error:
-            remedy = f"the function must take two arrays (x, y) and return an array of their shape ({error})"
-            raise InputError(name, field, remedy) from error
+        check_field(name, field, minimum=minimum)
+        return np.full(np.shape(x), float(field))
+    try:
+        values = np.array(np.broadcast_to(real_array("value", field(x, y)), np.shape(x)))
+    except TimeoutError:  # meant for those who called
+        raise
+    except Exception as error:
+        remedy = f"the function must take two arrays (x, y) and return an array of their shape ({error})"
+        raise InputError(name, field, remedy) from error
     bad = ~np.isfinite(values)
     if minimum is not None:
         bad |= values < minimum

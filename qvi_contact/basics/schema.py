@@ -13,12 +13,24 @@ Errors of `Kind.read` have a path relative to the value that is read; each table
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from types import NoneType, UnionType
-from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Final,
+    Literal,
+    Protocol,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from qvi_contact.errors import InputError
 from solvers.basics.names import closest
@@ -43,6 +55,14 @@ _IN_TOML: Final = (
 )  # remedies written for Python
 
 
+_Value = TypeVar("_Value")
+
+
+def _cached(function: Callable[[type], _Value]) -> Callable[[type], _Value]:
+    """What a function of classes returns, computed once for each."""
+    return cache(function)
+
+
 class Missing:
     """The value of a key that is needed and not there, for messages: TOML knows no None."""
 
@@ -53,7 +73,9 @@ class Missing:
 class Reader(Protocol):
     """What reads functions in a file, which knows its constants and the time."""
 
-    top: Iterable[str]
+    @property
+    def top(self) -> Iterable[str]:
+        """Keys at the top of the file."""
 
     def field(self, value: Any) -> Any:
         """A number, expression or polynomial."""
@@ -398,7 +420,7 @@ def kind_of(hint: Any) -> Kind:
     return simple[hint] if hint in simple else Table(hint)
 
 
-@cache
+@_cached
 def keys_of(kind: type) -> dict[str, Key]:
     """The keys of a dataclass, in the order of its fields."""
     hints = get_type_hints(kind, include_extras=True)
@@ -406,14 +428,14 @@ def keys_of(kind: type) -> dict[str, Key]:
     return {name: Key(kind_of(hints[name]), **more) for name, more in said.items() if more is not None}
 
 
-@cache
+@_cached
 def defaults_of(kind: type) -> dict[str, Any]:
     """What fields are by default, of those that have a default."""
     made = {each.name: each.default_factory() for each in fields(kind) if each.default_factory is not MISSING}
     return made | {each.name: each.default for each in fields(kind) if each.default is not MISSING}
 
 
-@cache
+@_cached
 def file_keys(kind: type) -> dict[str, Key]:
     """The keys of a table: those of the class, of what is inlined, and those that files only have (`in_files`)."""
     found: dict[str, Key] = {}
@@ -474,7 +496,7 @@ def read_table(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = ()
 def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
     """The table that states an object, without what goes without saying."""
     found: dict[str, Any] = {}
-    kind: type = type(stated)
+    kind = type(stated)
     defaults = defaults_of(kind)
     for name, each in keys_of(kind).items():
         value = getattr(stated, name)
@@ -490,7 +512,7 @@ def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
 
 def check_keys(stated: Any) -> None:
     """Check the fields of an object as their keys say, and fill in those that are like another one."""
-    kind: type = type(stated)
+    kind = type(stated)
     defaults = defaults_of(kind)
     for name, each in keys_of(kind).items():
         value = getattr(stated, name)

@@ -1,11 +1,19 @@
-"""How numbers of a result are written for people: what is rounding beside the problem's own units is 0."""
+"""How numbers are shown to people: what is rounding beside the problem's own units is 0; how far to trust bounds."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
 SHARE: Final = 1e-9
 """Share of the units of a problem up to which a number is rounding."""
+
+
+class Certainty(StrEnum):
+    """How far bounds, and errors, can be trusted: the text says it."""
+
+    ESTIMATE = "estimate"
+    GUARANTEED = "guaranteed"
 
 
 def shown(value: float, least: float = 0.0, digits: int = 6) -> str:

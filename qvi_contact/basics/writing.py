@@ -1,12 +1,19 @@
-"""Files that are either there whole or not there at all."""
+"""Files that are either there whole or not there at all, and HTML pages that load nothing."""
 
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from qvi_contact.errors import InputError
 from solvers.basics.files import check_writable, given_path, identity, replacing, unwritable
 
-__all__ = ["check_suffix", "check_writable", "given_path", "identity", "replacing", "writable_folder", "write_text"]
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+__all__ = [
+    "check_suffix", "check_writable", "given_path", "identity", "page_template", "replacing", "writable_folder",
+    "write_text",
+]  # fmt: skip
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -40,3 +47,21 @@ def writable_folder(path: str | Path, field: str = "output") -> Path:
     except (OSError, ValueError) as error:  # ValueError: a name no folder can have
         raise unwritable(folder, error, field) from error
     return folder
+
+
+def page_template(package: str) -> "Template":
+    """The template ``page.html`` of a package, which extends ``frame.html`` of this one.
+
+    The frame has the head, the style that pages share and the package's own ``page.css``, and the blocks "title",
+    "body" and "script".
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader("qvi_contact.basics", ".")]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html")

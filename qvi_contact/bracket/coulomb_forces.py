@@ -27,8 +27,8 @@ from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
 from qvi_contact.companion.traces import DisplacementContact
-from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
 from qvi_contact.solution.contact_path import leads_one_way
@@ -307,7 +307,7 @@ class _Pairs:
 
     def _stress(self, c: FloatArray) -> FloatArray:
         """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
-        qvi, q = self.known.qvi, self.known.space.contact_rule.count
+        qvi, q = self.known.qvi, self.known.rule.count
         work = np.zeros((2, qvi.m))
         products = bernstein.product_integrals(q - 1, self.companion.degree)
         for line in self.lines:
@@ -326,7 +326,7 @@ class _Pairs:
     @cached_property
     def _held(self) -> tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]:
         """Rows of tractions that are to vanish, what they do, K⁻¹ rowsᵀ, and rows times that and times rowsᵀ."""
-        qvi, q = self.known.qvi, self.known.space.contact_rule.count
+        qvi, q = self.known.qvi, self.known.rule.count
         held = np.zeros((2, qvi.m), dtype=bool)
         for line in self.lines:
             held[0, line.rows.rows] = np.repeat(line.loose, q)
@@ -353,7 +353,7 @@ class _Pairs:
 
     def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
         """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
-        qvi, q = self.known.qvi, self.known.space.contact_rule.count
+        qvi, q = self.known.qvi, self.known.rule.count
         shear, wanted, parts = qvi.T @ change, np.zeros(qvi.m), dict[str, Share]()
         rough = [line for line in self.lines if line.share is not None]
         total, mass, still = np.zeros((3, len(self.known.problem.mesh.vertices)))
@@ -382,7 +382,7 @@ class _Pairs:
 
     def _ratio_of_stresses(self, change: FloatArray) -> float | None:
         """The larger of m₂ and m₃; None if there is none."""
-        scales, q, found = self.known.scales, self.known.space.contact_rule.count, 0.0
+        scales, q, found = self.known.scales, self.known.rule.count, 0.0
         normal, shear = (scales.stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
         size = float(np.abs(normal).max())
         for line in self.lines:

@@ -84,7 +84,7 @@ def fixed_bound_problem(result: ContactResult) -> FixedBoundProblem:
 
 def with_bernstein_rows(known: Discretization) -> Discretization:
     """The same problem on the same elements and in the same units, with rows that hold the law on whole edges."""
-    if known.space.contact_rule.kind == "bernstein":
+    if known.rule.kind == "bernstein":
         return known
     return discretize(known.problem, degree=known.space.degree, contact_rows="bernstein", scales=known.scales)
 

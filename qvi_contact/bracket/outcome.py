@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.shown import shown
+from qvi_contact.basics.shown import Certainty, shown
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.parts import Bounds, EdgeParts

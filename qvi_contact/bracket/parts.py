@@ -20,9 +20,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
-from qvi_contact.discretization.contact_rows import ContactRows, joined
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import contact_named
+from qvi_contact.discretization.loads import ContactRows, contact_named, joined
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.solution.stress import cell_stresses
@@ -96,7 +95,7 @@ class EdgeTractions:
             _polynomials(discretization, joined([getattr(rows, name) for rows in limited]))
             for name in ("cohesion", "shear_limit")
         )
-        pressure = qvi.law.pressed(discretization.space.contact_rule.at_rows(normal))
+        pressure = qvi.law.pressed(discretization.rule.at_rows(normal))
         law = cohesion + (qvi.mu * pressure).reshape(cohesion.shape)
 
         def below(first: FloatArray, second: FloatArray) -> BoolArray:
@@ -120,7 +119,7 @@ def tractions_on(discretization: Discretization, u: FloatArray, rows: ContactRow
 
 def coefficients(discretization: Discretization, values: FloatArray, degree: int) -> FloatArray:
     """Bernstein coefficients (e, degree + 1) of the polynomials nearest to values at the contact points (m,)."""
-    nearest = _nearest(degree, tuple(discretization.space.contact_rule.points.tolist()))
+    nearest = _nearest(degree, tuple(discretization.rule.points.tolist()))
     return np.asarray(values.reshape(-1, nearest.shape[1]) @ nearest.T)
 
 
@@ -134,7 +133,7 @@ def _nearest(degree: int, points: tuple[float, ...]) -> FloatArray:
 
 def _polynomials(discretization: Discretization, values: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Coefficients (e, q) ≥ 0 of a field of the law from its values (m,), and where they are those of the field."""
-    q = discretization.space.contact_rule.count
+    q = discretization.rule.count
     values = values.reshape(-1, q)
     given: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
     found = coefficients(discretization, np.where(given[:, None], values, 0.0), q - 1)

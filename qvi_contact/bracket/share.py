@@ -413,7 +413,7 @@ def _where(known: Discretization, row: int) -> str:
     """No stress of the elements has the shear that is wanted: where."""
     rows = next(each for each in known.contacts if each.rows.start <= row < each.rows.stop)
     edges = known.problem.mesh.edges(next(c for c in known.problem.contacts if c.name == rows.name).edges)
-    edge = (row - rows.rows.start) // known.space.contact_rule.count
+    edge = (row - rows.rows.start) // known.rule.count
     x, y = known.problem.mesh.vertices[edges.first[edge]]
     return f"No stress on this mesh has a continuous share of friction on {rows.name!r} near ({x:.6g}, {y:.6g})."
 

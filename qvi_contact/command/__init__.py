@@ -9,6 +9,6 @@ __getattr__ = front(
         "page.numbers": ("contact_rows", "resultant_rows", "step_tables"),
         "page.page": ("Request", "result_page"),
         "report": ("history_lines", "result_lines"),
-        "solve_line": ("solving",),
+        "progress_line": ("solving",),
     },
 )

@@ -14,8 +14,7 @@ from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction, components
-from qvi_contact.problem.fields import Expression, Polynomial
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import Expression, Polynomial, along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 _NOISE: Final = 1e-12  # share of all that acts below which a resultant is rounding

@@ -1,18 +1,29 @@
 """Results and problems as plain text for a terminal."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from __future__ import annotations
 
-from qvi_contact.basics.shown import Rounding, shown
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from qvi_contact.basics.shown import Certainty, Rounding, shown
 from qvi_contact.basics.units import Units
+from qvi_contact.files.export import summary
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult, plate_numbers
 from qvi_contact.verification.verification import Verification
+from solvers.solution import WHAT_TO_DO
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Branches
+    from qvi_contact.refinement import Refinement, RefinementRound
+    from qvi_contact.refinement.outcome import Outcome
 
 STATES = [state.name.lower() for state in ContactState]
 _ROWS = {"gauss": "Gauss points", "bernstein": "Bernstein coefficients"}
+_KINDS: Final = {Certainty.ESTIMATE: "estimate", Certainty.GUARANTEED: "guaranteed"}
 _HIDDEN = ("kind", "edges", "length", "joint")
 
 
@@ -213,3 +224,128 @@ def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str
     for row in filled:
         cells = [row[0].ljust(widths[0]), *(text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True))]
         yield "  ".join(cells).rstrip()
+
+
+def branches_lines(result: ContactResult, found: Branches | None, units: Units) -> Iterator[str]:
+    """The answer of the solve, what the search found, and a table with a row for each solution if there are several.
+
+    Without a search, as after a solve that failed, the answer alone.
+    """
+    yield from result_lines(result, units)
+    if found is None:
+        return
+    yield from ("", units.filled(found.message))
+    if len(found.results) > 1:
+        least = Rounding.largest(each.rounding for each in found.results)
+
+        def first(number: int, _result: ContactResult) -> list[str]:
+            distance = found.distances[number]
+            return [str(number + 1), f"{100.0 * distance:.2g} %" if math.isfinite(distance) else ""]
+
+        yield ""
+        yield from contact_tables(found.results, ["solution", "from displacements"], first, least, units)
+        yield WHAT_TO_DO
+
+
+def branches_document(result: ContactResult, found: Branches | None, units: Units) -> dict[str, Any]:
+    """The same for programs: a summary of each solution, the preferred one first; a distance not known is None."""
+    results, distances = ((result,), (math.nan,)) if found is None else (found.results, found.distances)
+    solutions = [
+        {"distance": distance if math.isfinite(distance) else None, **summary(each, units)}
+        for each, distance in zip(results, distances, strict=True)
+    ]
+    return {"message": units.filled(result.message if found is None else found.message), "solutions": solutions}
+
+
+def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
+    """Outcome and rounds for programs: numbers that are not finite are None, errors are relative."""
+    unit = _unit(found, units)
+    return {
+        "status": found.status.value,
+        "quantity": found.quantity,
+        "value": {"value": _finite(found.value), "unit": unit},
+        "target": found.target,
+        "estimate": _finite(found.estimate),
+        "guaranteed": found.guaranteed,
+        "certainty": str(found.certainty),
+        "message": found.message,
+        "advice": found.status.advice,
+        "rounds": [
+            {
+                "cells": [each.cells],
+                "unknowns": each.unknowns,
+                "value": _finite(each.value),
+                "estimate": _finite(each.estimate),
+                "guaranteed": each.guaranteed,
+                "certainty": str(each.certainty),
+            }
+            for each in found.rounds
+        ],
+    }
+
+
+def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
+    """The rounds as a table, then how it ended and how far the number can be trusted."""
+    if found.rounds:
+        yield from table(refinement_headings(found, units), refinement_rows(found))
+        yield ""
+    yield found.message
+    if found.rounds:
+        yield trust(found, units)
+    if found.status != "reached" and (found.rounds or found.result.status.advice not in found.message):
+        yield found.status.advice
+
+
+def refinement_headings(found: Refinement, units: Units) -> list[str]:
+    """Headings of `refinement_rows`."""
+    return ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
+
+
+def refinement_rows(found: Refinement) -> list[list[str]]:
+    """Cells, unknowns, value and relative error of each round, and what the error is."""
+    return [
+        [
+            str(number),
+            str(each.cells),
+            str(each.unknowns),
+            f"{each.value:.9g}",
+            _error(each),
+            _kind(each),
+        ]
+        for number, each in enumerate(found.rounds, 1)
+    ]
+
+
+def trust(found: Refinement, units: Units) -> str:
+    """Whether the last error is a bound, in a sentence."""
+    if not math.isfinite(found.estimate):
+        return "Error: not known."
+    size = f"{shown(found.error, digits=2)} {_unit(found, units)}"
+    if found.certainty is Certainty.ESTIMATE:
+        return f"Error: about {size}. This is an estimate, not a guaranteed bound."
+    return f"Error: at most {size}. This is a guaranteed bound, up to rounding."
+
+
+def so_far(done: RefinementRound) -> str:
+    """A round in the line of the progress."""
+    return f"{done.unknowns} unknowns, relative error {_error(done)} ({_kind(done) or 'not known'})"
+
+
+def _error(each: RefinementRound) -> str:
+    return f"{each.estimate:.1e}" if math.isfinite(each.estimate) else "-"
+
+
+def _kind(each: RefinementRound) -> str:
+    if not math.isfinite(each.estimate):
+        return ""
+    return _KINDS[each.certainty]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _unit(found: Outcome, units: Units) -> str:
+    from qvi_contact.refinement.outcome import unit_of
+
+    return unit_of(found.quantity, units)

@@ -75,7 +75,7 @@ def solved_series(
     file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None = None
 ) -> tuple[Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
-    from qvi_contact.command.solve_line import solving
+    from qvi_contact.command.progress_line import solving
 
     if store is not None and not file.times:
         remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
@@ -98,7 +98,7 @@ def solved_series(
         from qvi_contact.solution.history import solve_history
 
         with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
-            told = _Told(advance)
+            told = _UpToStep(advance)
             history = solve_history(file.problems, told, store=store, **options, verbose=verbose)
         return Series("t", file.times, history), history.steps
     from qvi_contact.solution.solver import solve
@@ -107,7 +107,7 @@ def solved_series(
         return None, (solve(file.problem, **options, verbose=verbose),)
 
 
-class _Told:
+class _UpToStep:
     """Advances to the number of a step: the first that is told need not be the first of all."""
 
     def __init__(self, advance: Advance) -> None:
@@ -136,7 +136,7 @@ def stored_sweep(
     file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, store: str, workers: dict[str, Any]
 ) -> StoredSweep:
     """The sweep of a file whose rows are in a store, done as far as the time allows."""
-    from qvi_contact.command.solve_line import solving
+    from qvi_contact.command.progress_line import solving
     from qvi_contact.files.sweep_store import read_sweep
     from qvi_contact.solution.sweep import solve_sweep
 

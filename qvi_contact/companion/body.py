@@ -23,7 +23,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.choice import Request, make

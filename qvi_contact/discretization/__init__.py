@@ -8,14 +8,12 @@ __all__ = ["Discretization", "discretize"]
 __getattr__ = front(
     __name__,
     {
-        "condensed": ("potential_points",),
-        "elimination": ("Rows", "UnbalancedLoadError", "solve_conditions"),
-        "energy": ("TriangleEnergy",),
+        "energy": ("BodyStiffness", "Root", "TriangleEnergy"),
         "frames": ("shortest_cuts",),
         "loads": ("EdgePoints", "physical"),
         "plates": ("misplaced_pins", "pressed_pins"),
         "scaling": ("REACH", "Scales"),
-        "space": ("FAMILY", "StressSpace"),
-        "tractions": ("PrescribedTraction", "eliminate_tractions", "walk"),
+        "space": ("FAMILY", "Rows", "StressSpace", "edge_rule"),
+        "supports": ("Elimination", "PrescribedTraction", "Supports", "walk"),
     },
 )

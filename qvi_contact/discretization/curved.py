@@ -31,9 +31,9 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element import legendre
-from qvi_contact.element.affine import EDGES, AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
 from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.triangle import EDGES, AffineTriangles
 from qvi_contact.mesh.arcs import angles, arc_offsets, arc_points, area_factors, barycentric_of, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
@@ -194,7 +194,7 @@ class CurvedTriangles:
         return np.asarray(rows).reshape(len(rows), -1, self.element.dimension)
 
     def potential_load(
-        self, block: slice, compliances: FloatArray, potential: FloatArray, rule: Rule
+        self, block: slice | IntArray, compliances: FloatArray, potential: FloatArray, rule: Rule
     ) -> tuple[FloatArray, FloatArray]:
         """∫ cφI:σ of the functions (k, dimension), and ½ ∫ cφI:φI (k,), from φ at the points (k, q)."""
         areas = self.areas(rule[0])[block] * rule[1]
@@ -214,7 +214,7 @@ class CurvedTriangles:
         step = max(1, _BLOCK // (3 * points * self.element.dimension))
         return [slice(start, min(start + step, len(self))) for start in range(0, len(self), step)]
 
-    def _hessians(self, block: slice, points: FloatArray) -> FloatArray:
+    def _hessians(self, block: slice | IntArray, points: FloatArray) -> FloatArray:
         """Of the reference functions, on the reference triangle, at reference points (q, 3); (k, q, 3, dimension)."""
         at = barycentric_of(self.triangles.corners[block], self.bends[block], points)
         return self.element.reference_functions(at, 2)

@@ -8,27 +8,35 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, get_args
+from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, whole_number
 from qvi_contact.basics.retired import refuse_arguments
-from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, laws_vary
-from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
-from qvi_contact.discretization.energy import TriangleEnergy
-from qvi_contact.discretization.loads import cell_potential, displacement_load, potential_at, prescribed_tractions
+from qvi_contact.discretization.energy import BodyStiffness, Root
+from qvi_contact.discretization.loads import (
+    ContactRows,
+    cell_potential,
+    contact_rows,
+    displacement_load,
+    has_body_force,
+    joined,
+    laws_vary,
+    potential_at,
+    prescribed_tractions,
+)
 from qvi_contact.discretization.plates import PlateRows, misplaced_pins, plate_rows, pressed_pins
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import RowKind, StressSpace
-from qvi_contact.discretization.tractions import eliminate_tractions
+from qvi_contact.discretization.space import EdgeRule, RowKind, Rows, StressSpace, edge_rule
+from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
-from solvers import ContactMatrices, EnergyRoot, FrictionQVI, Law, Loads, Stiffness, Traces
+from solvers import ContactMatrices, FrictionQVI, Law, Loads, Traces
 from solvers.basics.types import Stated
+from solvers.inequality.rows import by_columns
 
 DEFAULT_DEGREE: Final = 4
 """Degree of the Airy function where none is given."""
@@ -39,193 +47,53 @@ _MISFIT = 1e-6  # difference of data from what is taken for them, in units of th
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
 
 
-@dataclass(frozen=True, eq=False)
-class Posed:
-    """A contact problem on the elements of its mesh, but for the algebraic problem itself; see `Discretization`."""
+class _Rows(NamedTuple):
+    """Rows of contacts and plates on the unknowns, and the traces on all degrees of freedom that contacts follow from.
 
-    problem: ContactProblem
-    space: StressSpace
-    energy: TriangleEnergy
-    scales: Scales
-    elimination: Elimination
-    contacts: tuple[ContactRows, ...]
-    plates: PlateRows
+    Traces are tractions at the Gauss points, σ_N of all contacts and then σ_T.
+    """
 
+    matrices: ContactMatrices
+    traces: Rows
 
-def _energy_of(problem: ContactProblem, space: StressSpace, scales: Scales, before: Posed | None) -> TriangleEnergy:
-    """The energy of the body, the very one of an earlier problem if material and body force are the same."""
-    potential = cell_potential(problem, space, scales)
-    if before is not None and _same_stiffness(problem, scales, before):
-        known = cell_potential(before.problem, before.space, before.scales)
-        if (potential is None and known is None) or np.array_equal(potential, known):  # type: ignore[arg-type]  # None
-            return before.energy
-    return TriangleEnergy.of(space, problem.cell_materials, _compliances(problem, scales), potential)
-
-
-def _algebraic(posed: Posed, before: Posed | None = None, known: FrictionQVI | None = None) -> FrictionQVI:
-    """Assemble, and substitute u = B z + u₀; matrices that are those of a `known` problem are not made again."""
-    rows = _Rows(posed)
-    if before is None or known is None or not _same_matrices(posed, before):
-        return _assembled(posed, rows)
-    contact = known.contact
-    if not _equal(posed.plates.A, before.plates.A):
-        contact = replace(contact, A=sparse.csc_array(posed.plates.A))
-    root, at_rest = _root_and_rest(posed, before, known)
-    load = rows.load
-    loads = Loads(load - at_rest, *rows.at_rest, posed.plates.b, root, load)
-    return FrictionQVI(known.stiffness, contact, loads, rows.law)
+    @classmethod
+    def on(cls, supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], A: sparse.csc_array) -> _Rows:
+        """Those of these contacts, one after the other, and equations, made once for all that is pressed there."""
+        edges = [rows.points.edges for rows in contacts]
+        key = (cls, rule.kind, id(A), *((part.first.tobytes(), part.second.tobytes()) for part in edges))
+        if key not in supports.kept:  # as `plate_rows` keeps A
+            traces = supports.space.trace_rows(edges, rule.points)
+            Y = supports.basis.rows(traces)
+            E = _block_diagonal(rule.from_points, Y.shape[0] // rule.count)
+            rows, m = E @ Y, Y.shape[0] // 2
+            weights = joined([rows.row_weights for rows in contacts])
+            supports.kept[key] = cls(ContactMatrices(rows[:m], rows[m:], weights, A, Traces(by_columns(Y), E)), traces)
+        found: _Rows = supports.kept[key]
+        return found
 
 
-def _root_and_rest(posed: Posed, before: Posed, known: FrictionQVI) -> tuple[EnergyRoot, FloatArray]:
-    """The root of the energy, and Rᵀr₀ = load − f (n,), which K u₀ would give too, by 𝒦."""
-    if posed.energy is before.energy and posed.elimination is before.elimination:
-        assert known.root is not None
-        assert known.load is not None
-        return known.root, known.load - known.f
-    root = posed.energy.root(posed.elimination)
-    return root, root.adjoint(root.apply(np.zeros(known.n)))
-
-
-def _assembled(posed: Posed, rows: _Rows) -> FrictionQVI:
-    """With all matrices."""
-    energy, elimination = posed.energy, posed.elimination
-    parameters, interpolation = rows.traces
-    Y = sparse.csr_array(parameters @ elimination.basis)
-    N, T = _halves(sparse.csr_array(interpolation @ Y))
-    K, of_particular = energy.reduced(elimination)
-    least = float(K.diagonal().min(initial=np.inf))
-    if least <= 0.0:
-        remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
-        raise InputError("ContactProblem.mesh", posed.space.smallest, remedy)
-    f, root = rows.load - elimination.basis.T @ (of_particular - energy.load), energy.root(elimination)
-    return FrictionQVI(
-        Stiffness(K.T, root, energy.places(elimination)),  # Kᵀ is the same matrix, compressed by columns
-        ContactMatrices(
-            sparse.csc_array(N),
-            sparse.csc_array(T),
-            rows.weights,
-            sparse.csc_array(posed.plates.A),
-            Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
-        ),
-        Loads(f, *rows.at_rest, posed.plates.b, root, rows.load),
-        rows.law,
-    )
-
-
-class _Rows:
-    """What the contacts that limit tractions put into (D2)."""
-
-    def __init__(self, posed: Posed) -> None:
-        self._posed = posed
-        self._limited = _limited(posed)
-
-    @cached_property
-    def traces(self) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Rows (r, N) of the parameters of traces, and their interpolation (2m, r)."""
-        return self._posed.space.trace_parameters([rows.points.edges for rows in self._limited])
-
-    @cached_property
-    def load(self) -> FloatArray:
-        """Of prescribed displacements and obstacles (n,)."""
-        load = displacement_load(self._posed.problem, self._posed.space, self._posed.scales)
-        for rows in self._posed.contacts:
-            load = load + rows.work()
-        return np.asarray(self._posed.elimination.basis.T @ load)
-
-    @property
-    def at_rest(self) -> tuple[FloatArray, FloatArray]:
-        """n0 and t0 (m,)."""
-        problem, scales, limited = self._posed.problem, self._posed.scales, self._limited
-        parameters, interpolation = self.traces
-        n0, t0 = np.split(interpolation @ (parameters @ self._posed.elimination.particular), 2)
-        fixed = [
-            rows.rule.at_rows(potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure)
-            for rows in limited
-        ]
-        return n0 + joined(fixed), t0
-
-    @property
-    def weights(self) -> FloatArray:
-        """W (m,)."""
-        return joined([rows.row_weights for rows in self._limited])
-
-    @property
-    def law(self) -> Law:
-        """What bounds the tractions."""
-        return law_of(self._limited)
-
-
-def law_of(contacts: Sequence[ContactRows]) -> Law:
-    """The law of contacts one after the other, tied ones left out."""
-    limited = [rows for rows in contacts if rows.law != "tied"]
-    limits = [rows.row_limits for rows in limited]
-    return Law(
-        joined([each.friction for each in limits]),
-        joined([each.cohesion for each in limits]),
-        joined([each.cap for each in limits]),
-        joined([rows.bilateral for rows in limited]).astype(bool),
-    )
-
-
-def _same_matrices(posed: Posed, before: Posed) -> bool:
-    """Whether K and the rows of contacts are those of an earlier problem."""
-    return (
-        posed.elimination.basis is before.elimination.basis
-        and _same_stiffness(posed.problem, posed.scales, before)
-        and _same_edges(_limited(posed), _limited(before))
-    )
-
-
-def _same_stiffness(problem: ContactProblem, scales: Scales, before: Posed) -> bool:
-    return np.array_equal(problem.cell_materials, before.problem.cell_materials) and np.array_equal(
-        _compliances(problem, scales), _compliances(before.problem, before.scales)
-    )
-
-
-def _same_edges(rows: list[ContactRows], others: list[ContactRows]) -> bool:
-    return len(rows) == len(others) and all(
-        np.array_equal(mine.points.edges.first, its.points.edges.first)
-        and np.array_equal(mine.points.edges.second, its.points.edges.second)
-        for mine, its in zip(rows, others, strict=True)
-    )
-
-
-def _limited(posed: Posed) -> list[ContactRows]:
-    """The contacts that limit tractions."""
-    return [rows for rows in posed.contacts if rows.law != "tied"]
-
-
-def _compliances(problem: ContactProblem, scales: Scales) -> FloatArray:
-    return np.stack([material.compliance / scales.compliance for material in problem.materials])
-
-
-def _equal(A: sparse.csr_array, B: sparse.csr_array) -> bool:
-    """Whether two small matrices have the same entries."""
-    return A.shape == B.shape and np.array_equal(A.toarray(), B.toarray())
-
-
-def _halves(rows: sparse.csr_array) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """N and T of [N; T]."""
-    m = rows.shape[0] // 2
-    return rows[:m], rows[m:]
+def _block_diagonal(block: FloatArray, count: int) -> sparse.csc_array:
+    """The same block (q, q) so many times."""
+    q = len(block)
+    rows = np.repeat(np.arange(count * q, dtype=np.int32).reshape(count, q), q, axis=0)
+    data, starts = np.tile(block.T, (count, 1)).ravel(), q * np.arange(count * q + 1, dtype=np.int32)
+    return sparse.csc_array((data, rows.ravel(), starts), shape=(count * q, count * q))
 
 
 @dataclass(frozen=True, eq=False)
-class Discretization(Posed, Stated):
+class Discretization(Stated):
     """A contact problem on the elements of its mesh, traction conditions and gauge eliminated.
 
     Attributes
     ----------
     problem : ContactProblem
         The problem.
-    space : StressSpace
-        Mesh and element, dimensionless.
-    energy : TriangleEnergy
-        The energy of the body.
     scales : Scales
         The units.
-    elimination : Elimination
-        All degrees of freedom as an affine function of the unknowns z.
+    rule : EdgeRule
+        What the rows of contacts are.
+    root : Root
+        The energy of the body on the unknowns, with `stiffness` and `supports` that other problems may have too.
     contacts : tuple of ContactRows
         Which rows of the algebraic problem belong to which contact.
     plates : PlateRows
@@ -235,12 +103,33 @@ class Discretization(Posed, Stated):
 
     """
 
+    problem: ContactProblem
+    scales: Scales
+    rule: EdgeRule
+    root: Root
+    contacts: tuple[ContactRows, ...]
+    plates: PlateRows
     qvi: FrictionQVI
+
+    @property
+    def supports(self) -> Supports:
+        """The degrees of freedom that meet the prescribed tractions, U = basis z + particular."""
+        return self.root.stiffness.supports
+
+    @property
+    def space(self) -> StressSpace:
+        """Mesh and element, dimensionless."""
+        return self.supports.space
 
     @property
     def basis(self) -> sparse.csr_array:
         """U = basis z + particular, shape (N, n)."""
-        return self.elimination.basis
+        return self.supports.basis.matrix
+
+    @property
+    def particular(self) -> FloatArray:
+        """U at z = 0, shape (N,)."""
+        return self.root.particular
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
@@ -293,19 +182,18 @@ class Discretization(Posed, Stated):
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
-        contacts = contact_rows(problem, self.space, self.scales)
+        contacts = contact_rows(problem, self.space, self.rule, self.scales)
         return replace(self, problem=problem, contacts=contacts, qvi=replace(self.qvi, law=law_of(contacts)))
 
-    def everywhere(self) -> Discretization:
+    def with_far_obstacles(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
-        scales = replace(self.scales, reach=np.inf)
-        fresh = _discretized(self.problem, self.space, scales, self)
+        fresh = _discretized(self.problem, self.space, self.rule, replace(self.scales, reach=np.inf))
         return fresh.slipped([old.offset - new.offset for old, new in zip(self.contacts, fresh.contacts, strict=True)])
 
-    def following(self, problem: ContactProblem, scales: Scales | None = None) -> Discretization:
-        """Another problem on the same mesh, by the same element.
+    def with_data(self, problem: ContactProblem, scales: Scales | None = None) -> Discretization:
+        """Another problem on the same mesh, by the same element and rows of contacts.
 
-        Where it differs in loads and in data of contacts only, it shares all matrices, and the factorisation.
+        Where it differs in loads and in data of contacts only, it has the same matrices, and the same factorisation.
 
         Parameters
         ----------
@@ -322,12 +210,12 @@ class Discretization(Posed, Stated):
         """
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
-        if not problem.mesh.same_as(self.problem.mesh):
+        if problem.mesh is not self.problem.mesh and not problem.mesh.same_as(self.problem.mesh):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
-        return _discretized(problem, self.space, scales or Scales.of(problem), self)
+        return _discretized(problem, self.space, self.rule, scales or Scales.of(problem))
 
-    def fitted(self) -> Discretization:
+    def rescaled(self) -> Discretization:
         """The same problem in units of the stress it would have without contact laws, if its own are far too large.
 
         `Scales` cannot foresee every load, such as an obstacle that drags the body along by friction. Stresses far
@@ -338,16 +226,19 @@ class Discretization(Posed, Stated):
         size = float(np.sqrt(2.0 * self.qvi.bonded_energy))
         if not _NOISE < size < _TOO_SMALL:
             return self
-        scales = replace(self.scales, stress=self.scales.stress * size)
-        return _discretized(self.problem, self.space, scales, self)
+        return _discretized(self.problem, self.space, self.rule, replace(self.scales, stress=self.scales.stress * size))
 
     def offsets(self) -> list[FloatArray]:
         """The tangential offset w that the problem prescribes at the points of each contact, without earlier slip."""
-        return [rows.offset for rows in contact_rows(self.problem, self.space, self.scales)]
+        return [rows.offset for rows in contact_rows(self.problem, self.space, self.rule, self.scales)]
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""
-        return np.asarray(self.basis @ z + self.elimination.particular)
+        return np.asarray(self.supports.basis.expanded(z) + self.particular)
+
+    def coefficients(self, u: FloatArray) -> FloatArray:
+        """Φ of each triangle from degrees of freedom u (N,), see `TriangleEnergy.coefficients`."""
+        return self.root.stiffness.energy.coefficients(u, self.root.body)
 
 
 def discretize(
@@ -403,53 +294,67 @@ def discretize(
     chosen = DEFAULT_DEGREE if degree is None else whole_number("degree", degree)
     _ = hsieh_clough_tocher(chosen)  # refuses degrees that are not offered
     by_default: RowKind = "gauss" if laws_vary(problem) else "bernstein"
-    space = StressSpace(problem.mesh, int(chosen), contact_rows or by_default)
-    return _discretized(problem, space, scales or Scales.of(problem))
+    space, rule = StressSpace.on(problem.mesh, int(chosen)), edge_rule(contact_rows or by_default, int(chosen))
+    return _discretized(problem, space, rule, scales or Scales.of(problem))
 
 
-def _discretized(
-    problem: ContactProblem, space: StressSpace, scales: Scales, before: Discretization | None = None
-) -> Discretization:
-    """Discretise, and share what a problem `before` in the same space has in common with this one."""
-    elimination = _eliminated(problem, space, scales, before)
-    contacts = contact_rows(problem, space, scales)
-    plates = plate_rows(problem, scales, contacts, elimination.basis, elimination.particular)
-    energy = _energy_of(problem, space, scales, before)
-    posed = Posed(problem, space, energy, scales, elimination, contacts, plates)
-    qvi = _algebraic(posed, before, None if before is None else before.qvi)
-    return Discretization(problem, space, energy, scales, elimination, contacts, plates, qvi)
-
-
-def _eliminated(
-    problem: ContactProblem, space: StressSpace, scales: Scales, before: Discretization | None
-) -> Elimination:
-    """All degrees of freedom that meet the tractions, by the basis of a problem `before` if that is the same."""
-    if before is not None and _same_tractions(problem, scales, before):
-        return before.elimination
-    try:
-        elimination = eliminate_tractions(space, prescribed_tractions(problem, scales))
-    except UnbalancedLoadError as error:
-        imbalance = error.imbalance * scales.stress * scales.length
+def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales) -> Discretization:
+    """Discretise, with what the space and its supports keep for all problems."""
+    given = prescribed_tractions(problem, scales)
+    supports = Supports.on(space, given)
+    particular, imbalance = supports.particular(given)
+    if imbalance > 0.0:
         remedy = (
             "tractions and body forces on a closed part of the boundary are out of balance by this force "
             "(or moment over the body's length): correct the loads, or support the body by a Displacement or Contact"
         )
-        raise InputError("ContactProblem.conditions", imbalance, remedy) from error
-    return elimination if before is None else elimination.sharing(before.elimination)
+        raise InputError("ContactProblem.conditions", imbalance * scales.stress * scales.length, remedy)
+    compliances = np.stack([material.compliance / scales.compliance for material in problem.materials])
+    stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances)
+    potential = cell_potential(problem, space, scales)
+    body = None if potential is None else stiffness.energy.loaded(potential)
+    contacts = contact_rows(problem, space, rule, scales)
+    plates = plate_rows(problem, scales, contacts, supports, particular)
+    root = Root(stiffness, particular, body)
+    qvi = _algebraic(problem, rule, scales, root, contacts, plates)
+    return Discretization(problem, scales, rule, root, contacts, plates, qvi)
 
 
-def _same_tractions(problem: ContactProblem, scales: Scales, before: Discretization) -> bool:
-    """Whether the prescribed tractions are those of a problem before, in the same units."""
-    mine, its = problem.prescribed(Traction), before.problem.prescribed(Traction)
-    return (
-        scales == before.scales
-        and problem.body_potential == before.problem.body_potential
-        and len(mine) == len(its)
-        and all(
-            one.name == other.name
-            and one.value == other.value
-            and np.array_equal(one.index, other.index)
-            and np.array_equal(one.direction, other.direction)
-            for one, other in zip(mine, its, strict=True)
-        )
+def _algebraic(
+    problem: ContactProblem,
+    rule: EdgeRule,
+    scales: Scales,
+    root: Root,
+    contacts: tuple[ContactRows, ...],
+    plates: PlateRows,
+) -> FrictionQVI:
+    """(D2): matrices that other problems have too, and the vectors of this one."""
+    stiffness = root.stiffness
+    supports, space = stiffness.supports, stiffness.supports.space
+    limited = [rows for rows in contacts if rows.law != "tied"]
+    matrices, traces = _Rows.on(supports, rule, limited, plates.A)
+    load = displacement_load(problem, space, scales)
+    for rows in contacts:
+        load = load + rows.work()
+    load = supports.basis.reduced(load)
+    f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
+    if root.body is not None or root.particular.any():
+        f = load - root.adjoint(root.apply(np.zeros(len(load))))
+        n0, t0 = np.split(traces.apply(root.particular), 2)
+        n0, t0 = rule.at_rows(n0), rule.at_rows(t0)
+    if has_body_force(problem) or any(contact.has_fluid for contact in problem.contacts):
+        fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]
+        n0 = n0 + rule.at_rows(joined(fixed))
+    return FrictionQVI(stiffness.matrix, matrices, Loads(f, n0, t0, plates.b, root, load), law_of(contacts))
+
+
+def law_of(contacts: Sequence[ContactRows]) -> Law:
+    """The law of contacts one after the other, tied ones left out."""
+    limited = [rows for rows in contacts if rows.law != "tied"]
+    limits = [rows.row_limits for rows in limited]
+    return Law(
+        joined([each.friction for each in limits]),
+        joined([each.cohesion for each in limits]),
+        joined([each.cap for each in limits]),
+        joined([rows.bilateral for rows in limited]).astype(bool),
     )

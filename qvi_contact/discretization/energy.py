@@ -1,122 +1,340 @@
-"""The complementary energy ½ ∫ cσ:σ of a body filled with material and body force."""
+"""The complementary energy ½ ∫ cσ:σ of a body: triangles condensed, its matrix K of (D2), and its root.
 
+On one triangle with the shared degrees of freedom u and the interior ones v
+
+    ½ ∫ c(σ + φI):(σ + φI) = ½ (u, v) K (u, v) + l·(u, v) + e,   v = −K_vv⁻¹ (K_vu u + l_v) at the least
+
+which leaves ½ uᵀSu + s·u + e'. An affine function adds nothing to it: with the differences w of u to the affine
+function that has the value and gradient of the first corner,
+
+    Φ_k − Φ₀ − (x_k − x₀)·∇Φ₀,   ∇Φ_k − ∇Φ₀   in the corners k = 1, 2,   and the coefficients on edges,
+
+it is ½ |U w + U⁻ᵀs|² + rest, where UᵀU are the rows and columns of S behind the third. Nothing large cancels in U w,
+however small the triangle is and however far away the gauge.
+
+U depends on materials, what S is made of. Body forces φ enter s and e', prescribed tractions u₀.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.condensed import CondensedTriangles, TriangleRoot, energy_matrix
-from qvi_contact.discretization.elimination import Elimination
+from qvi_contact.discretization.curved import Rule
 from qvi_contact.discretization.space import StressSpace
+from qvi_contact.discretization.supports import Supports
+from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
+from qvi_contact.element.triangle import AffineTriangles
 from qvi_contact.errors import InputError
+from solvers.basics.types import Stated
+from solvers.inequality.stiffness import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
-
-_ORDERED = 2000  # unknowns from which on their order of elimination counts
+_LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stresses, lose too many digits
+_BLOCK: Final = 2**24  # entries of element matrices at a time
+_ORDERED: Final = 2000  # unknowns from which on their order of elimination counts
+_EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
+_AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine function is made of
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleEnergy:
-    """The energy of a `StressSpace`, interiors of triangles condensed and known again by `coefficients`."""
+class BodyLoad:
+    """What a body force adds to the energies of n triangles.
+
+    Attributes
+    ----------
+    constants : (n, k) array
+        U⁻ᵀ s.
+    rests : (n,) array
+        The energy that no degree of freedom changes.
+    shifts : (n, interior) array
+        −K_vv⁻¹ l_v.
+
+    """
+
+    constants: FloatArray
+    rests: FloatArray
+    shifts: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleEnergy(Stated):
+    """The energies of all triangles of a body, dimensionless.
+
+    Attributes
+    ----------
+    space : StressSpace
+        Mesh and element.
+    materials : (cells,) int array
+        Which of the compliances each cell has.
+    compliances : (k, 3, 3) array
+        Dimensionless compliances c of (xx, yy, xy).
+
+    Raises
+    ------
+    InputError
+        If a triangle is so long and thin that its energy is lost in rounding.
+
+    """
 
     space: StressSpace
-    condensed: CondensedTriangles
+    materials: IntArray
+    compliances: FloatArray
 
-    @classmethod
-    def of(
-        cls, space: StressSpace, materials: IntArray, compliances: FloatArray, potential: FloatArray | None
-    ) -> "TriangleEnergy":
-        """The energy of the body.
-
-        Parameters
-        ----------
-        space : StressSpace
-            Mesh and element.
-        materials : (cells,) int array
-            Which of the compliances each cell has.
-        compliances : (k, 3, 3) array
-            Dimensionless compliances c of (xx, yy, xy).
-        potential : (cells, g) array or None
-            φ at the points of `StressSpace.cell_quadrature`, dimensionless; None without body force.
-
-        Raises
-        ------
-        InputError
-            If a triangle is so long and thin that its energy is lost in rounding.
-
-        """
-        triangles = space.triangles
-        thinnest = int(np.argmax(triangles.elongations))
-        if triangles.elongations[thinnest] > _LONGEST:
-            x, y = space.mesh.corners[thinnest].mean(axis=0)
+    def __post_init__(self) -> None:
+        elongations = self.space.triangles.elongations
+        thinnest = int(np.argmax(elongations))
+        if elongations[thinnest] > _LONGEST:
+            x, y = self.space.mesh.corners[thinnest].mean(axis=0)
             remedy = (
                 f"the triangle around ({x:.6g}, {y:.6g}) is this many times as long as high: give at most {_LONGEST:g}"
             )
-            raise InputError("ContactProblem.mesh", float(triangles.elongations[thinnest]), remedy)
-        own, rule = compliances[materials], space.cell_quadrature
-        condensed = CondensedTriangles.of(space.element, triangles, own, potential, rule)
-        if len(space.curved):
-            condensed = condensed.with_arcs(space.curved, own, potential, rule)
-        return cls(space, condensed)
+            raise InputError("ContactProblem.mesh", float(elongations[thinnest]), remedy)
+
+    @property
+    def roots(self) -> FloatArray:
+        """U, upper triangular, times the transformation to the reference triangle; (cells, k, k) on differences w."""
+        return self._condensed[0]
+
+    @property
+    def inner(self) -> FloatArray:
+        """−K_vv⁻¹ K_vu (cells, interior, k), from the degrees of freedom of the reference triangle behind the third.
+
+        Where triangles have arcs, from differences w.
+        """
+        return self._condensed[1]
 
     @cached_property
-    def load(self) -> FloatArray:
-        """−∫ c φI : τ dx as a vector over all degrees of freedom (N,), condensed; zeros without body force."""
-        constants = self.condensed.constants
-        if not constants.any():
-            return np.zeros(self.space.size)
-        w = (constants[:, None] @ self.condensed.roots)[:, 0]
-        return -self.space.differences.adjoint(w)
+    def _condensed(self) -> tuple[FloatArray, FloatArray]:
+        """Of ½ |R (v, w)|² with RᵀR the energies, interior degrees of freedom v first: the least over v."""
+        element, count = self.space.element, len(self.space.triangles)
+        v, w = slice(0, element.interior), slice(element.interior, None)
+        roots = np.empty((count, element.shared - _AFFINE, element.shared - _AFFINE))
+        inner = np.empty((count, element.interior, element.shared - _AFFINE))
+        for cells, R in self._triangular():
+            inner[cells] = -np.linalg.solve(R[:, v, v], R[:, v, w])
+            straight = isinstance(cells, slice)
+            roots[cells] = R[:, w, w] @ self.space.transformations[cells] if straight else R[:, w, w]
+        return roots, inner
 
-    @cached_property
-    def matrix(self) -> sparse.csr_array:
-        """𝒦, shape (N, N)."""
-        return energy_matrix(self.condensed, self.space.differences)
+    def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
+        """R (n, …) of all triangles in blocks, as if they were straight, then once more of those that have arcs."""
+        space, order = self.space, _interior_first(self.space.element)
+        step = max(1, _BLOCK // space.element.dimension**2)
+        for start in range(0, len(space.triangles), step):
+            block = slice(start, start + step)
+            triangles = space.triangles.take(block)
+            yield block, _triangular(space.element, triangles, self.compliances[self.materials[block]], order)
+        curved = space.curved
+        for block in curved.blocks(len(space.cell_weights)) if len(curved) else ():
+            cells = curved.numbers[block]
+            rows = curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
+            yield cells, np.asarray(np.linalg.qr(rows[:, :, order], mode="r"))
 
-    def reduced(self, elimination: Elimination) -> tuple[sparse.csr_array, FloatArray]:
-        """K = Bᵀ 𝒦 B (n, n), exactly symmetric up to rounding, and 𝒦 u₀ (N,), with 𝒦 the matrix of ∫ cσ:τ over u."""
-        B = elimination.basis
-        return sparse.csr_array(B.T @ (self.matrix @ B)), self.matrix @ elimination.particular
+    def loaded(self, potential: FloatArray) -> BodyLoad:
+        """What a body force adds whose φ at the points of `StressSpace.cell_quadrature` is this (cells, g).
 
-    def root(self, elimination: Elimination) -> TriangleRoot:
-        """r(z) with ½|r|² = ½ ∫ cσ:σ at u = B z + u₀, φ included, evaluated without the cancellation inside K."""
-        centres = self.space.triangles.corners.mean(axis=1)
-        basis, particular = elimination.basis, elimination.particular
-        return TriangleRoot(self.condensed, self.space.differences, centres, basis, particular)
+        With K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
+        """
+        space, order = self.space, _interior_first(self.space.element)
+        interior, count = space.element.interior, len(space.triangles)
+        found = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
+        for cells, R in self._triangular():
+            own = self.compliances[self.materials[cells]], potential[cells], space.cell_quadrature
+            if isinstance(cells, slice):
+                load, rest = _potential_load(space.element, space.triangles.take(cells), *own)
+            else:
+                load, rest = space.curved.potential_load(np.searchsorted(space.curved.numbers, cells), *own)
+            residual: FloatArray = np.zeros((len(R), len(order)))
+            loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
+            residual[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
+            found.rests[cells] = np.maximum(rest - np.square(residual).sum(axis=1) / 2.0, 0.0)
+            found.constants[cells] = residual[:, interior:]
+            upper = R[:, :interior, :interior]
+            found.shifts[cells] = -np.linalg.solve(upper, residual[:, :interior, None])[:, :, 0]
+        return found
 
-    def places(self, elimination: Elimination) -> FloatArray | None:
-        """Centres (n, 2) of the vertices and edges whose degrees of freedom belong to each unknown; None for few."""
-        basis, vertices = elimination.basis, self.space.vertices
-        if basis.shape[1] < _ORDERED:
-            return None
-        middles = vertices[self.space.mesh.topology.ends].mean(axis=1)
-        own = np.vstack([np.repeat(vertices, 3, axis=0), np.repeat(middles, self.space.element.on_edge, axis=0)])
-        weights = abs(basis[: len(own)])  # behind them come jumps across cuts, which have no place
-        total = np.asarray(weights.sum(axis=0)).ravel()
-        centre = vertices.mean(axis=0)
-        mean = (weights.T @ (own - centre)) / np.where(total > 0.0, total, 1.0)[:, None]
-        return np.asarray(centre + mean)
-
-    def coefficients(self, u: FloatArray) -> FloatArray:
+    def coefficients(self, u: FloatArray, body: BodyLoad | None) -> FloatArray:
         """Φ of each triangle from the degrees of freedom u (N,), shape (cells, dimension): what `stress` takes.
 
         First (Φ, Φ_x, Φ_y) in its first corner, which make an affine function, then factors of the functions 3, 4, … of
         the reference triangle, which make the rest.
         """
-        affine, w = self.space.differences.apply(u)
-        frames, first = self.space.frames, self.space.mesh.cells[:, 0]
+        space, curved = self.space, self.space.curved
+        affine, w = space.differences.apply(u)
+        frames, first = space.frames, space.mesh.cells[:, 0]
         if frames.several:
             affine += (frames.affine(first) @ u[frames.columns(first)][:, :, None])[:, :, 0]
-        B = self.space.element.transformations(self.space.triangles)[:, 3:, 3:]
-        shared = (B @ w[:, :, None])[:, :, 0]
-        found = np.hstack([affine, shared, self.condensed.interior(shared)])
-        curved = self.space.curved
+        shared = (space.transformations @ w[:, :, None])[:, :, 0]
+        at = curved.numbers
+        shared[at] = w[at]
+        interior = (self.inner @ shared[:, :, None])[:, :, 0]
+        if body is not None:
+            interior += body.shifts
+        found = np.hstack([affine, shared, interior])
         if len(curved):
-            own = w[curved.numbers]
-            inner = self.condensed.interior(own, curved.numbers)
-            factors = np.hstack([own, inner])[:, :, None]
-            found[curved.numbers, 3:] = (curved.functions[:, 3:, 3:] @ factors)[:, :, 0]
+            found[at, 3:] = (curved.functions[:, 3:, 3:] @ found[at, 3:, None])[:, :, 0]
         return found
+
+
+def _interior_first(element: HsiehCloughTocher) -> IntArray:
+    """The functions in the order in which they are condensed, those of the first corner left out."""
+    return np.concatenate([np.arange(element.shared, element.dimension), np.arange(_AFFINE, element.shared)])
+
+
+def _triangular(
+    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, order: IntArray
+) -> FloatArray:
+    """R of the reference functions in that order, upper triangular, shape (n, len(order), len(order)).
+
+    By Cholesky of the energies; by QR of stresses where small energies would be lost: in triangles that are long and
+    thin, and in those that hardly resist pressure, or not at all.
+    """
+    small = (triangles.elongations > _LONG) | nearly_incompressible(compliances)
+    if not small.any():
+        energies = element.energies(triangles, compliances)[:, order[:, None], order]
+        return np.asarray(np.linalg.cholesky(energies).swapaxes(1, 2))
+    R = np.empty((len(triangles), len(order), len(order)))
+    R[~small] = _triangular(element, triangles.take(~small), compliances[~small], order)
+    rows = element.energy_rows(triangles.take(small), compliances[small])
+    R[small] = np.linalg.qr(rows[:, :, order], mode="r")
+    return R
+
+
+def _potential_load(
+    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, potential: FloatArray, rule: Rule
+) -> tuple[FloatArray, FloatArray]:
+    """∫ cφI:σ of the reference functions (n, dimension), and ½ ∫ cφI:φI (n,)."""
+    points, weights = rule
+    area = triangles.areas
+    strain = compliances[:, :, 0] + compliances[:, :, 1]
+    mapped = (triangles.stress_maps.swapaxes(1, 2) @ strain[:, :, None])[:, :, 0] * area[:, None]
+    table = element.reference_functions(points, 2) * weights[:, None, None]
+    load = sum(mapped[:, [a]] * (potential @ table[:, a]) for a in range(3))
+    return np.asarray(load), (strain[:, 0] + strain[:, 1]) * area * (potential**2 @ weights) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class BodyStiffness(Stated):
+    """K of (D2) and its root R: the energy of a body on the unknowns that supports leave.
+
+    Attributes
+    ----------
+    supports : Supports
+        The degrees of freedom u = B z + u₀.
+    energy : TriangleEnergy
+        The energies of the triangles.
+
+    """
+
+    supports: Supports
+    energy: TriangleEnergy
+
+    @classmethod
+    def on(cls, supports: Supports, materials: IntArray, compliances: FloatArray) -> BodyStiffness:
+        """That of supports and materials; the latest is kept."""
+        key = materials.tobytes(), compliances.tobytes()
+        kept, found = supports.kept.get(cls, (None, None))
+        if kept != key:
+            found = cls(supports, TriangleEnergy(supports.space, materials, compliances))
+            supports.kept[cls] = key, found
+        assert isinstance(found, cls)
+        return found
+
+    @cached_property
+    def K(self) -> Any:  # noqa: N802  # letter of (D2)
+        """Bᵀ 𝒦 B (n, n), with 𝒦 the matrix of ∫ cσ:τ over u; symmetric up to rounding, dense if small, else sparse.
+
+        Raises
+        ------
+        InputError
+            If rounding leaves a triangle no energy.
+
+        """
+        differences, basis = self.energy.space.differences, self.supports.basis
+        rows, dofs, across = differences.rows(self.energy.roots), differences.dofs, differences.across
+        if len(across):
+            rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
+        K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)
+        if len(across):
+            R = differences.all_rows(self.energy.roots, across) @ basis.matrix
+            K = K + R.T @ R
+        if K.diagonal().min(initial=np.inf) <= 0.0:
+            remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
+            raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
+        return K
+
+    @cached_property
+    def matrix(self) -> Stiffness:
+        """K with its root, and what is factorised of it."""
+        return Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+
+    @cached_property
+    def places(self) -> FloatArray | None:
+        """Centres (n, 2) of the vertices and edges whose degrees of freedom belong to each unknown; None for few."""
+        space, basis = self.energy.space, self.supports.basis
+        if len(basis.kept) < _ORDERED:
+            return None
+        middles = space.vertices[space.mesh.topology.ends].mean(axis=1)
+        own = np.vstack([np.repeat(space.vertices, 3, axis=0), np.repeat(middles, space.element.on_edge, axis=0)])
+        weights = basis.magnitudes[: len(own)]  # behind them come jumps across cuts, which have no place
+        total = np.asarray(weights.sum(axis=0)).ravel()
+        centre = space.vertices.mean(axis=0)
+        mean = (weights.T @ (own - centre)) / np.where(total > 0.0, total, 1.0)[:, None]
+        return np.asarray(centre + mean)
+
+
+@dataclass(frozen=True, eq=False)
+class Root(Stated):
+    """z ↦ r(z) = R z + r₀ with ½|r|² the strain energy: U w + U⁻ᵀs triangle by triangle, then √(2 rest).
+
+    It is evaluated without the cancellation inside K.
+
+    Attributes
+    ----------
+    stiffness : BodyStiffness
+        Supports and energies.
+    particular : (N,) array
+        u₀.
+    body : BodyLoad or None
+        What a body force adds.
+
+    """
+
+    stiffness: BodyStiffness
+    particular: FloatArray
+    body: BodyLoad | None
+
+    def apply(self, z: FloatArray) -> FloatArray:
+        """r(z), shape (n (k + 1),)."""
+        energy = self.stiffness.energy
+        w = energy.space.differences.apply(self.stiffness.supports.basis.expanded(z) + self.particular)[1]
+        r = (energy.roots @ w[:, :, None])[:, :, 0]
+        if self.body is None:
+            return np.concatenate([r.ravel(), np.zeros(len(r))])
+        return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests)])
+
+    def adjoint(self, r: FloatArray) -> FloatArray:
+        """Rᵀ r, shape (unknowns,)."""
+        energy = self.stiffness.energy
+        count, k = energy.roots.shape[:2]
+        w = (r[: count * k].reshape(count, 1, k) @ energy.roots)[:, 0]
+        return self.stiffness.supports.basis.reduced(energy.space.differences.adjoint(w))
+
+    def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
+        """(R with RᵀR = K, the centre of each row's triangle); the last n rows, which are zero, left out."""
+        space, roots = self.stiffness.energy.space, self.stiffness.energy.roots
+        R = space.differences.all_rows(roots, np.arange(len(roots))) @ self.stiffness.supports.basis.matrix
+        return sparse.csr_array(R), np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0)
+
+    def rounding(self, z: FloatArray) -> float:
+        """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³."""
+        energy, supports = self.stiffness.energy, self.stiffness.supports
+        w = energy.space.differences.magnitudes(supports.basis.magnitudes @ np.abs(z))
+        return _EPSILON * float(np.linalg.norm(np.abs(energy.roots) @ w[:, :, None]))

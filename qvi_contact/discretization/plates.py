@@ -14,20 +14,24 @@ A pin is a plate whose gap is the distance from a disc around its pivot. Those t
 too: a centre where no pin can be, and a pin larger than its bore.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, evaluate
-from qvi_contact.discretization.contact_rows import ContactRows
-from qvi_contact.discretization.loads import physical, potential_at
+from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_force, physical, potential_at
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import vectors_along
-from qvi_contact.problem.conditions import Contact, RigidPlate
+from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
+from solvers.inequality.rows import checked_matrix
 
 COMPONENTS = ("force_x", "force_y", "moment")
 
@@ -79,7 +83,7 @@ class PlateRows:
 
     """
 
-    A: sparse.csr_array
+    A: sparse.csc_array
     b: FloatArray
     rows: tuple[PlateRow, ...]
     determined: tuple[PlateRow, ...]
@@ -89,7 +93,7 @@ def plate_rows(
     problem: ContactProblem,
     scales: Scales,
     contacts: tuple[ContactRows, ...],
-    basis: sparse.csr_array,
+    supports: Supports,
     particular: FloatArray,
 ) -> PlateRows:
     """Rows of all plates, those that follow from the rest of the problem left out.
@@ -100,33 +104,34 @@ def plate_rows(
         If a prescribed resultant contradicts equilibrium with the other loads.
 
     """
-    rows, vectors, values = [], [], []
+    rows, values, driven = list[PlateRow](), list[float](), list[_Driven]()
     for contact, condition in zip(contacts, problem.contacts, strict=True):
-        if condition.plate is not None:
-            plate, centre, length = condition.plate, centre_of(problem, scales, contact), contact.points.weights.sum()
-            reference = plate.reference(*centre)
-            arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
-            for component, row, constant in _resultants(problem, scales, contact, plate, reference):
-                moment = component == "moment"
-                given = float(getattr(plate, component))
-                reduced = plate.moment_about(*centre) if moment else given
-                divisor = float(length * (max(length, arm) if moment else 1.0))
-                size = scales.stress * divisor * scales.length ** (2 if moment else 1)
-                motion = scales.displacement / divisor / (scales.length if moment else 1.0)
-                rows.append(PlateRow(contact.name, component, given, size, motion))
-                vectors.append(row / divisor)
-                values.append(reduced / size - constant / divisor)
-    if not rows:
-        return PlateRows(sparse.csr_array((0, basis.shape[1])), np.zeros(0), (), ())
-    full = np.array(vectors)
-    A, b = np.asarray(full @ basis), np.array(values) - full @ particular
-    kept = _independent(A, b, np.linalg.norm(full, axis=1), rows)
-    return PlateRows(
-        sparse.csr_array(A[kept]),
-        b[kept],
-        tuple(row for index, row in enumerate(rows) if index in kept),
-        tuple(row for index, row in enumerate(rows) if index not in kept),
-    )
+        plate = condition.plate
+        components = [name for name in COMPONENTS if plate is not None and getattr(plate, name) is not None]
+        if plate is None or not components:
+            continue
+        centre, length = centre_of(problem, scales, contact), float(contact.points.weights.sum())
+        reference = plate.reference(*centre)
+        arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
+        for name in components:
+            moment = name == "moment"
+            given = float(getattr(plate, name))
+            reduced = plate.moment_about(*centre) if moment else given
+            divisor = length * (max(length, arm) if moment else 1.0)
+            size = scales.stress * divisor * scales.length ** (2 if moment else 1)
+            motion = scales.displacement / divisor / (scales.length if moment else 1.0)
+            rows.append(PlateRow(contact.name, name, given, size, motion))
+            driven.append(_Driven(contact.points, name, reference, divisor))
+            values.append(reduced / size)
+    resultants = _Resultants.on(supports, problem, scales, driven)
+    b = np.array(values)
+    if particular.any():
+        b = b - resultants.full @ particular
+    if rows and has_body_force(problem):
+        b = b - [_of_potential(problem, scales, each) for each in driven]
+    kept = resultants.checked(b, rows)
+    determined = tuple(row for index, row in enumerate(rows) if index not in kept)
+    return PlateRows(resultants.A, b[kept], tuple(rows[index] for index in kept), determined)
 
 
 def centre_of(problem: ContactProblem, scales: Scales, contact: ContactRows) -> tuple[float, float]:
@@ -136,51 +141,91 @@ def centre_of(problem: ContactProblem, scales: Scales, contact: ContactRows) -> 
     return float(np.average(x, weights=weights)), float(np.average(y, weights=weights))
 
 
-def _resultants(
-    problem: ContactProblem,
-    scales: Scales,
-    contact: ContactRows,
-    plate: RigidPlate,
-    reference: tuple[float, float],
-) -> list[tuple[str, FloatArray, float]]:
-    """(component, row over all degrees of freedom, what φ contributes) for each one given, dimensionless."""
-    points = contact.points.for_resultants()
-    x, y = physical(problem, scales, points.coordinates)
-    arm_x, arm_y = (x - reference[0]) / scales.length, (y - reference[1]) / scales.length
-    zero = np.zeros(len(x))
-    factors = {"force_x": (zero + 1.0, zero), "force_y": (zero, zero + 1.0), "moment": (-arm_y, arm_x)}
-    potential = points.normals.T * potential_at(problem, scales, points.coordinates)
-    found = []
-    for component in COMPONENTS:
-        if getattr(plate, component) is None:
-            continue
-        row, constant = np.zeros(points.space.size), 0.0
-        for axis, factor in enumerate(factors[component]):
-            weights = points.weights * factor
-            row += points.traction_load(np.eye(2)[axis], weights)
-            constant += float(weights @ potential[axis])
-        found.append((component, row, constant))
-    return found
+class _Driven(NamedTuple):
+    """A component of the resultant of a contact about a reference point [length], over a divisor."""
+
+    points: EdgePoints
+    component: str
+    reference: tuple[float, float]
+    divisor: float
+
+    def factors(self, problem: ContactProblem, scales: Scales, points: EdgePoints) -> FloatArray:
+        """By what t_x and t_y count, shape (m, 2), at points of these edges."""
+        if self.component != "moment":
+            return np.tile(np.eye(2)[COMPONENTS.index(self.component)], (len(points.weights), 1))
+        x, y = physical(problem, scales, points.coordinates)
+        return np.column_stack([self.reference[1] - y, x - self.reference[0]]) / scales.length
 
 
-def _independent(A: FloatArray, b: FloatArray, sizes: FloatArray, rows: list[PlateRow]) -> list[int]:
-    """Indices of the rows that the ones before them do not determine; a contradiction raises."""
-    kept: list[int] = []
-    for index, row in enumerate(rows):
-        combination = np.linalg.lstsq(A[kept].T, A[index], rcond=None)[0] if kept else np.zeros(0)
-        rest = A[index] - combination @ A[kept]
-        if np.linalg.norm(rest) > _DEPENDENT * sizes[index]:
-            kept.append(index)
-            continue
-        contradiction = float(b[index] - combination @ b[kept])
-        if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
-            needed = row.given - contradiction * row.size
-            needed = 0.0 if abs(needed) <= _BALANCED * max(abs(row.given), row.size) else needed
-            remedy = (
-                f"equilibrium of {row.contact!r} with the other loads demands {needed:.6g}: correct it, or leave it out"
-            )
-            raise InputError(f"RigidPlate.{row.component}", row.given, remedy)
-    return kept
+def _of_potential(problem: ContactProblem, scales: Scales, driven: _Driven) -> float:
+    """What φ contributes to a resultant, dimensionless."""
+    points = driven.points.for_resultants()
+    along = (points.normals * driven.factors(problem, scales, points)).sum(axis=1)
+    return float((points.weights * along) @ potential_at(problem, scales, points.coordinates)) / driven.divisor
+
+
+@dataclass(frozen=True, eq=False)
+class _Resultants:
+    """Resultants of driven plates as rows, the same whatever they are.
+
+    Attributes
+    ----------
+    full : (r, N) array
+        From all degrees of freedom.
+    kept : list of int
+        Rows that those before them do not determine.
+    combinations : mapping of int to array
+        The others as combinations of the kept ones before them.
+    A : (p, n) sparse array
+        The kept rows on the unknowns.
+
+    """
+
+    full: FloatArray
+    kept: list[int]
+    combinations: dict[int, FloatArray]
+    A: sparse.csc_array
+
+    @classmethod
+    def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, driven: Sequence[_Driven]) -> _Resultants:
+        """Those of supports, made once."""
+        key = (
+            cls,
+            *((each.points.edges.first.tobytes(), each.points.edges.second.tobytes(), *each[1:]) for each in driven),
+        )
+        if key not in supports.kept:
+            full: FloatArray = np.zeros((len(driven), supports.space.size))
+            for row, each in zip(full, driven, strict=True):
+                points = each.points.for_resultants()
+                row += points.traction_load(each.factors(problem, scales, points), points.weights) / each.divisor
+            supports.kept[key] = cls._reduced(full, supports.basis.reduced(full))
+        found: _Resultants = supports.kept[key]
+        return found
+
+    @classmethod
+    def _reduced(cls, full: FloatArray, A: FloatArray) -> _Resultants:
+        kept, combinations = list[int](), dict[int, FloatArray]()
+        for index, row in enumerate(A):
+            combination = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
+            if np.linalg.norm(row - combination @ A[kept]) > _DEPENDENT * np.linalg.norm(full[index]):
+                kept.append(index)
+            else:
+                combinations[index] = combination
+        return cls(full, kept, combinations, checked_matrix("A", A[kept]))
+
+    def checked(self, b: FloatArray, rows: Sequence[PlateRow]) -> list[int]:
+        """Indices of the kept rows; `InputError` where a value b (r,) contradicts those of the others."""
+        for index, combination in self.combinations.items():
+            row, contradiction = rows[index], float(b[index] - combination @ b[self.kept[: len(combination)]])
+            if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
+                needed = row.given - contradiction * row.size
+                needed = 0.0 if abs(needed) <= _BALANCED * max(abs(row.given), row.size) else needed
+                remedy = (
+                    f"equilibrium of {row.contact!r} with the other loads demands {needed:.6g}: correct it, or "
+                    "leave it out"
+                )
+                raise InputError(f"RigidPlate.{row.component}", row.given, remedy)
+        return self.kept
 
 
 def misplaced_pins(problem: ContactProblem) -> dict[str, tuple[float, float]]:

@@ -98,8 +98,15 @@ def _sampled(
     problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None
 ) -> FloatArray:
     """Values of a field at these points; where it is a number, that alone."""
-    places = _samples(problem, edges) if callable(value) else np.zeros((2, 1, 1))
-    return evaluate(name, value, *places, minimum=minimum)
+    if not callable(value):
+        return np.array([[value]], dtype=float)
+    return evaluate(name, value, *_samples(problem, edges), minimum=minimum)
+
+
+def _per_edge(problem: ContactProblem, edges: Edges, name: str, value: Field) -> FloatArray:
+    """The same with a row for each edge (n, q)."""
+    values = _sampled(problem, edges, name, value)
+    return np.broadcast_to(values, (len(edges), values.shape[1]))
 
 
 def _samples(problem: ContactProblem, edges: Edges) -> tuple[FloatArray, FloatArray]:
@@ -172,8 +179,7 @@ def _forced(problem: ContactProblem) -> tuple[float, ...]:
 
 def _all_bounds(problem: ContactProblem) -> Iterator[_Bounds]:
     for given in problem.prescribed(Displacement):
-        values = evaluate(given.name, given.value, *_samples(problem, given.edges))
-        yield _Bounds(given.direction, values, True, True)
+        yield _Bounds(given.direction, _per_edge(problem, given.edges, given.name, given.value), True, True)
     for contact in problem.contacts:
         if contact not in problem.joints:
             yield from _held(problem, contact)
@@ -193,9 +199,10 @@ def _held(problem: ContactProblem, contact: Contact) -> Iterator[_Bounds]:
             if getattr(contact.plate, force, None) is not None:
                 fixed &= direction[:, component] == 0.0
         if fixed.any():
-            places = _samples(problem, edges.take(fixed))
-            values = evaluate(name, field, *places)
+            chosen = edges.take(fixed)
+            values = _per_edge(problem, chosen, name, field)
             if contact.plate is not None:
+                places = _samples(problem, chosen)
                 moved = np.moveaxis(contact.plate.displacement(*places), 0, -1)
                 values = values + (moved * direction[fixed][:, None]).sum(axis=2)
             yield _Bounds(direction[fixed], values, not above_only, True)
@@ -225,6 +232,8 @@ def _least_miss(bounds: list[_Bounds]) -> float:
             if bounded:
                 rows.append(np.column_stack([sign * each.direction, -np.ones(len(values))]))
                 limits.append(values)
+    if min(float(each.min()) for each in limits) >= 0.0:  # a body that stays where it is misses none
+        return 0.0
     ends = [(None, None), (None, None), (0.0, None)]
     found = solved(np.array([0.0, 0.0, 1.0]), A_ub=np.vstack(rows), b_ub=np.concatenate(limits), bounds=ends)
     return 2.0 * float(found.x[2]) if found.solved else 0.0  # any unit will do, if not as well

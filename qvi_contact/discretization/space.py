@@ -12,7 +12,7 @@ with s the length of the shortest edge at the vertex, h the edge's own and d the
 small cells in places far from each other, Φ counts from an affine function in each, see `Frames`; around holes it has
 several values, see `Cuts`. Three families of linear functionals make up (D2):
 
-    σ_N = Φ_tt + φ and σ_T = −Φ_nt on edges                      `StressSpace.normal`, `StressSpace.shear`
+    σ_N = Φ_tt + φ and σ_T = −Φ_nt on edges                      `StressSpace.traces`
     prescribed tractions d·σn = T on edges  →  u = B z + u₀      `eliminate_tractions`
     ½ ∫ cσ:σ with σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy)                 `TriangleEnergy`
 
@@ -20,41 +20,44 @@ with n and t of `Edges`, d a unit direction for each edge. What is written "with
 force to the caller, who adds it to σ_N, or to σ_xx and σ_yy.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Final, Literal, TypeAlias
+from functools import cache, cached_property
+from typing import Any, Final, Literal, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.condensed import Differences, potential_points, split_points
 from qvi_contact.discretization.curved import CurvedTriangles, from_corners
-from qvi_contact.discretization.elimination import EdgeFunctionals, stacked
 from qvi_contact.discretization.frames import Cuts, Frames, shortest_cuts
 from qvi_contact.element import legendre
-from qvi_contact.element.affine import AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.triangle import triangle_lattice
+from qvi_contact.element.triangle import EDGES, AffineTriangles, quadrature, triangle_lattice
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
+from solvers.basics.types import Stated
 
 FAMILY: Final = "Hsieh-Clough-Tocher"
 """Name of the element, for people."""
 
 _INWARD: Final = 1e-9  # how far points of a part that is drawn lie inside it, as a share of its size
-_ARCS: Final = 6  # degree of quadrature beyond twice that of Φ where triangles have arcs
+_ARCS, _STRAIGHT = 6, -4  # degree of quadrature beyond twice that of Φ where triangles have arcs, and where not
 _FIRST: Final = slice(1, 3)  # slopes at the first end of an edge
 _SECOND: Final = slice(4, 6)
+_THREE: Final = np.arange(3)
+_AFFINE: Final = 3  # degrees of freedom of the first corner of a triangle, which an affine function is made of
 
 RowKind: TypeAlias = Literal["gauss", "bernstein"]
 """What the rows N and T of (D2) are: tractions at Gauss points of edges, or Bernstein coefficients on edges."""
 
 
 @dataclass(frozen=True, eq=False)
-class ContactRule:
+class EdgeRule:
     """Where on an edge the contact law is asked for, and where contacts are reported.
 
     The rows of (D2) on an edge are q numbers ρ. From them follow the tractions at q Gauss points, V ρ, where results
@@ -81,11 +84,10 @@ class ContactRule:
     shares: FloatArray
     to_points: FloatArray | None = None
 
-    @classmethod
-    def gauss(cls, count: int) -> "ContactRule":
-        """Tractions at so many Gauss points an edge."""
-        points, weights = gauss_legendre(count)
-        return cls("gauss", points, weights, points, weights)
+    @property
+    def from_points(self) -> FloatArray:
+        """V⁻¹: rows from tractions at the Gauss points."""
+        return np.eye(self.count) if self.to_points is None else np.asarray(np.linalg.inv(self.to_points))
 
     @property
     def count(self) -> int:
@@ -118,9 +120,210 @@ class ContactRule:
         return np.asarray(values).reshape(-1, self.count)
 
 
+@cache
+def edge_rule(kind: RowKind, degree: int) -> EdgeRule:
+    """As many rows as σ_N and σ_T have coefficients on an edge where Φ is of that degree: rows are independent."""
+    count = degree - 1
+    points, weights = gauss_legendre(count)
+    if kind == "gauss":
+        return EdgeRule(kind, points, weights, points, weights)
+    values = legendre.basis(count - 1, points) @ np.linalg.inv(legendre.to_bernstein(count - 1))
+    return EdgeRule(kind, points, weights, np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count), values)
+
+
 @dataclass(frozen=True, eq=False)
-class StressSpace:
-    """The C1 functions of one degree on a mesh of triangles, dimensionless.
+class Rows:
+    """Rows of a matrix, each with l entries at most.
+
+    Attributes
+    ----------
+    columns, values : (m, l) arrays
+        Entries of each row, at different columns; zeros are none.
+
+    """
+
+    columns: IntArray
+    values: FloatArray
+
+    def take(self, index: IntArray) -> Rows:
+        """Some of them."""
+        return Rows(self.columns[index], self.values[index])
+
+    @property
+    def entries(self) -> tuple[IntArray, FloatArray]:
+        """Columns and values."""
+        return self.columns, self.values
+
+    def matrix(self, width: int) -> sparse.csr_array:
+        """The same as a matrix with so many columns, zeros left out."""
+        kept = self.values != 0.0
+        starts = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
+        return sparse.csr_array((self.values[kept], self.columns[kept], starts), shape=(len(kept), width))
+
+    def apply(self, u: FloatArray) -> FloatArray:
+        """Their values (m,) of u (N,)."""
+        return np.asarray((self.values * u[self.columns]).sum(axis=1))
+
+    def alone(self, width: int) -> dict[int, int]:
+        """Rows whose only entry is the only one of its column, of so many, and that column."""
+        there = self.values != 0.0
+        row, place = np.nonzero(there & (there.sum(axis=1) == 1)[:, None])
+        column = self.columns[row, place]
+        own = np.bincount(self.columns[there], minlength=width)[column] == 1
+        return dict(zip(row[own].tolist(), column[own].tolist(), strict=True))
+
+    def __iter__(self) -> Iterator[dict[int, float]]:
+        """The entries of each by column."""
+        for columns, values in zip(self.columns.tolist(), self.values.tolist(), strict=True):
+            yield {column: value for column, value in zip(columns, values, strict=True) if value != 0.0}
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeFunctionals:
+    """The same r linear functionals on each of n edges.
+
+    Attributes
+    ----------
+    columns : (n, l) int array
+        Degrees of freedom of each edge: (Φ, Φ_x, Φ_y) at its first end, at its second, and its own.
+    values : (n, r, l) array
+        The functionals.
+    size : int
+        Degrees of freedom N of the body.
+
+    """
+
+    columns: IntArray
+    values: FloatArray
+    size: int
+
+    def take(self, index: IntArray) -> EdgeFunctionals:
+        """Those of some of the edges."""
+        return EdgeFunctionals(self.columns[index], self.values[index], self.size)
+
+    def apply(self, u: FloatArray) -> FloatArray:
+        """Their values (n, r) of degrees of freedom u (N,)."""
+        return np.asarray((self.values @ u[self.columns][:, :, None])[:, :, 0])
+
+    def adjoint(self, weights: FloatArray) -> FloatArray:
+        """The sum of weights (n, r) times the functionals, a vector over all degrees of freedom (N,)."""
+        sums = (weights[:, None, :] @ self.values)[:, 0]
+        return np.asarray(np.bincount(self.columns.ravel(), sums.ravel(), self.size), dtype=np.float64)
+
+    def rows(self) -> Rows:
+        """The functionals as n r rows, edge by edge."""
+        n, r, width = self.values.shape
+        return Rows(np.repeat(self.columns, r, axis=0), self.values.reshape(n * r, width))
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Degrees of freedom of a body, triangle by triangle as differences w to an affine function.
+
+    Attributes
+    ----------
+    arms : (n, 2, 2) array
+        From the first corner of each triangle to the others.
+    dofs : (n, shared) int array
+        Degrees of freedom of each triangle.
+    units : (n, shared) array
+        What one unit of them is: value = unit × degree of freedom.
+    size : int
+        Degrees of freedom of the body.
+    across : (c,) int array
+        Triangles whose corners count from several affine functions.
+    beyond : (9 c, size) sparse array, or None if there are none
+        What is added to the values in their corners; see `Frames.beyond`.
+
+    """
+
+    arms: FloatArray
+    dofs: IntArray
+    units: FloatArray
+    size: int
+    across: IntArray
+    beyond: sparse.csr_array | None
+
+    def apply(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(Φ, Φ_x, Φ_y) in the first corner (n, 3), and the differences w (n, k), of degrees of freedom (size,).
+
+        Φ counts from where it does at that corner.
+        """
+        values = self.units * u[self.dofs]
+        if self.beyond is not None:
+            values[self.across, : 3 * _AFFINE] += (self.beyond @ u).reshape(-1, 3 * _AFFINE)
+        affine, w = values[:, :_AFFINE], values[:, _AFFINE:]
+        slope = affine[:, 1:]
+        for corner in (0, 1):
+            rise = (self.arms[:, corner] * slope).sum(axis=1)
+            w[:, 3 * corner] = (w[:, 3 * corner] - affine[:, 0]) - rise
+            w[:, 3 * corner + 1 : 3 * corner + 3] -= slope
+        return affine, w
+
+    def adjoint(self, w: FloatArray) -> FloatArray:
+        """The transposed map from w (n, k) to degrees of freedom (size,)."""
+        values = self.expanded(w[:, None])[:, 0]
+        found = np.bincount(self.dofs.ravel(), (self.units * values).ravel(), self.size)
+        if self.beyond is not None:
+            found = found + self.beyond.T @ values[self.across, : 3 * _AFFINE].ravel()
+        return np.asarray(found, dtype=np.float64)
+
+    def magnitudes(self, sizes: FloatArray) -> FloatArray:
+        """`apply` with + for every −: the size (n, k) of the numbers that enter, from sizes (size,)."""
+        values = self.units * sizes[self.dofs]
+        if self.beyond is not None:
+            values[self.across, : 3 * _AFFINE] += (abs(self.beyond) @ sizes).reshape(-1, 3 * _AFFINE)
+        w = values[:, _AFFINE:].copy()
+        for corner in (0, 1):
+            w[:, 3 * corner] += values[:, 0] + (np.abs(self.arms[:, corner]) * values[:, 1:3]).sum(axis=1)
+            w[:, 3 * corner + 1 : 3 * corner + 3] += values[:, 1:3]
+        return w
+
+    def expanded(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> FloatArray:
+        """Rows on differences (n, r, k) as rows on the values of these triangles (n, r, shared), units left out."""
+        full = np.zeros((*rows.shape[:2], rows.shape[2] + _AFFINE))
+        full[:, :, _AFFINE:] = rows
+        for corner in (0, 1):
+            value, slope = rows[:, :, [3 * corner]], rows[:, :, 3 * corner + 1 : 3 * corner + 3]
+            full[:, :, 0] -= value[:, :, 0]
+            full[:, :, 1:3] -= self.arms[triangles, None, corner] * value + slope
+        return full
+
+    def rows(self, roots: FloatArray) -> FloatArray:
+        """R, rows (n, k, shared) on the degrees of freedom of each triangle."""
+        return self.expanded(roots) * self.units[:, None, :]
+
+    def spread(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> sparse.csr_array:
+        """Rows (n, r, shared) on the degrees of freedom of these triangles as rows of the body, (n r, size)."""
+        n, r, shared = rows.shape
+        columns = np.repeat(self.dofs[triangles], r, axis=0).ravel()
+        return sparse.csr_array((rows.ravel(), columns, shared * np.arange(n * r + 1)), shape=(n * r, self.size))
+
+    def all_rows(self, roots: FloatArray, triangles: IntArray) -> sparse.csr_array:
+        """R of these triangles (t,), with what corners across parts add; roots (n, k, …) of all, shape (t k, size)."""
+        rows, k = self.expanded(roots[triangles], triangles), roots.shape[1]
+        found = self.spread(rows * self.units[triangles, None, :], triangles)
+        if self.beyond is None:
+            return found
+        place = np.minimum(np.searchsorted(triangles, self.across), len(triangles) - 1)
+        present = triangles[place] == self.across
+        corners = rows[place[present], :, : 3 * _AFFINE]
+        c, width = len(corners), 3 * _AFFINE
+        at = (width * np.flatnonzero(present)[:, None] + np.arange(width))[:, None]
+        columns = np.broadcast_to(at, (c, k, width)).ravel()
+        own = (k * place[present][:, None] + np.arange(k)).ravel()
+        counts = np.zeros(len(triangles) * k, dtype=np.int64)
+        counts[own] = width
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        blocks = sparse.csr_array((corners.ravel(), columns, starts), shape=(len(counts), width * len(self.across)))
+        return sparse.csr_array(found + blocks @ self.beyond)
+
+
+@dataclass(frozen=True, eq=False)
+class StressSpace(Stated):
+    """The C1 functions of one degree on a mesh of triangles, dimensionless; `on` gives the one that a mesh keeps.
+
+    What depends on mesh and degree alone is computed once for all problems that are discretised there.
 
     Attributes
     ----------
@@ -128,14 +331,23 @@ class StressSpace:
         The mesh.
     degree : int
         Degree p of Φ.
-    rows : "bernstein" or "gauss"
-        What the rows of contacts are.
 
     """
 
     mesh: TriangleMesh
     degree: int
-    rows: RowKind = "bernstein"
+
+    @classmethod
+    def on(cls, mesh: TriangleMesh, degree: int) -> StressSpace:
+        """The space of a mesh, made when it is first asked for and kept as long as the mesh."""
+        found = mesh.kept.setdefault((cls, degree), cls(mesh, degree))
+        assert isinstance(found, cls)
+        return found
+
+    @cached_property
+    def kept(self) -> dict[object, Any]:
+        """What is made of this space alone, such as `Supports`, and serves every problem on it."""
+        return {}
 
     @cached_property
     def element(self) -> HsiehCloughTocher:
@@ -185,8 +397,8 @@ class StressSpace:
         if frames.several:
             units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
         across = np.flatnonzero(frames.across(self.mesh.cells) | self.cuts.cells_across)
-        beyond = frames.beyond(self.mesh.cells[across], self.size)
-        if len(self.cuts):
+        beyond = frames.beyond(self.mesh.cells[across], self.size) if len(across) else None
+        if beyond is not None and len(self.cuts):
             beyond = beyond + self.cuts.beyond(across, self.vertices, self.units)
         return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, across, beyond)
 
@@ -210,49 +422,71 @@ class StressSpace:
         of_holes = np.column_stack([self.cuts.holes / self.mesh.length, np.ones((len(self.cuts), 2))]).ravel()
         return np.concatenate([at_vertices, on_edges, of_holes])
 
+    @cached_property
+    def boundary(self) -> IntArray:
+        """Numbers of the edges of the boundary in `mesh.topology`, in ascending order."""
+        return np.flatnonzero(self.mesh.topology.boundary)
+
     def number(self, edges: Edges) -> IntArray:
         """Edges (n,) as `mesh.topology` counts them."""
-        return self.mesh.topology.number(np.column_stack([edges.first, edges.second]))
+        found = self._numbers.get(edges)
+        if found is None:
+            pairs = np.column_stack([edges.first, edges.second])
+            found = self._numbers[edges] = self.mesh.topology.number(pairs)
+        return found
+
+    @cached_property
+    def _numbers(self) -> WeakKeyDictionary[Edges, IntArray]:
+        return WeakKeyDictionary()
 
     def lengths(self, edges: Edges) -> FloatArray:
         """Dimensionless lengths of edges (n,), of arcs those of their chords."""
         length = edges.length / edges.stretch if edges.curved else edges.length
         return length / self.mesh.length
 
-    def normal(self, edges: Edges) -> EdgeFunctionals:
-        """Coefficients of Legendre, p − 1 an edge, of σ_N without φ along edges."""
-        found, sign, h = self._blank(edges, self.degree - 1)
-        values, slope = found.values, edges.tangent / self.lengths(edges)[:, None]
+    def traces(self, edges: Edges) -> EdgeFunctionals:
+        """Coefficients of Legendre of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge."""
+        found = self._traces.get(edges)
+        if found is None:
+            boundary = self.mesh.boundary
+            if edges is boundary or (edges.cells[:, 1] >= 0).any():
+                found = self._traces_of(edges)
+            else:
+                found = self.traces(boundary).take(np.searchsorted(self.boundary, self.number(edges)))
+            self._traces[edges] = found
+        return found
+
+    @cached_property
+    def _traces(self) -> WeakKeyDictionary[Edges, EdgeFunctionals]:
+        return WeakKeyDictionary()
+
+    def _traces_of(self, edges: Edges) -> EdgeFunctionals:
+        count, k = self.degree - 1, np.arange(2, self.degree - 1)
+        h = self.lengths(edges)
+        columns, sign = self._columns(edges)
+        values: FloatArray = np.zeros((len(edges), 2 * count, columns.shape[1]))
+        m, factor = frame(edges)
+        slope, twist = edges.tangent / h[:, None], m / h[:, None]
         values[:, 0, _FIRST], values[:, 0, _SECOND] = -slope, slope
         values[:, 1, _FIRST] = values[:, 1, _SECOND] = 3.0 * slope
         values[:, 1, 0], values[:, 1, 3] = 6.0 / h**2, -6.0 / h**2
-        for k in range(2, self.degree - 1):
-            values[:, k, self._place("N", k)] = sign**k
+        values[:, count, _FIRST], values[:, count, _SECOND] = -twist, twist
+        values[:, k, 4 + k] = sign[:, None] ** k
+        k = np.arange(1, self.degree - 1)
+        values[:, count + k, self.degree + 2 + k] = sign[:, None] ** k
         if edges.curved:
-            values[edges.bent] = self._on_arcs(edges.take(edges.bent))[:, : self.degree - 1]
-        return self._scaled(edges, found)
-
-    def shear(self, edges: Edges) -> EdgeFunctionals:
-        """Coefficients of Legendre, p − 1 an edge, of σ_T along edges."""
-        found, sign, h = self._blank(edges, self.degree - 1)
-        m, factor = frame(edges)
-        slope = factor[:, None] * m / h[:, None]
-        found.values[:, 0, _FIRST], found.values[:, 0, _SECOND] = -slope, slope
-        for k in range(1, self.degree - 1):
-            found.values[:, k, self._place("Q", k)] = factor * sign**k
-        if edges.curved:
-            bent = edges.bent
-            on_arcs = self._on_arcs(edges.take(bent))[:, self.degree - 1 :]
-            found.values[bent] = factor[bent, None, None] * on_arcs
-        return self._scaled(edges, found)
+            values[edges.bent] = self._on_arcs(edges.take(edges.bent))
+        values[:, count:] *= factor[:, None, None]
+        return self._scaled(edges, columns, values)
 
     def resultants(self, edges: Edges) -> EdgeFunctionals:
         """What both tractions prescribe, 2p − 2 an edge: ∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_k, Q_k."""
-        return self._scaled(edges, self._resultants(edges))
+        columns, values = self._resultants(edges)
+        return self._scaled(edges, columns, values)
 
     def _on_arcs(self, edges: Edges) -> FloatArray:
         """N_0 … N_(p−2), Q_0 … Q_(p−2) of Φ_ττ and Φ_τμ along arcs (n, 2p − 2, …), see `arcs`."""
-        known = self._resultants(edges).values
+        known = self._resultants(edges)[1]
         h, m = self.lengths(edges)[:, None], frame(edges)[0]
         force = known[:, :2].copy()
         known[:, 0] = (edges.tangent[:, :, None] * force).sum(axis=1) / h
@@ -260,58 +494,50 @@ class StressSpace:
         known[:, 2] /= h**2
         return np.asarray(from_corners(edges.bend, self.degree - 2) @ known)
 
-    def _resultants(self, edges: Edges) -> EdgeFunctionals:
-        """`resultants` on values of Φ, its slopes and N_k, Q_k as such."""
-        found, sign, h = self._blank(edges, 2 * self.degree - 2)
-        values = found.values
-        for axis in (0, 1):
-            values[:, axis, 1 + axis], values[:, axis, 4 + axis] = -1.0, 1.0
+    def _resultants(self, edges: Edges) -> tuple[IntArray, FloatArray]:
+        """`resultants` on values of Φ, its slopes and N_k, Q_k as such: columns (n, l) and values (n, 2p − 2, l)."""
+        columns, sign = self._columns(edges)
+        values: FloatArray = np.zeros((len(edges), 2 * self.degree - 2, columns.shape[1]))
+        values[:, [0, 1], [1, 2]], values[:, [0, 1], [4, 5]] = -1.0, 1.0
         values[:, 2, 0], values[:, 2, 3] = -1.0, 1.0
-        values[:, 2, _FIRST] = values[:, 2, _SECOND] = -h[:, None] * edges.tangent / 2.0
-        for kind, first in (("N", 2), ("Q", 1)):
-            for k in range(first, self.degree - 1):
-                place = self._place(kind, k)
-                values[:, place - 3, place] = sign**k
-        return found
+        values[:, 2, _FIRST] = values[:, 2, _SECOND] = -self.lengths(edges)[:, None] * edges.tangent / 2.0
+        place = np.arange(6, columns.shape[1])
+        power = np.concatenate([np.arange(2, self.degree - 1), np.arange(1, self.degree - 1)])
+        values[:, place - 3, place] = sign[:, None] ** power
+        return columns, values
 
-    def _place(self, kind: str, k: int) -> int:
-        """Where N_k, k ≥ 2, or Q_k, k ≥ 1, stands among the degrees of freedom of an edge and its ends."""
-        return 6 + (k - 2 if kind == "N" else self.degree - 3 + k - 1)
+    def _columns(self, edges: Edges) -> tuple[IntArray, FloatArray]:
+        """Degrees of freedom of edges (n, l), see `EdgeFunctionals`, and whether they run along their tangents (±1).
 
-    def _blank(self, edges: Edges, count: int) -> tuple[EdgeFunctionals, FloatArray, FloatArray]:
-        """Functionals that are zero, whether edges run along their tangents (±1), and their lengths."""
+        Behind the six of its ends an edge has N_2 … N_(p−2), then Q_1 … Q_(p−2).
+        """
         own = 3 * len(self.vertices) + self.element.on_edge * self.number(edges)[:, None]
-        at_ends = [3 * ends[:, None] + np.arange(3) for ends in (edges.first, edges.second)]
-        columns = np.hstack([*at_ends, own + np.arange(self.element.on_edge)])
+        ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
         sign = np.where(edges.first < edges.second, 1.0, -1.0)
-        values = np.zeros((len(edges), count, columns.shape[1]))
-        return EdgeFunctionals(columns, values, self.size), sign, self.lengths(edges)
+        return np.hstack([*ends, own + np.arange(self.element.on_edge)]), sign
 
-    def _scaled(self, edges: Edges, on_values: EdgeFunctionals) -> EdgeFunctionals:
+    def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> EdgeFunctionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
-        values = on_values.values * self.units[on_values.columns][:, None]
-        found = EdgeFunctionals(on_values.columns, values, self.size)
-        found = self._framed(on_values, found) if self.frames.several else found
-        return self._cut(edges, on_values, found) if len(self.cuts) else found
+        found = EdgeFunctionals(columns, values * self.units[columns][:, None], self.size)
+        if self.frames.several:
+            found = self._framed(columns, values, found)
+        if not len(self.cuts):
+            return found
+        more, at_cuts = self.cuts.on_edges(edges, values[:, :, 3:6], self.vertices)
+        at_cuts = at_cuts * self.units[more][:, None]  # three more columns an edge for every cut between its ends
+        columns, values = np.hstack([found.columns, more]), np.concatenate([found.values, at_cuts], axis=2)
+        return EdgeFunctionals(columns, values, self.size)
 
-    def _cut(self, edges: Edges, on_values: EdgeFunctionals, found: EdgeFunctionals) -> EdgeFunctionals:
-        """The same with three more columns an edge for every cut between its ends."""
-        columns, values = self.cuts.on_edges(edges, on_values.values[:, :, 3:6], self.vertices)
-        values = values * self.units[columns][:, None]
-        return EdgeFunctionals(
-            np.hstack([found.columns, columns]), np.concatenate([found.values, values], axis=2), self.size
-        )
-
-    def _framed(self, on_values: EdgeFunctionals, found: EdgeFunctionals) -> EdgeFunctionals:
+    def _framed(self, columns: IntArray, on_values: FloatArray, found: EdgeFunctionals) -> EdgeFunctionals:
         """The same with six more columns an edge, of the centres of its ends, which count on edges across parts."""
-        frames, values, ends = self.frames, found.values, on_values.columns[:, [0, 3]] // 3
+        frames, values, ends = self.frames, found.values, columns[:, [0, 3]] // 3
         across = frames.across(ends)
         more: FloatArray = np.zeros((*values.shape[:2], 6))
         for end in (0, 1):
             own = slice(3 * end, 3 * end + 3)
             values[:, :, own] *= ~frames.is_centre[ends[:, end], None, None]
-            more[across, :, own] = on_values.values[across, :, own] @ frames.affine(ends[across, end])
-        columns = np.hstack([found.columns, frames.columns(ends[:, 0]), frames.columns(ends[:, 1])])
+            more[across, :, own] = on_values[across, :, own] @ frames.affine(ends[across, end])
+        columns = np.hstack([columns, frames.columns(ends[:, 0]), frames.columns(ends[:, 1])])
         return EdgeFunctionals(columns, np.concatenate([values, more], axis=2), self.size)
 
     @property
@@ -334,6 +560,11 @@ class StressSpace:
         """Areas of the triangles, dimensionless; without what arcs add to them, see `cell_measures`."""
         return self.triangles.areas
 
+    @cached_property
+    def transformations(self) -> FloatArray:
+        """From differences w to the degrees of freedom of the reference triangle behind the third, (cells, k, k)."""
+        return self.element.transformations(self.triangles)[:, _AFFINE:, _AFFINE:]
+
     @property
     def cell_points(self) -> FloatArray:
         """Barycentric coordinates of quadrature points, shape (g, 3)."""
@@ -347,54 +578,31 @@ class StressSpace:
     @cached_property
     def cell_quadrature(self) -> tuple[FloatArray, FloatArray]:
         """Points and weights for energies; arcs, which are no polynomials, take more of them."""
-        return split_points(2 * self.degree + _ARCS) if len(self.curved) else potential_points(self.degree)
-
-    @cached_property
-    def contact_rule(self) -> ContactRule:
-        """As many rows as σ_N and σ_T have coefficients on an edge, so that rows are independent."""
-        if self.rows == "gauss":
-            return ContactRule.gauss(self.degree - 1)
-        points, weights = gauss_legendre(self.degree - 1)
-        count = len(points)
-        values = legendre.basis(count - 1, points) @ np.linalg.inv(legendre.to_bernstein(count - 1))
-        places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)
-        return ContactRule("bernstein", points, weights, places, shares, values)
-
-    def normal_rows(self, edges: Edges, t: FloatArray) -> sparse.csr_array:
-        """Rows of σ_N without φ at the points t (q,) along each of n edges, edge by edge, shape (n q, N)."""
-        return self.normal(edges).mapped(legendre.basis(self.traction_degree, t)).matrix()
-
-    def shear_rows(self, edges: Edges, t: FloatArray) -> sparse.csr_array:
-        """Rows of σ_T, along the tangent of each edge, at the same points, shape (n q, N)."""
-        return self.shear(edges).mapped(legendre.basis(self.traction_degree, t)).matrix()
+        return split_points(2 * self.degree + (_ARCS if len(self.curved) else _STRAIGHT))
 
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """σ_N without φ and σ_T of u (N,) at the same points, (n q,) each."""
+        """σ_N without φ and σ_T of u (N,) at the points t (q,) along each of n edges, edge by edge, (n q,) each."""
         values = legendre.basis(self.traction_degree, t)
-        normal, shear = (found.apply(u) @ values.T for found in (self.normal(edges), self.shear(edges)))
-        return normal.ravel(), shear.ravel()
+        found = self.traces(edges).apply(u).reshape(len(edges), 2, -1) @ values.T
+        return found[:, 0].ravel(), found[:, 1].ravel()
 
     def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
         """Σ normal σ_N + shear σ_T over the same points, a vector over all u (N,): `tractions` transposed."""
-        load = np.zeros(self.size)
-        for weights, functionals in ((normal, self.normal), (shear, self.shear)):
-            if weights.any():
-                load += functionals(edges).adjoint(weights.reshape(len(edges), -1) @ legendre.basis(self.degree - 2, t))
-        return load
+        weights = np.stack([normal, shear]).reshape(2, len(edges), -1) @ legendre.basis(self.traction_degree, t)
+        return self.traces(edges).adjoint(weights.swapaxes(0, 1).reshape(len(edges), -1))
 
-    def trace_parameters(self, edges: Sequence[Edges]) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Rows of contacts from independent parameters of their traces, see `solvers.Traces`: Y (r, N) and E (2m, r).
-
-        Contacts come one after the other, m rows of N in all, then as many of T: [N; T] = E Y with the rows of
-        `contact_rule`. Y are the tractions at the Gauss points, E is V⁻¹ on each edge.
-        """
-        rule = self.contact_rule
-        values = legendre.basis(self.traction_degree, rule.points)
-        parts = [kind(part).mapped(values).rows() for kind in (self.normal, self.shear) for part in edges]
-        Y = stacked(parts, self.size)
-        if rule.to_points is None:
-            return Y, sparse.csr_array(sparse.eye_array(Y.shape[0]))
-        return Y, _block_diagonal(np.asarray(np.linalg.inv(rule.to_points), dtype=np.float64), Y.shape[0] // rule.count)
+    def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Rows:
+        """Rows of σ_N without φ at the points t (q,) along each of these edges, set after set, then rows of σ_T."""
+        values = legendre.basis(self.traction_degree, t)
+        parts = [self.traces(part) for part in edges]
+        table = [part.values.reshape(len(part.values), 2, self.degree - 1, part.values.shape[2]) for part in parts]
+        found = [values @ part[:, half] for half in (0, 1) for part in table]
+        if not parts:
+            return Rows(np.zeros((0, 1), dtype=np.int64), np.zeros((0, 1)))
+        columns = np.concatenate([np.repeat(part.columns, len(t), axis=0) for part in parts])
+        return Rows(
+            np.concatenate([columns, columns]), np.concatenate([part.reshape(-1, part.shape[2]) for part in found])
+        )
 
     def points(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Dimensionless coordinates (k, q, 2) of reference points t, (q, 3) or (k, q, 3), in the triangles (k,)."""
@@ -459,18 +667,18 @@ class StressSpace:
         return points, np.concatenate([pieces + part * len(flat) for part in range(3)])
 
 
+def split_points(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Such points for functions that are polynomials of a degree on each of the three parts of a triangle."""
+    points, weights = quadrature(degree)
+    centre = np.full(3, 1.0 / 3.0)
+    parts = [points @ np.vstack([np.eye(3)[a], np.eye(3)[b], centre]) for a, b in EDGES]
+    return np.concatenate(parts), np.tile(weights / 3.0, 3)
+
+
 def frame(edges: Edges) -> tuple[FloatArray, FloatArray]:
     """The normal m = (−t_y, t_x) left of the tangents of edges (n, 2), and −n·m (n,), the factor of Φ_tm in σ_T."""
     m = np.column_stack([-edges.tangent[:, 1], edges.tangent[:, 0]])
     return m, -np.sign((edges.normal * m).sum(axis=1))
-
-
-def _block_diagonal(block: FloatArray, count: int) -> sparse.csr_array:
-    """The same block (q, q) so many times."""
-    q = len(block)
-    columns = np.repeat(np.arange(count * q).reshape(count, q), q, axis=0)
-    data = np.tile(block, (count, 1)).ravel()
-    return sparse.csr_array((data, columns.ravel(), q * np.arange(count * q + 1)), shape=(count * q, count * q))
 
 
 def _applied(table: FloatArray, coefficients: FloatArray) -> FloatArray:

@@ -8,11 +8,10 @@ __all__ = ["hsieh_clough_tocher"]
 __getattr__ = front(
     __name__,
     {
-        "affine": ("AffineTriangles", "EDGES"),
         "bernstein": ("absolute_integrals", "gauss_interpolation", "product_integrals"),
         "hsieh_clough_tocher": ("compliance_roots",),
         "legendre": ("from_values", "gauss_legendre"),
         "quadrature": ("adapted", "constant"),
-        "triangle": ("exponents",),
+        "triangle": ("AffineTriangles", "EDGES", "exponents"),
     },
 )

@@ -24,9 +24,17 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import legendre
-from qvi_contact.element.affine import CORNERS, EDGES, AffineTriangles
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.triangle import bernstein, exponents, gradient, hessian, quadrature
+from qvi_contact.element.triangle import (
+    CORNERS,
+    EDGES,
+    AffineTriangles,
+    bernstein,
+    exponents,
+    gradient,
+    hessian,
+    quadrature,
+)
 from qvi_contact.errors import InputError
 
 LOWEST, HIGHEST = 3, 12
@@ -229,22 +237,20 @@ class HsiehCloughTocher:
         m = α n + β t, where the coefficient N₁ of Φ_tt follows from the corners.
         """
         B = np.zeros((len(triangles), self.shared, self.shared))
-        slopes = triangles.jacobians.swapaxes(1, 2)
         for v in range(3):
             B[:, 3 * v, 3 * v] = 1.0
-            B[:, 3 * v + 1 : 3 * v + 3, 3 * v + 1 : 3 * v + 3] = slopes
+            B[:, 3 * v + 1 : 3 * v + 3, 3 * v + 1 : 3 * v + 3] = triangles.jacobians.swapaxes(1, 2)
+        h, t, alpha, beta = _edge_frames(triangles.corners)
         normals = self.degree - 3  # coefficients N_k of an edge
-        for s, (a, b) in enumerate(EDGES):
-            h, t, alpha, beta = _edge_frames(triangles.corners, s)
-            start = 9 + s * self.on_edge
-            N, Q = start + np.arange(normals), start + normals + np.arange(normals + 1)
-            B[:, N, N] = h[:, None] ** 2
-            B[:, Q, Q] = (alpha * h)[:, None]
-            B[:, Q[1:], N] = (beta * h)[:, None]
-            B[:, Q[0], 3 * a] = 6.0 * beta / h
-            B[:, Q[0], 3 * b] = -6.0 * beta / h
-            for end in (a, b):
-                B[:, Q[0], 3 * end + 1 : 3 * end + 3] = 3.0 * beta[:, None] * t
+        start = 9 + self.on_edge * np.arange(3)[:, None]
+        N, Q = start + np.arange(normals), start + normals + np.arange(normals + 1)
+        B[:, N, N] = np.square(h)[:, :, None]
+        B[:, Q, Q] = (alpha * h)[:, :, None]
+        B[:, Q[:, 1:], N] = (beta * h)[:, :, None]
+        for end, sign in zip(np.transpose(EDGES), (6.0, -6.0), strict=True):
+            B[:, Q[:, 0], 3 * end] = sign * beta / h
+            for axis in (0, 1):
+                B[:, Q[:, 0], 3 * end + 1 + axis] = 3.0 * beta * t[..., axis]
         return B
 
     def reference_functions(self, barycentric: FloatArray, order: int) -> FloatArray:
@@ -313,13 +319,14 @@ def _corner(degree: int, corner: int) -> int:
     return int(np.flatnonzero(exponents(degree)[:, corner] == degree)[0])
 
 
-def _edge_frames(corners: FloatArray, s: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Of edge s of triangles (n, 3, 2): length h, tangent t (n, 2), and the median's parts α along n, β along t."""
-    a, b = (corners[:, end] for end in EDGES[s])
-    h = np.hypot(*(b - a).T)
-    t = (b - a) / h[:, None]
-    median = corners[:, s] - (a + b) / 2.0
-    return h, t, t[:, 0] * median[:, 1] - t[:, 1] * median[:, 0], (median * t).sum(axis=1)
+def _edge_frames(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Of edges of triangles (n, 3, 2): length h, tangent t (n, 3, 2), and the median's parts α along n, β along t."""
+    a, b = (corners[:, ends] for ends in np.transpose(EDGES))
+    along = b - a
+    h = np.hypot(along[..., 0], along[..., 1])
+    t, median = along / h[..., None], corners - (a + b) / 2.0
+    alpha = t[..., 0] * median[..., 1] - t[..., 1] * median[..., 0]
+    return h, t, alpha, (median * t).sum(axis=2)
 
 
 def compliance_roots(compliances: FloatArray) -> FloatArray:

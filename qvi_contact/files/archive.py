@@ -1,11 +1,14 @@
-"""NumPy archives of results: flat names, arrays and texts, no pickles, and a digest of them all.
+"""Results as NumPy archives: flat names, arrays and texts, no pickles, and a digest of them all.
+
+They hold everything a result claims, and the problem, so that it can be checked from the file alone.
 
 The digest is SHA-256 over names, types, shapes and bytes of all other entries in the order of their names. It tells
 a file that was changed after it was written; whoever changes the digest too still has to fool the certificate.
 """
 
 import hashlib
-from collections.abc import Mapping
+import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 from zipfile import BadZipFile
@@ -15,9 +18,18 @@ from numpy.lib.format import MAGIC_PREFIX
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import replacing
+from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
+from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.files.problem_writer import problem_to_toml, unread_toml
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.version import __version__
+from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.files import open_regular, read_arrays
+from solvers.certificate.certificate import EXPONENTS
 
 FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 1
@@ -25,6 +37,12 @@ FORMAT_VERSION: Final = 1
 
 OWN: Final = frozenset({"format", "format_version", "digest"})
 """Names of the entries that `write_archive` adds."""
+
+STORE: Final = "store"
+"""Entry of steps of a history, which hold a problem and its answer, and no fields: the digest of that history."""
+
+_VECTORS: Final = ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold")
+_TEXTS: Final = ("method", "inner", "form", "factorisation")
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -152,3 +170,256 @@ def _reason(error: BaseException) -> str:
         if "pickle" in text or isinstance(error, BadZipFile)
         else str(text)
     )
+
+
+def solution_arrays(result: ContactResult, units: Units | None = None, title: str = "") -> dict[str, Any]:
+    """The problem and the algebraic solution, from which `load_result` makes the result again."""
+    problem, missing = _problem_text(lambda: problem_to_toml(result.problem, units=units, title=title))
+    return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
+
+
+def solution_names(result: ContactResult) -> set[str]:
+    """Names of the `solution_arrays`, without writing the problem."""
+    return {"problem", "problem_missing", *answer_arrays(result)}
+
+
+def step_arrays(result: ContactResult) -> dict[str, Any]:
+    """The same for a step of a history: problems of steps are alike, and not each is tried."""
+    problem, missing = _problem_text(lambda: unread_toml(result.problem))
+    return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
+
+
+def answer_arrays(result: ContactResult) -> dict[str, Any]:
+    """The algebraic solution alone, from which `answer_from_archive` makes the result again beside the problem."""
+    solution, known = result.solution, result.discretization
+    return {
+        "degree": known.space.degree,
+        "contact_rows": known.rule.kind,
+        "centres": known.space.centres,
+        "cuts": known.space.cuts.vertices,
+        "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
+        "loaded": known.scales.loaded,
+        "reach": known.scales.reach,
+        "earlier_slip": _joined([rows.offset - o for rows, o in zip(known.contacts, known.offsets(), strict=True)]),
+        "status": str(result.status),
+        "message": result.message,
+        **{name: np.asarray(getattr(solution, name), dtype=np.float64) for name in _VECTORS},
+        **{name: getattr(solution, name) for name in _TEXTS},
+        "tolerance": solution.certificate.tolerance,
+        "certificate": _certificate_text(solution.certificate),
+        "iterations": solution.iterations,
+        "corrections": np.array(solution.corrections, dtype=np.float64),
+        "remarks": np.array(solution.remarks, dtype=np.str_),
+        "timings": json.dumps(dict(solution.timings)),
+        "versions": json.dumps({"qvi-contact": __version__, **solution.versions}),
+        **_history_arrays(solution.history),
+    }
+
+
+def load_result(path: str | Path) -> ContactResult:
+    """Read a result that `qvi_contact.export.write_npz` has written.
+
+    The problem is discretised afresh; unknowns and multipliers are those of the file to the last bit. Status and
+    certificate are what the file claims: `qvi_contact.verification.verify_file` tells whether they are true.
+
+    Parameters
+    ----------
+    path : str or Path
+        The archive.
+
+    Returns
+    -------
+    ContactResult
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not such an archive, entries are missing or of the wrong size, or it holds no
+        problem since that has Python functions.
+
+    """
+    return result_from_archive(Archive(path))
+
+
+def result_from_archive(archive: Archive) -> ContactResult:
+    """The result of an archive that was read; see `load_result`."""
+    text, missing = archive.text("problem"), archive.text("problem_missing")
+    if not text:
+        remedy = (
+            f"holds no problem to check against ({missing}). Check the result in Python with "
+            "verify_result, or write it anew with expressions or polynomials for functions"
+        )
+        raise InputError("result", archive.path, remedy)
+    return answer_from_archive(archive, lambda scales: _discretized(archive, text, scales))
+
+
+def answer_from_archive(archive: Archive, posed: Callable[[Scales], Discretization]) -> ContactResult:
+    """The result of an archive that was read, of a problem that is posed in given units, without earlier slip."""
+    known = _discretization(archive, posed)
+    if "strict" in archive.arrays and archive.number("strict") != 0.0:
+        remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
+        raise InputError("result", archive.path, remedy)
+    qvi = known.qvi
+    vectors = [archive.floats(name) for name in _VECTORS]
+    for name, vector, size in zip(_VECTORS, vectors, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True):
+        if len(vector) != size:
+            raise InputError("result", archive.path, f"entry {name!r} has {len(vector)} values, the problem {size}")
+    given: dict[str, Any] = {
+        **dict(zip(_VECTORS, vectors, strict=True)),
+        "certificate": _certificate(archive),
+        "history": _history(archive),
+        "iterations": _count(archive, "iterations"),
+        "message": archive.text("message"),
+        "corrections": tuple(archive.floats("corrections").tolist()),
+        "remarks": tuple(archive.texts("remarks")) if "remarks" in archive.arrays else (),  # none in version 0.1
+        **{name: _json(archive, name) for name in ("timings", "versions")},
+        **{name: archive.text(name) for name in _TEXTS},
+    }
+    solution = QVISolution(qvi, _status(archive, archive.text("status")), **given)
+    return ContactResult(known, solution)
+
+
+def _problem_text(written: Callable[[], str]) -> tuple[str, str]:
+    """The problem as a problem file, and why there is none."""
+    try:
+        return written(), ""
+    except InputError as error:
+        return "", str(error)
+
+
+def _discretization(archive: Archive, posed: Callable[[Scales], Discretization]) -> Discretization:
+    """The problem of an archive, in its units and after the slip before it."""
+    length, stress, compliance = _sized(archive, "scales", 3)
+    if not min(length, stress, compliance) > 0.0 or not np.isfinite([length, stress, compliance]).all():
+        raise InputError("result", archive.path, "entry 'scales' holds units that are not positive numbers")
+    reach = archive.number("reach") if "reach" in archive.arrays else np.inf  # files of version 0.1 have none
+    if not reach > 0.0:
+        raise InputError("result", archive.path, "entry 'reach' is not a positive number")
+    scales = Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach)
+    fresh = posed(scales)
+    _check_centres(archive, fresh)
+    counts = [len(rows.gap) for rows in fresh.contacts]
+    slip = _sized(archive, "earlier_slip", sum(counts))
+    return fresh.slipped(np.split(slip, np.cumsum(counts)[:-1])) if slip.any() else fresh
+
+
+def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
+    """The problem of a file; what is wrong with it is said with the name of that file."""
+    try:
+        file = problem_from_toml(text)
+        if file.is_grid:  # results on triangles are stored with these
+            remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
+            raise InputError("result", archive.path, remedy)
+        return discretize(file.problem, scales=scales, **_degree(archive))
+    except InputError as error:
+        if error.field == "result":  # names the file already
+            raise
+        raise InputError(
+            "result", archive.path, f"entry 'problem' holds a problem that cannot be solved ({error})"
+        ) from error
+
+
+def _check_centres(archive: Archive, fresh: Discretization) -> None:
+    """That unknowns count from where they do here; files without the entries have those of Φ itself, of one value."""
+    none, space = np.empty(0, dtype=np.int64), fresh.space
+    stored = {name: archive.integers(name) if name in archive.arrays else none for name in ("centres", "cuts")}
+    if not np.array_equal(stored["centres"], space.centres) or not np.array_equal(stored["cuts"], space.cuts.vertices):
+        remedy = (
+            "entry 'z' counts from other vertices of this mesh than it does here: solve the problem anew, or "
+            "take the version of qvi-contact that wrote the file"
+        )
+        raise InputError("result", archive.path, remedy)
+
+
+def _degree(archive: Archive) -> dict[str, Any]:
+    """Degree and contact rows of the element."""
+    return {"degree": _count(archive, "degree"), "contact_rows": archive.text("contact_rows")}
+
+
+def _count(archive: Archive, name: str) -> int:
+    value = archive.number(name)
+    if not np.isfinite(value) or value < 0.0 or value != int(value):
+        raise InputError("result", archive.path, f"entry {name!r} is {value:g}, which is not a number of {name}")
+    return int(value)
+
+
+def _sized(archive: Archive, name: str, size: int) -> FloatArray:
+    vector = archive.floats(name)
+    if len(vector) != size:
+        raise InputError("result", archive.path, f"entry {name!r} has {len(vector)} values instead of {size}")
+    return vector
+
+
+def _status(archive: Archive, word: str) -> Status:
+    try:
+        return Status(word)
+    except ValueError as error:
+        raise InputError("result", archive.path, f"names a status {word!r} that does not exist") from error
+
+
+def _certificate_text(certificate: Certificate) -> str:
+    """Measures, scales and signed values as JSON, infinity as null."""
+    groups = {name: getattr(certificate, name) for name in ("measures", "scales", "signed")}
+    plain = {
+        group: {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
+        for group, values in groups.items()
+    }
+    return json.dumps(plain)
+
+
+def _certificate(archive: Archive) -> Certificate:
+    tolerance, groups = archive.number("tolerance"), _json(archive, "certificate")
+    if not 0.0 < tolerance < 1.0:
+        raise InputError("result", archive.path, "entry 'tolerance' is not between 0 and 1")
+    found = [_numbers_of(archive, groups.get(name)) for name in ("measures", "scales", "signed")]
+    if any(value < 0.0 for value in found[0].values()):
+        raise InputError("result", archive.path, "entry 'certificate' holds measures below zero")
+    measures = dict.fromkeys(EXPONENTS, np.inf) | found[0]  # what is not claimed does not pass
+    return Certificate(measures, tolerance, found[1], found[2])
+
+
+def _numbers_of(archive: Archive, group: object) -> dict[str, float]:
+    """A JSON object of numbers, null for infinity."""
+    if not isinstance(group, dict) or not all(
+        value is None or (isinstance(value, int | float) and not isinstance(value, bool)) for value in group.values()
+    ):
+        raise InputError("result", archive.path, "entry 'certificate' holds entries that are not numbers")
+    try:
+        return {name: np.inf if value is None else float(value) for name, value in group.items()}
+    except OverflowError as error:
+        raise InputError("result", archive.path, "entry 'certificate' holds numbers too large for a float") from error
+
+
+def _json(archive: Archive, name: str) -> dict[str, Any]:
+    try:
+        found = json.loads(archive.text(name))
+    except (ValueError, RecursionError) as error:
+        raise InputError("result", archive.path, f"entry {name!r} is not a JSON document") from error
+    if not isinstance(found, dict):
+        raise InputError("result", archive.path, f"entry {name!r} is not a JSON object")
+    return found
+
+
+def _history_arrays(history: tuple[Iteration, ...]) -> dict[str, Any]:
+    """`Iteration` as a table (k, 6) of numbers and a list of words."""
+    numbers = [[e.number, e.residual, e.energy, e.normal_resultant, e.inner_iterations, e.seconds] for e in history]
+    words = [str(entry.inner_status or "") for entry in history]
+    return {
+        "history": np.array(numbers, dtype=np.float64).reshape(len(history), 6),
+        "history_status": np.array(words, dtype="U").reshape(len(history)),
+    }
+
+
+def _history(archive: Archive) -> tuple[Iteration, ...]:
+    table, words = archive.floats("history", 2), archive.texts("history_status")
+    if table.shape != (len(words), 6) or not np.isfinite(table[:, [0, 4]]).all():
+        raise InputError("result", archive.path, "entries 'history' and 'history_status' do not fit together")
+    states = [_status(archive, word) if word else None for word in words]
+    return tuple(
+        Iteration(int(number), residual, energy, resultant, state, int(inner), seconds)
+        for (number, residual, energy, resultant, inner, seconds), state in zip(table.tolist(), states, strict=True)
+    )
+
+
+def _joined(arrays: list[FloatArray]) -> FloatArray:
+    return np.concatenate([np.empty(0), *arrays])

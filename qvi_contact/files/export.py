@@ -15,8 +15,7 @@ from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.space import FAMILY
-from qvi_contact.files.archive import write_archive
-from qvi_contact.files.stored import solution_arrays
+from qvi_contact.files.archive import solution_arrays, write_archive
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
 
@@ -237,7 +236,7 @@ def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any
 def element_of(discretization: Discretization) -> dict[str, Any]:
     """Name, degree and contact rows of the element, for documents."""
     space = discretization.space
-    return {"name": FAMILY, "degree": space.degree, "contact_rows": space.contact_rule.kind}
+    return {"name": FAMILY, "degree": space.degree, "contact_rows": discretization.rule.kind}
 
 
 def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:

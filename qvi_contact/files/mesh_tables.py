@@ -296,7 +296,7 @@ class OutlineTable:
         for kind, found in lines.items():
             taken: list[str] = []
             for index, table in enumerate(getattr(self, kind)):
-                with located(f"{kind}[{index}]", keys_of(type(table))):
+                with located(f"{kind}[{index}]", ("name", "centre", "radius", "size")):
                     if kind != "holes" and table.name in taken:
                         raise InputError("name", table.name, "this name is taken: choose another one")
                     taken.append(table.name)
@@ -586,7 +586,7 @@ class Parts:
         sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
         for kind in ("edges", "joints"):
             for index, part in enumerate(getattr(self, kind)):
-                with located(f"{kind}[{index}]", keys_of(type(part))):
+                with located(f"{kind}[{index}]", ("name", "start", "stop", "at", "segment", "box")):
                     if part.name in sets:
                         raise InputError("name", part.name, "this edge set exists already: choose another name")
                     sets[part.name] = part.pairs(mesh, lines)

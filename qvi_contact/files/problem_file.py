@@ -4,7 +4,6 @@ A file can never run code: functions are numbers, polynomials or expressions of 
 errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts]]``.
 """
 
-import tomllib
 import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,7 +18,6 @@ import numpy as np
 from qvi_contact.basics.checks import Field, evaluate
 from qvi_contact.basics.schema import (
     FINITE,
-    LARGEST,
     MOST,
     TEXT,
     Kind,
@@ -30,7 +28,6 @@ from qvi_contact.basics.schema import (
     Varying,
     Whole,
     in_toml,
-    joined,
     key,
     keys_of,
     located,
@@ -46,7 +43,7 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.mesh_tables import EdgesTable, JointTable, MeshTable, Parts, RegionTable, built_mesh
 from qvi_contact.files.options import RefineOptions, SolveOptions
-from qvi_contact.files.problem_size import LONGEST, check_length, check_size
+from qvi_contact.files.toml_text import LONGEST, check_length, tables_of
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
@@ -67,7 +64,8 @@ TABLES: Final[dict[str, type[Condition]]] = {
 """Which table states which condition, in the order in which a problem gets them."""
 
 _MOST_STEPS: Final = 10_000
-_OF_MESH: Final = ("mesh", "edges", "joints")  # tables that say nothing at other times
+_IN_TIME: Final = ("version", "body_potential", "body_forces", "material", "regions", *TABLES)
+"""Tables that expressions in t may stand in."""
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",
     "ContactProblem.mesh": "mesh",
@@ -299,16 +297,14 @@ class FileReader:
 
     def document(self) -> Document:
         """All tables."""
-        return self._read(self.data, partly=False)
+        found: Document = read_table(Document, self.data, self)
+        return found
 
     def problem(self, mesh: TriangleMesh) -> ContactProblem:
         """The problem at this time, on the mesh of the file."""
-        rest = {name: value for name, value in self.data.items() if name not in _OF_MESH}
-        return self._read(rest, partly=True).problem(mesh, self.data)
-
-    def _read(self, data: Mapping[str, Any], *, partly: bool) -> Document:
-        document: Document = read_table(Document, data, self, partly=partly)
-        return document
+        known = {name: self.data[name] for name in _IN_TIME if name in self.data}
+        found: Document = read_table(Document, known, self, partly=True)
+        return found.problem(mesh, self.data)
 
 
 @dataclass(frozen=True, eq=False)
@@ -435,7 +431,7 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
 
     A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
     """
-    data = _parsed(text.replace("\r\n", "\n"))
+    data = tables_of(text.replace("\r\n", "\n"))
     keys, plain = keys_of(Document), FileReader(data, {})
     first: dict[str, Any] = {}
     for name in ("constants", "history"):  # what expressions mean depends on them
@@ -466,46 +462,3 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
     )
     _ = found.problems  # checks the other times
     return found
-
-
-def _parsed(text: str) -> dict[str, Any]:
-    """The tables in a TOML text.
-
-    Raises
-    ------
-    InputError
-        If the text is no TOML, or has values that no table wants; it is named by its path.
-
-    """
-    check_size(text)
-    try:
-        data = tomllib.loads(text)
-        _check_scalars(data, "")
-    except InputError:
-        raise
-    except ValueError as error:  # also whole numbers of too many digits
-        _, found, rest = str(error).partition("at line ")  # the line that the parser complains about, if it says which
-        number, lines = rest.split(",")[0], text.splitlines()
-        line = lines[int(number) - 1] if found and number.isdigit() and 0 < int(number) <= len(lines) else ""
-        raise InputError("TOML", line, f"correct the syntax: {error}") from error
-    except RecursionError as error:
-        raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
-    return data
-
-
-def _check_scalars(value: object, path: str) -> None:
-    """Refuse values that TOML knows and no table wants."""
-    if isinstance(value, dict):
-        for name, item in value.items():
-            _check_scalars(item, joined(path, quoted(name)))
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            _check_scalars(item, f"{path}[{index}]")
-    elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # TOML's whole numbers have 64 bits
-        raise InputError(path, f"a number of {value.bit_length()} bits", "give a whole number of at most 64 bits")
-    elif isinstance(value, float) and not abs(value) <= LARGEST:
-        remedy = f"give a finite number, of at most {LARGEST:g}: take other units if you need more"
-        raise InputError(path, value, remedy)
-    elif not isinstance(value, int | float | str):
-        remedy = "give a number, a text in quotes, a list or a table; dates are not used here"
-        raise InputError(path, str(value), remedy)

@@ -95,7 +95,7 @@ def _text(
     document["constants"] = writer.constants  # filled by what follows
     document["mesh"] = _mesh(problem.mesh)
     document["material"] = write_table("material", problem.material, writer)
-    stated = {"regions": problem.regions}
+    stated: dict[str, Sequence[object]] = {"regions": problem.regions}
     stated |= {name: [each for each in problem.conditions if isinstance(each, kind)] for name, kind in TABLES.items()}
     for name, parts in stated.items():
         document[name] = [write_table(f"{name}[{i}]", part, writer) for i, part in enumerate(parts)]

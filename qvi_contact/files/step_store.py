@@ -15,8 +15,7 @@ from qvi_contact.basics.writing import writable_folder, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.files.archive import Archive, write_archive
-from qvi_contact.files.stored import STORE, answer_from_archive, step_arrays
+from qvi_contact.files.archive import STORE, Archive, answer_from_archive, step_arrays, write_archive
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 

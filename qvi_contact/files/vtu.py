@@ -221,7 +221,7 @@ def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[Flo
     known, count = result.discretization, result.problem.mesh.cell_count
     t, _ = known.space.lattice(r)
     chunks = [np.arange(count)[start : start + _CHUNK] for start in range(0, count, _CHUNK)]
-    coefficients = known.energy.coefficients(result.dofs)
+    coefficients = known.coefficients(result.dofs)
     places = np.concatenate([known.space.points(cells, t) for cells in chunks]).reshape(-1, 2)
     stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
     stress *= known.scales.stress

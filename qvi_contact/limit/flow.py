@@ -40,9 +40,8 @@ from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, ev
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
-from qvi_contact.element.affine import EDGES
+from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
 from qvi_contact.element.triangle import bernstein as bernstein_values
-from qvi_contact.element.triangle import exponents, gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.linear import edge_coefficients
@@ -50,7 +49,7 @@ from qvi_contact.limit.stresses import CarriedStress, YieldCones, coefficients_o
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 _ALONG: Final = np.linspace(0.0, 1.0, 33)  # places of an edge where fields of contacts are looked at

@@ -27,8 +27,8 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
-from qvi_contact.discretization.contact_rows import ContactRows, joined
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element import bernstein
 from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.bodies import Bodies
@@ -103,7 +103,7 @@ def both_signs(discretization: Discretization) -> BoolArray:
 
 def mean_normal(discretization: Discretization, tractions: FloatArray) -> FloatArray:
     """Mean of σ_N on each contact edge (e,) from the rows [σ_N; σ_T] (2 m,)."""
-    rule = discretization.space.contact_rule
+    rule = discretization.rule
     return np.asarray(rule.at_points(tractions[: discretization.qvi.m]).reshape(-1, rule.count) @ rule.weights)
 
 

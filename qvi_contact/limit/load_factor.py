@@ -23,8 +23,8 @@ from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
+from qvi_contact.problem.material import Mises, MohrCoulomb, NoTension, Strength, Tresca
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Strength, Tresca
 from qvi_contact.version import __version__
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
@@ -384,7 +384,7 @@ def _sampled(
     multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
     scales = Scales.of(multiples[1])
     low = discretize(multiples[0], scales=scales, **space)
-    return low, low.following(multiples[1], scales)
+    return low, low.with_data(multiples[1], scales)
 
 
 def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:

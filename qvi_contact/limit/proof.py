@@ -22,15 +22,14 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
-from qvi_contact.element.affine import EDGES
-from qvi_contact.element.triangle import exponents
+from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
 from qvi_contact.limit.stresses import lattice, part_corners
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import along_edges
+from qvi_contact.problem.material import Mises, Strength
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.problem.strength import Mises, Strength
 
 if TYPE_CHECKING:
     from qvi_contact.limit.stresses import CarriedStress, StressProgram
@@ -375,8 +374,8 @@ def _rounded_airy(program: StressProgram, carried: CarriedStress) -> tuple[Float
     if len(space.cuts):
         raise InputError("proof", f"{len(space.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
-    change = high.elimination.particular - low.elimination.particular
-    u = low.basis @ carried.unknowns[:n] + low.elimination.particular + (carried.factor - 1.0) * change
+    change = high.particular - low.particular
+    u = low.basis @ carried.unknowns[:n] + low.particular + (carried.factor - 1.0) * change
     affine, w = space.differences.apply(u)
     frames, first = space.frames, space.mesh.cells[:, 0]
     if frames.several:

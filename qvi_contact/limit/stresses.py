@@ -28,8 +28,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.element.affine import EDGES
-from qvi_contact.element.triangle import bernstein, exponents
+from qvi_contact.element.triangle import EDGES, bernstein, exponents
 from qvi_contact.limit.conic import INFEASIBLE, UNBOUNDED, Cones, ConicProgram
 from qvi_contact.limit.linear import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.problem.problem import ContactProblem
@@ -313,14 +312,7 @@ class StressProgram:
             at = space.curved.numbers
             own = reference[at] @ space.curved.functions[:, 3:, 3:]
             w[at], y[at] = own[..., :k], own[..., k:]
-        differences, rows = space.differences, w.shape[1]
-        full = differences.spread(differences.rows(w))
-        if len(differences.across):
-            own_rows = (rows * differences.across[:, None] + np.arange(rows)).ravel()
-            place = sparse.csr_array(
-                (np.ones(len(own_rows)), (own_rows, np.arange(len(own_rows)))), shape=(full.shape[0], len(own_rows))
-            )
-            full = full + place @ differences.rows_beyond(w)
+        rows, full = w.shape[1], space.differences.all_rows(w, np.arange(n))
         inner = element.interior
         columns = np.repeat(np.arange(n * inner).reshape(n, inner), rows, axis=0)
         starts = inner * np.arange(n * rows + 1)
@@ -330,14 +322,14 @@ class StressProgram:
     def _matrix(self) -> sparse.csr_array:
         """Stress coefficients as rows on (z, y, α), dimensionless."""
         shared, inner = self._of_freedoms
-        change = self.high.elimination.particular - self.low.elimination.particular
+        change = self.high.particular - self.low.particular
         slope = shared @ change + _pressures(self._potentials[1] - self._potentials[0])
         return sparse.csr_array(sparse.hstack([shared @ self.low.basis, inner, sparse.csr_array(slope[:, None])]))
 
     @cached_property
     def _constant(self) -> FloatArray:
         """What they are at z = y = α = 0."""
-        particular = 2.0 * self.low.elimination.particular - self.high.elimination.particular
+        particular = 2.0 * self.low.particular - self.high.particular
         return np.asarray(
             self._of_freedoms[0] @ particular + _pressures(2.0 * self._potentials[0] - self._potentials[1])
         )

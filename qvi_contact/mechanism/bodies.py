@@ -14,7 +14,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
 from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.problem.conditions import LOCAL, Contact, RigidPlate, Traction, components
-from qvi_contact.problem.integrals import along_edges
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 BODY = "body"

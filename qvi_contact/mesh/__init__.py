@@ -14,7 +14,7 @@ __getattr__ = front(
         "edges": ("frames_along", "outward_normals"),
         "gmsh": ("divided_corners",),
         "grid": ("SIDES",),
-        "outline": ("Outline", "polygons"),
+        "outline": ("polygons",),
         "selection": ("edges_on_segment",),
         "topology": ("Topology",),
     },

@@ -7,7 +7,7 @@ there are to be. The edges of the triangles know the circle, so that the body en
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -84,18 +84,6 @@ class Corner:
 
 Line: TypeAlias = Sequence[Corner | Point]
 """Corners one after the other; a pair of coordinates is a corner without a name."""
-
-
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """A body to be divided into triangles; see `TriangleMesh.outline`, which has the parameters."""
-
-    corners: Line
-    size: float
-    holes: Sequence[Line] = ()
-    joints: Mapping[str, Line] = field(default_factory=dict)
-    regions: Mapping[str, Line] = field(default_factory=dict)
-    sizes: Mapping[Point, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,27 +172,37 @@ class Polygons:
         return (self.outer, *self.holes, *self.joints.values(), *self.regions.values())
 
 
-def polygons(outline: Outline) -> Polygons:
-    """The outline's lines as polygons, checked; `InputError` says which line is wrong, and where."""
-    size = positive_number("size", outline.size)
+def polygons(
+    corners: Line,
+    size: float,
+    *,
+    holes: Sequence[Line] = (),
+    joints: Mapping[str, Line] | None = None,
+    regions: Mapping[str, Line] | None = None,
+    sizes: Mapping[Point, float] | None = None,
+) -> Polygons:
+    """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` says which is wrong, and where."""
+    size = positive_number("size", size)
     if size > LARGEST:
         raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
-    outer = _polygon("corners", outline.corners, size, closed=True)
-    holes = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(outline.holes)))
-    for kind, what in (("joints", "names to lines"), ("regions", "names to lines"), ("sizes", "points to sizes")):
-        mapping(kind, getattr(outline, kind), what)
-    joints = dict[str, Polygon]()
-    for name, line in outline.joints.items():  # one whose last corner begins an arc can only lead back to the first
-        closed = any(isinstance(corner, Corner) and corner.centre is not None for corner in _listed(line)[-1:])
-        joints[name] = _polygon(f"joints.{name}", line, size, closed=closed)
-    regions = {name: _polygon(f"regions.{name}", line, size, closed=True) for name, line in outline.regions.items()}
-    for kind, names in (("joints", joints), ("regions", regions)):
-        for name in names:
+    lines = {
+        kind: mapping(kind, given or {}, "names to lines") for kind, given in (("joints", joints), ("regions", regions))
+    }
+    places = mapping("sizes", sizes or {}, "points to sizes")
+    for kind, named in lines.items():
+        for name in named:
             if not isinstance(name, str) or not name:
                 raise InputError(kind, name, "give names that are not empty")
-    places = [point("sizes", at) for at in outline.sizes]
-    sizes = [positive_number(f"sizes[{at}]", given) for at, given in outline.sizes.items()]
-    found = Polygons(outer, holes, joints, regions, np.array(places).reshape(-1, 2), np.array(sizes), size)
+    outer = _polygon("corners", corners, size, closed=True)
+    inner = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(holes)))
+    seams = dict[str, Polygon]()
+    for name, line in lines["joints"].items():  # one whose last corner begins an arc can only lead back to the first
+        closed = any(isinstance(corner, Corner) and corner.centre is not None for corner in _listed(line)[-1:])
+        seams[name] = _polygon(f"joints.{name}", line, size, closed=closed)
+    areas = {name: _polygon(f"regions.{name}", line, size, closed=True) for name, line in lines["regions"].items()}
+    at = np.array([point("sizes", place) for place in places]).reshape(-1, 2)
+    own = np.array([positive_number(f"sizes[{place}]", given) for place, given in places.items()])
+    found = Polygons(outer, inner, seams, areas, at, own, size)
     _check_sizes(found)
     _check_boundary(found)
     _check_gaps(found)

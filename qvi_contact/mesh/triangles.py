@@ -22,7 +22,7 @@ from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
-from qvi_contact.mesh.outline import Line, Outline, Point, polygons
+from qvi_contact.mesh.outline import Line, Point, polygons
 from qvi_contact.mesh.search import PointSearch
 from qvi_contact.mesh.selection import (
     Range,
@@ -43,6 +43,7 @@ Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], Arra
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
 
 _EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
+_OF_NAMES: Final = ("edge_names", "joint_names", "_places", "_taken")  # computed from the names of a mesh
 _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
@@ -208,7 +209,7 @@ class TriangleMesh(Stated):
             if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
                 raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
             named[name] = triangles_in_box(mesh.vertices, mesh.cells, ranges[0], ranges[1])
-        return replace(mesh, edge_sets=sets, regions=named) if len(sets) > len(mesh.edge_sets) or named else mesh
+        return mesh._renamed(sets, named)
 
     @classmethod
     def from_skfem(cls, mesh: object) -> TriangleMesh:
@@ -262,8 +263,7 @@ class TriangleMesh(Stated):
             would make more than some 200 000 triangles.
 
         """
-        outline = Outline(corners, size, holes, joints or {}, regions or {}, sizes or {})
-        parts = meshed(polygons(outline))
+        parts = meshed(polygons(corners, size, holes=holes, joints=joints, regions=regions, sizes=sizes))
         try:
             mesh = cls(*divided_at_arcs(parts))
         except InputError as error:
@@ -271,7 +271,7 @@ class TriangleMesh(Stated):
                 raise
             remedy = "too large for an arc near another line: give the corners there a smaller one"
             raise InputError("size", size, remedy) from error
-        for name in outline.joints:
+        for name in joints or ():
             if name not in mesh.joint_names:
                 raise InputError(f"joints.{name}", name, "lies on the boundary: name the corner where that line begins")
         return mesh
@@ -280,6 +280,11 @@ class TriangleMesh(Stated):
     def topology(self) -> Topology:
         """Its edges."""
         return Topology.of(self.cells, len(self.vertices))
+
+    @cached_property
+    def kept(self) -> dict[object, object]:
+        """What is made of this mesh alone and serves every problem on it, by who made it; it goes with the mesh."""
+        return {}
 
     @cached_property
     def bends(self) -> FloatArray:
@@ -438,7 +443,17 @@ class TriangleMesh(Stated):
 
     def _with(self, name: str, where: Where, *, inside: bool) -> TriangleMesh:
         pairs = chosen_edges(name, where, inside, self.topology, self.vertices)
-        return replace(self, edge_sets={**self.edge_sets, new_name(name, self.edge_sets): pairs})
+        return self._renamed({**self.edge_sets, new_name(name, self.edge_sets): pairs}, self.regions)
+
+    def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
+        """The same triangles, which are checked already, with other names, whose sets are."""
+        mesh = object.__new__(TriangleMesh)
+        vars(mesh).update({name: value for name, value in vars(self).items() if name not in _OF_NAMES})
+        for kind, sets in (("edge_sets", edge_sets), ("regions", regions)):
+            for numbers in sets.values():
+                numbers.flags.writeable = False
+            object.__setattr__(mesh, kind, MappingProxyType(dict(sets)))
+        return mesh
 
     def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:
         """The same mesh with the edges called `name` as arcs of a circle, on which their vertices lie.
@@ -506,7 +521,7 @@ class TriangleMesh(Stated):
         """
         new_name(name, self.regions, "region")
         chosen = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
-        return replace(self, regions={**self.regions, name: checked_region(name, chosen, len(self.cells))})
+        return self._renamed(self.edge_sets, {**self.regions, name: checked_region(name, chosen, len(self.cells))})
 
     def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
         """Some of the triangles as a mesh of their own; names and arcs stay where they have edges or triangles in it.

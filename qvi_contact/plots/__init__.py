@@ -1,5 +1,8 @@
 """Pictures of problems and results, drawn on axes the caller gives; needs the extra ``plot`` (matplotlib).
 
+`axes` are those of matplotlib, in units of length where they show the body; `units` are the names of units in labels.
+What ends in `_figure` returns a figure of matplotlib, which `save_figure` writes.
+
 Nothing here needs a screen, keeps state or changes matplotlib's settings. Colours are safe for colour-blind readers,
 and nothing depends on colour alone.
 """

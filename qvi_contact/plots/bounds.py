@@ -112,11 +112,6 @@ def deformed_figure(companion: CompanionResult, scale: float | None = None, unit
     units : Units, optional
         Labels.
 
-    Returns
-    -------
-    matplotlib Figure
-        For `qvi_contact.plots.save_figure`.
-
     Raises
     ------
     InputError

@@ -55,18 +55,6 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
     Without a stress state, as of an infeasible problem, the problem is drawn instead, under the same title, and how the
     mechanism moves its blocks, if there is one.
 
-    Parameters
-    ----------
-    result : ContactResult
-        The result.
-    units : Units, optional
-        Labels.
-
-    Returns
-    -------
-    matplotlib Figure
-        To be saved by `save_figure`.
-
     """
     units = plain_units(units)
     title = result.message
@@ -98,21 +86,7 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
 
 
 def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figure":
-    """One picture of a problem: mesh, materials, conditions, loads, contacts, joints.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem.
-    units : Units, optional
-        Labels.
-
-    Returns
-    -------
-    matplotlib Figure
-        To be saved by `save_figure`.
-
-    """
+    """One picture of a problem: mesh, materials, conditions, loads, contacts, joints."""
     with settings():
         low, high = bounding_box(problem.mesh)
         sides = high - low
@@ -137,11 +111,6 @@ def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None 
         Labels.
     title : str
         What stands above, before the words about the mechanism.
-
-    Returns
-    -------
-    matplotlib Figure
-        To be saved by `save_figure`.
 
     Raises
     ------
@@ -184,11 +153,6 @@ def history_figure(
     times : sequence of float, optional
         The value of t in each step: forces are drawn over t instead of the number of the step, a hollow square at the
         first step.
-
-    Returns
-    -------
-    matplotlib Figure
-        To be saved by `save_figure`.
 
     Raises
     ------

@@ -35,8 +35,7 @@ def merged(conditions: Sequence[Condition]) -> list[Condition]:
                 continue
             more: dict[str, Any] = components(condition)
             names = {*components(other), *more}
-            apart = len(names) == len(components(other)) + len(more)
-            if other.edges == condition.edges and apart and (names <= set(CARTESIAN) or names <= set(LOCAL)):
+            if other.edges == condition.edges and (names <= set(CARTESIAN) or names <= set(LOCAL)):
                 found[index] = replace(other, **more)
                 break
         else:

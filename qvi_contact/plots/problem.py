@@ -80,15 +80,6 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     the normal one, diamonds: the tangential one); lines of symmetry stand on rollers; obstacles are hatched lines,
     whose distance shows how the gap varies; joints are dashed lines inside the body.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw; axes are in units of length.
-    problem : ContactProblem
-        The problem.
-    units : Units, optional
-        Labels.
-
     Raises
     ------
     InputError

@@ -45,15 +45,6 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
     is drawn three times: in all, of the fluid, and the effective pressure, which friction depends on. Curves are the
     polynomials of the element on each edge: where the state changes within an edge they may show a tooth.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw.
-    line : ContactLine
-        The contact.
-    units : Units, optional
-        Labels.
-
     """
     units = plain_units(units)
     abscissa, prime = _along(line, units), "'" if line.has_fluid else ""
@@ -83,18 +74,7 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
 
 
 def friction_used(axes: "Axes", line: ContactLine, units: Units | None = None) -> None:
-    """Draw |σ_T| over its bound along a contact, 1 where it slips; points without a bound are left out.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw.
-    line : ContactLine
-        The contact.
-    units : Units, optional
-        Labels.
-
-    """
+    """Draw |σ_T| over its bound along a contact, 1 where it slips; points without a bound are left out."""
     abscissa = _along(line, plain_units(units))
     bound, tangential = line.friction_bound, np.abs(line.tangential_stress)
     loaded = np.isfinite(bound) & (bound > 1e-9 * float(np.abs(line.normal_stress).max(initial=0.0)))

@@ -2,9 +2,8 @@
 
 from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
-from qvi_contact.problem.material import Material, Region
+from qvi_contact.problem.material import Material, Mises, MohrCoulomb, NoTension, Region, Strength, Tresca
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Strength, Tresca
 from solvers.basics.front import front
 
 __all__ = [

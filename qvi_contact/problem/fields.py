@@ -1,4 +1,4 @@
-"""Functions of position that can be written down in a file: polynomials and expressions."""
+"""Functions of position: those that can be written down in a file, polynomials and expressions; and fields on edges."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.polynomial import polynomial
 
-from qvi_contact.basics.checks import FloatArray, finite_number, real_array
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
+from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import Edges, rounding_along
+from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import load
 
 _LONGEST: Final = 2000  # characters of an expression
@@ -221,3 +224,24 @@ def _check_node(text: str, node: ast.AST, names: Sequence[str]) -> None:
         if hint is not None:
             raise InputError("expression", text, hint)
         raise InputError("expression", text, f"{part} is not allowed: use numbers, x, y, t, + - * / ** and functions")
+
+
+def along_edges(
+    mesh: TriangleMesh, edges: Edges, name: str, field: Field, points: int = 8, *, minimum: float | None = None
+) -> EdgeQuadrature:
+    """A field on edges; so many Gauss points on each, or on each of its parts where the field jumps or bends.
+
+    Raises
+    ------
+    InputError
+        If the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
+
+    """
+    if not callable(field):
+        check_field(name, field, minimum=minimum)
+        return constant(field, len(edges), points)
+
+    def values(edge: IntArray, t: FloatArray) -> FloatArray:
+        return evaluate(name, field, *mesh.points_along(edges.take(edge), t), minimum=minimum)
+
+    return adapted(values, len(edges), points, rounding_along(mesh.vertices, edges))

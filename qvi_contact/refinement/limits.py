@@ -20,9 +20,9 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.contact_rows import ContactRows
+from qvi_contact.basics.shown import Certainty
+from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem
 from qvi_contact.mesh.edges import Edges
@@ -234,7 +234,7 @@ def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
     if carried is None or carried.tractions is None or carried.motion is None:
         yield from (np.ones(len(edges)) for edges in _limited_edges(posed.problem))
         return
-    rule = posed.low.space.contact_rule
+    rule = posed.low.rule
     normal, shear = (rule.at_points(half) for half in np.split(carried.tractions, 2))
     opening, slip = (rule.multipliers_at_points(half) for half in np.split(carried.motion, 2))
     for rows in posed.low.contacts:

@@ -19,8 +19,8 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.shown import Certainty
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
@@ -169,7 +169,7 @@ def energies_between(
     flat = mesh.reference(np.repeat(parents, len(t)), points.reshape(-1, 2)).reshape(len(cells), len(t), 3)
     own, other = (  # without body potential
         each.discretization.scales.stress
-        * each.discretization.space.stress(each.discretization.energy.coefficients(each.dofs), within, at)
+        * each.discretization.space.stress(each.discretization.coefficients(each.dofs), within, at)
         for each, within, at in ((reference, cells, t), (answer, parents, flat))
     )
     work = (((own - other) @ reference.problem.compliances) * (own - other)).sum(axis=2)

@@ -27,9 +27,8 @@ from numpy.polynomial import Polynomial
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import physical
+from qvi_contact.discretization.loads import ContactRows, physical
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.solution.contact_path import ContactPath, turning_senses

@@ -22,8 +22,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, real_array
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.contact_rows import laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import RowKind
@@ -423,7 +423,7 @@ class _Run:
                 made.append(discretize(self.steps[0], scales=self.scales, **self.space))
             if number == 1 and scales == self.scales:
                 return made[0]
-            return made[0].following(self.steps[number - 1], scales)
+            return made[0].with_data(self.steps[number - 1], scales)
 
         return posed
 
@@ -461,7 +461,7 @@ def _history(run: _Run, keeper: _Keeper) -> History:
         elif expired():
             break
         else:
-            discretization = before.discretization.following(run.steps[number - 1], run.scales)
+            discretization = before.discretization.with_data(run.steps[number - 1], run.scales)
             discretization = discretization.slipped(_slip_after(before))
         initial = {"initial": before} if before is not None and run.warm else {}
         result = solve(discretization, **{**run.options, **initial})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -14,19 +14,14 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
+from qvi_contact.discretization.loads import LOAD_POINTS, ContactRows, EdgePoints, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
-from qvi_contact.limit.stresses import excess
-from qvi_contact.mechanism import Mechanism, find_mechanism
-from qvi_contact.mechanism.bodies import enclosed_beyond
-from qvi_contact.mesh.edges import edge_ends
-from qvi_contact.problem.conditions import DRIVES, RigidPlate, Symmetry, has_coulomb
+from qvi_contact.problem.conditions import DRIVES, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import ContactLine, ContactState, contact_line, summary_units
-from qvi_contact.solution.loose import LooseBody, loose_bodies
+from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
+from qvi_contact.solution.remarks import largest_counted, remarks
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
@@ -34,28 +29,15 @@ from solvers.basics.frames import columns_of, frame, pandas
 from solvers.basics.names import Named, known_name
 from solvers.basics.types import Stated, load
 from solvers.certificate.feasibility import AdmissibleRows
-from solvers.factorisation import FactorisationError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
     from qvi_contact.bracket import Bracket, Uniqueness
+    from qvi_contact.mechanism import Mechanism
+    from qvi_contact.solution.loose import LooseBody
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
-_ROUNDED = 1e-6
-_FAR = 1e4  # gaps over displacements above which rounding of gaps is what an inaccurate result lacks
-_COUNTED = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
-_NOTHING = 1e-9  # share of it below which they are none
-"""Share of the stress in which rounding of single stresses is worth a remark."""
-
-_LARGE_FRICTION = 1.0
-"""Friction up to which nothing is said of other solutions: those that are known are of 2 and more."""
-
-_EXCESS = 1e-2
-"""Share of a contact's largest traction by which friction may leave its bound between points without a remark."""
-
-_EDGES_IN_CONTACT = 4
-"""Edges of an arc below which a contact zone is too short for them."""
 
 PLATE_COLUMNS: Final = {
     "moved_x": "displacement", "moved_y": "displacement", "rotation": "", "force_x": "engineering_force",
@@ -64,7 +46,6 @@ PLATE_COLUMNS: Final = {
 """Which of the `Units` the columns of plates are in; the rotation in rad."""
 
 _WITH_PLATE: Final = "contacts with a plate or pin"
-_YIELDS = 1e-6  # of the unit of stress: excess of the strength that counts
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
 
@@ -220,7 +201,11 @@ class ContactResult(Stated):
     @cached_property
     def mechanism(self) -> Mechanism | None:
         """The motion of the blocks that proves that the load cannot be carried, on any mesh; None if not infeasible."""
-        return find_mechanism(self.problem) if self.status is Status.INFEASIBLE else None
+        if self.status is not Status.INFEASIBLE:
+            return None
+        from qvi_contact.mechanism import find_mechanism  # what few results need is loaded when they do
+
+        return find_mechanism(self.problem)
 
     def _overload(self) -> str:
         """What the proof that the mesh cannot carry the load rests on, as a sentence."""
@@ -242,61 +227,7 @@ class ContactResult(Stated):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What to know about how the data were taken, such as shears that disagree in a corner; one sentence each."""
-        remarks = self.discretization.remarks + self.solution.remarks + tuple(self._turning_plates())
-        if self.has_state and self.traction_misfit > 1e-6 * self.discretization.scales.stress:
-            remarks += (
-                f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
-                "single points. Force and moment on every edge are right. To reduce the difference, let an edge end "
-                "where the tractions jump, or refine there.",
-            )
-        if not self.has_state:
-            return remarks
-        loose = tuple(body.remark for body in self.loose_bodies)
-        found = self._rounded_stresses() + self._next_to_nothing() + self._rounded_gaps() + self._beyond_strength()
-        several = () if self.solution.remarks else self._one_of_several()
-        return remarks + several + loose + found + tuple(self._coarse_arcs()) + tuple(self._excess_between_points())
-
-    def _beyond_strength(self) -> tuple[str, ...]:
-        """Where the elastic stress is beyond the strength of the material, and by how much."""
-        if not self.problem.yields:
-            return ()
-        scales = self.discretization.scales
-        points, stress = cell_stresses(self.discretization, self.dofs)
-        x, y = physical(self.problem, scales, points)
-        beyond = excess(self.problem, x, y, scales.stress * stress)
-        largest = float(beyond.max())
-        if not largest > _YIELDS * scales.stress:
-            return ()
-        at = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
-        share = float((beyond.max(axis=1) > _YIELDS * scales.stress).mean())
-        return (
-            f"The elastic stress exceeds the strength of the material by up to {largest:.3g} [stress], most around "
-            f"({x[at]:.6g}, {y[at]:.6g}), and in {100.0 * share:.0f} % of the triangles. There the body yields, which "
-            "is not computed. What it carries at most is found by limit_load_factor, or by 'qvi-contact limit'.",
-        )
-
-    def _one_of_several(self) -> tuple[str, ...]:
-        """That large friction allows several solutions, unless it is below its bound for one only.
-
-        The bound alone says nothing: on usual meshes it is 0.01 to 0.1. It is computed where friction is large.
-        """
-        qvi = self.solution.problem
-        moving = (qvi.mu > 0.0) & (qvi.cap > qvi.cohesion)
-        friction = float(qvi.mu[moving].max(initial=0.0))
-        if self.status is not Status.SOLVED or friction <= _LARGE_FRICTION or self._is_unique():
-            return ()
-        return (
-            f"Friction is {friction:.3g}. Above {_LARGE_FRICTION:g} the discrete problem may have several solutions. "
-            "This is one of them. To look for others, call other_solutions(result), or run 'qvi-contact branches' with "
-            "the problem file.",
-        )
-
-    def _is_unique(self) -> bool:
-        """Whether the solution is proved to be the only one; not where that cannot be computed."""
-        try:
-            return self.solution.uniqueness.satisfied
-        except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
-            return False
+        return remarks(self)
 
     @cached_property
     def loose_bodies(self) -> tuple[LooseBody, ...]:
@@ -305,92 +236,14 @@ class ContactResult(Stated):
         Gaps and slips on their contacts are those of one of the possible places. Without a certified state, or where
         contact tractions are too small to say what is closed, there is no answer, and none is listed.
         """
-        return loose_bodies(self) if self.status is Status.SOLVED and not self._next_to_nothing() else ()
+        from qvi_contact.solution.loose import loose_bodies
 
-    def _next_to_nothing(self) -> tuple[str, ...]:
-        """That contact tractions are too small beside the stress in the body to be certified on their own scale."""
-        qvi, z, stress = self.solution.problem, self.solution.z, self.certificate.scales.get("stress", 0.0)
-        largest = max(float(np.abs(part).max(initial=0.0)) for part in (qvi.normal(z), qvi.tangential(z)))
-        if not _NOTHING * stress < largest < _COUNTED * stress:
-            return ()
-        return (
-            f"The contacts carry at most {self.discretization.scales.stress * largest:.2g} [stress], very little "
-            "compared with the stress in the body. No digit of these tractions is reliable. To compute them, leave "
-            "out the loads that strain the body elsewhere.",
-        )
-
-    def _rounded_stresses(self) -> tuple[str, ...]:
-        """That single stresses have lost digits, where they have lost more than the certificate's square root."""
-        unit = self.certificate.scales.get("stress", 1.0) * self.discretization.scales.stress
-        if not self.stress_rounding > _ROUNDED * unit:
-            return ()
-        return (
-            f"Rounding makes stresses in the smallest cells uncertain by up to {self.stress_rounding:.2g} [stress]. "
-            "Forces and energies are not affected. Use larger cells there, or less grading.",
-        )
-
-    def _rounded_gaps(self) -> tuple[str, ...]:
-        """That gaps far larger than the displacements have cost digits, where the certificate does not pass."""
-        unit = self.certificate.scales.get("displacement", 0.0)
-        gaps = {rows.name: float(np.abs(rows.gap).max(initial=0.0)) for rows in self.discretization.contacts}
-        name = max(gaps, key=gaps.__getitem__, default="")
-        if self.status is not Status.INACCURATE or not unit or not gaps[name] > _FAR * unit:
-            return ()
-        accuracy = self.certificate.accuracy
-        tolerance = 10.0 ** np.ceil(np.log10(2.0 * accuracy))
-        return (
-            f"On {name!r} gaps are up to {gaps[name] / unit:.0e} times the displacements of the body. Rounding of the "
-            f"gaps limits the accuracy, here to {accuracy:.1e}. Ask for a tolerance of {tolerance:.0e}, or state the "
-            "problem with a smaller clearance or gap.",
-        )
+        return loose_bodies(self) if self.status is Status.SOLVED and largest_counted(self) is None else ()
 
     @cached_property
     def stress_rounding(self) -> float:
         """What rounding alone does to stresses in the smallest cells [stress]; see `stress.stress_rounding`."""
         return stress_rounding(self.discretization, self.dofs) * self.discretization.scales.stress
-
-    def _turning_plates(self) -> Iterator[str]:
-        """Plates and pins that may slip round under their moment, which nothing proves."""
-        if self.status is Status.SOLVED or self.status.impossible:
-            return
-        for contact in self.problem.contacts:
-            if contact.plate is not None and contact.plate.moment is not None and has_coulomb(contact):
-                yield (
-                    f"The plate or pin at {contact.name!r} may slip round under its moment. Nothing proves it, as "
-                    "equilibrium alone would allow a larger pressure, and more friction with it. Give the rotation "
-                    "instead of the moment: the moment of the result is then what friction carries."
-                )
-
-    def _coarse_arcs(self) -> Iterator[str]:
-        """Contacts on arcs that touch along a part which is only a few edges long, both halves of it if symmetric."""
-        mesh = self.problem.mesh
-        mirrors = [mesh.edges(each.edges) for each in self.problem.conditions if isinstance(each, Symmetry)]
-        mirrored = np.concatenate([np.empty(0, dtype=np.int64), *map(edge_ends, mirrors)])
-        for rows in self.discretization.contacts:
-            line, edges = self.contacts[rows.name], rows.points.edges
-            touching = (line.state != ContactState.OPEN).reshape(len(edges), -1)
-            held = edges.take(touching.any(axis=1) & edges.bent)
-            count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)
-            if touching.all() or not 0 < count < _EDGES_IN_CONTACT:
-                continue
-            x, y = (float(part[touching.ravel()].mean()) for part in (line.x, line.y))
-            yield (
-                f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {_EDGES_IN_CONTACT} edges of "
-                f"its arc ({count}). The pressure there is not resolved. Refine the mesh there until "
-                f"{_EDGES_IN_CONTACT} edges or more touch, as by graded([(x, y)], 2)."
-            )
-
-    def _excess_between_points(self) -> Iterator[str]:
-        """Contacts where friction leaves its bound between the points by a share of the traction that counts."""
-        for name, line in self.contacts.items():
-            largest = float(np.hypot(line.normal_stress, line.tangential_stress).max(initial=0.0))
-            if line.excess_between_points > max(_EXCESS * largest, line.rounding.stress):
-                share = 100.0 * line.excess_between_points / largest
-                yield (
-                    f"On {name!r} friction exceeds its bound between the points of an edge, by up to "
-                    f"{line.excess_between_points:.3g} [stress]: {share:.1f} % of the largest traction. "
-                    "Refine the mesh there."
-                )
 
     @cached_property
     def traction_misfit(self) -> float:
@@ -531,6 +384,8 @@ class ContactResult(Stated):
         x, y = physical(self.problem, scales, points.coordinates)
         forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)
         if named.get(edges, edges) in mesh.joint_names:
+            from qvi_contact.mechanism.bodies import enclosed_beyond
+
             forces *= np.repeat(np.where(enclosed_beyond(self.problem, chosen), -1.0, 1.0), points.count)
         force_x, force_y = forces
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))

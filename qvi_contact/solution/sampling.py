@@ -63,7 +63,7 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
     sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
     wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
     divisions = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # few numbers of divisions: few groups of cells
-    coefficients = discretization.energy.coefficients(result.dofs)
+    coefficients = discretization.coefficients(result.dofs)
     found: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
     for division in np.unique(divisions).tolist():

@@ -17,17 +17,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.retired import RETIRED, refuse_arguments
-from qvi_contact.discretization.contact_rows import joined, laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.loads import joined, laws_vary
 from qvi_contact.discretization.space import FAMILY, RowKind
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -38,6 +37,9 @@ from solvers.basics.progress import Progress, narrated, tell, watched
 from solvers.factorisation import FactorisationError
 from solvers.solution import Attempt, Start
 from solvers.solve import Settings, facts_of, solved
+
+if TYPE_CHECKING:
+    from qvi_contact.mechanism import Mechanism
 
 _MANY_CELLS = 20_000  # whose discretisation takes seconds
 _LINEAR = 2  # coefficients of a linear function
@@ -170,13 +172,13 @@ def posed(
     if before is None:
         return _fitted(discretize(problem, degree=degree, contact_rows=rows), **_linear(options))
     _check_space(before, degree, "gauss" if rows is None and laws_vary(problem) else rows)
-    return _fitted(before.following(problem), **_linear(options))
+    return _fitted(before.with_data(problem), **_linear(options))
 
 
 def _check_space(before: Discretization, degree: int | None, rows: RowKind | None) -> None:
     """Refuse what the space of a problem before does not have."""
     space = before.space
-    for field, asked, found in (("degree", degree, space.degree), ("contact_rows", rows, space.contact_rule.kind)):
+    for field, asked, found in (("degree", degree, space.degree), ("contact_rows", rows, before.rule.kind)):
         if asked is not None and asked != found:
             remedy = f"the problem discretised before has {found!r}: give both the same, or leave before out"
             raise InputError(field, asked, remedy)
@@ -190,7 +192,7 @@ def _linear(options: Mapping[str, Any]) -> dict[str, Any]:
 def _facts(known: Discretization, settings: Settings) -> dict[str, object]:
     """What the header of a narration says."""
     space, mesh = known.space, known.problem.mesh
-    element = f"{FAMILY} of degree {space.degree}, contact law by {space.contact_rule.kind}"
+    element = f"{FAMILY} of degree {space.degree}, contact law by {known.rule.kind}"
     return {"cells": mesh.cell_count, "element": element, **facts_of(known.qvi, settings)}
 
 
@@ -212,7 +214,7 @@ def _solve(discretization: Discretization, settings: Settings, attempts: tuple[A
     solution = solved(discretization.qvi, settings)
     attempts += solution.attempts
     if _reached(discretization, solution):
-        discretization = discretization.everywhere()
+        discretization = discretization.with_far_obstacles()
         solution = solved(discretization.qvi, settings)
         attempts += (FAR_OBSTACLES, *solution.attempts)
     return ContactResult(discretization, replace(solution, attempts=attempts))
@@ -230,7 +232,7 @@ def _reached(discretization: Discretization, solution: QVISolution) -> bool:
 
 def _check_uzawa(discretization: Discretization, method: str | None) -> None:
     """Uzawa runs on coefficients of linear tractions, of higher degree it only runs on."""
-    rule = discretization.space.contact_rule
+    rule = discretization.rule
     if method == "uzawa" and rule.kind == "bernstein" and rule.count > _LINEAR:
         remedy = (
             "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish where the "
@@ -243,7 +245,7 @@ def _fitted(discretization: Discretization, factorisation: str, threads: int | N
     """In fitting units; where K cannot be factorised the solve will say so."""
     with discretization.qvi.stiffness.using(factorisation, threads):
         try:
-            return discretization.fitted()
+            return discretization.rescaled()
         except FactorisationError:
             return discretization
 
@@ -259,7 +261,7 @@ def _initial(initial: object, discretization: Discretization) -> Start | FloatAr
     if pressure.shape != (count,):
         remedy = f"give a ContactResult, or pressures at all {count} contact points as an array of shape ({count},)"
         raise InputError("initial", initial, remedy)
-    pressure = discretization.space.contact_rule.at_rows(pressure)
+    pressure = discretization.rule.at_rows(pressure)
     return np.asarray(np.maximum(pressure, 0.0) / discretization.scales.stress)
 
 
@@ -276,7 +278,7 @@ def _same_unknowns(one: Discretization, other: Discretization) -> bool:
     return (
         one.space.degree == other.space.degree
         and one.qvi.m == other.qvi.m
-        and np.array_equal(one.elimination.kept, other.elimination.kept)
+        and np.array_equal(one.supports.basis.kept, other.supports.basis.kept)
         and one.problem.mesh.same_as(other.problem.mesh)
     )
 
@@ -312,6 +314,8 @@ def _is_uneven(contact: Contact) -> bool:
 
 def _mechanism(result: ContactResult) -> Mechanism | None:
     """The mechanism that proves it; none where its linear program fails, or functions have no values at its places."""
+    from qvi_contact.mechanism import find_mechanism  # loaded where a load cannot be carried only
+
     with suppress(SolveError, InputError):
         return find_mechanism(result.problem)
     return None

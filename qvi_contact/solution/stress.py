@@ -49,7 +49,7 @@ def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: F
         first = int(np.argmax(count == 0))
         raise InputError("stress(x, y)", tuple(places[first].tolist()), "give points inside the body")
     t = mesh.reference(cell, places[point])[:, None]
-    stress = space.stress(discretization.energy.coefficients(u.ravel()), cell, t)[:, 0]
+    stress = space.stress(discretization.coefficients(u.ravel()), cell, t)[:, 0]
     total = np.column_stack([np.bincount(point, part, len(places)) for part in stress.T])
     potential = evaluate("ContactProblem.body_potential", discretization.problem.body_potential, x, y)
     result = (discretization.scales.stress * total / count[:, None]).reshape(*x.shape, 3)
@@ -66,7 +66,7 @@ def cell_stresses(
     """
     t = discretization.space.cell_points if t is None else t
     cells = np.arange(discretization.problem.mesh.cell_count)
-    return stress_in_cells(discretization, discretization.energy.coefficients(u.ravel()), cells, t)
+    return stress_in_cells(discretization, discretization.coefficients(u.ravel()), cells, t)
 
 
 def stress_in_cells(
@@ -87,11 +87,13 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
     entry is moved up or down by half a unit in its last place, at random, and the stresses are looked at in the cells
     of least area, `_MOST_CELLS` of them.
     """
-    space, energy = discretization.space, discretization.energy
+    space = discretization.space
     cells = np.argsort(space.cell_sizes, kind="stable")[:_MOST_CELLS]
     signs = np.random.default_rng(0).integers(2, size=u.size) * 2.0 - 1.0
     moved = u.ravel() * (1.0 + signs * np.finfo(np.float64).eps)
-    stresses = (space.stress(energy.coefficients(values), cells, space.cell_points) for values in (u.ravel(), moved))
+    stresses = (
+        space.stress(discretization.coefficients(values), cells, space.cell_points) for values in (u.ravel(), moved)
+    )
     first, second = stresses
     return float(np.abs(second - first).max(initial=0.0))
 

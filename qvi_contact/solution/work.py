@@ -161,7 +161,7 @@ def loads_followed(discretization: Discretization) -> bool:
 def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
     """Largest difference between σn of degrees of freedom u and their tractions at points of arcs [stress]."""
     mesh, largest = discretization.problem.mesh, 0.0
-    coefficients = discretization.energy.coefficients(u)
+    coefficients = discretization.coefficients(u)
     for edges in (mesh.boundary, mesh.interior):
         if edges.curved:
             arcs = edges.take(edges.bent)

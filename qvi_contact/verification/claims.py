@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import prescribed_tractions
-from qvi_contact.discretization.tractions import PrescribedTraction
+from qvi_contact.discretization.supports import PrescribedTraction
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
@@ -66,7 +66,7 @@ def rediscretized(result: ContactResult) -> Discretization:
     fresh = discretize(
         known.problem,
         degree=known.space.degree,
-        contact_rows=known.space.contact_rule.kind,
+        contact_rows=known.rule.kind,
         scales=known.scales,
     )
     slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]

@@ -19,9 +19,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import finite_number
 from qvi_contact.errors import InputError
-from qvi_contact.files.archive import OWN, Archive
+from qvi_contact.files.archive import OWN, STORE, Archive, result_from_archive, solution_names
 from qvi_contact.files.export import field_arrays
-from qvi_contact.files.stored import STORE, result_from_archive, solution_names
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
@@ -247,7 +246,7 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
     Raises
     ------
     InputError
-        If the file is no such archive, or has no problem, as `qvi_contact.files.stored.load_result` says.
+        If the file is no such archive, or has no problem, as `qvi_contact.files.archive.load_result` says.
 
     """
     archive = Archive(path)
@@ -413,7 +412,7 @@ def _facts(found: Recomputed) -> Iterator[Check]:
         )  # fmt: skip
         lines = result.contacts.values()
         beyond = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
-        whole = result.discretization.space.contact_rule.kind == "bernstein"
+        whole = result.discretization.rule.kind == "bernstein"
         limit = _BOUND * result.certificate.tolerance
         yield Check(
             "between points", beyond / found.stress, limit if whole else None,

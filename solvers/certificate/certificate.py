@@ -244,7 +244,7 @@ def _checked(name: str, value: Vector | None, size: int) -> Vector | None:
 
 def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[_Numbers, _Numbers, _Numbers]:
     """All measures, scales, and measures with their signs; the formulas stand in the module's docstring."""
-    _ = qvi.bonded_error  # chooses the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
+    _ = qvi.settled  # by the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
     K, N, T, A = qvi.arrays

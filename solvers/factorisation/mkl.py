@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Final
 
 from solvers.basics.types import Module, load
-from solvers.factorisation import mkl
 
 _PATTERNS: Final = ("libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll")
 _OPENMP: Final = ("libiomp5.so", "libiomp5.dylib", "libiomp5md.dll")
@@ -120,7 +119,7 @@ def thread_count(threads: int | None, variables: tuple[str, ...] = VARIABLES) ->
 @contextmanager
 def limited_blas(count: int) -> Iterator[None]:
     """Every BLAS loaded so far limited to `count` threads, as before on exit; left alone without threadpoolctl."""
-    controller = _controller(len(sys.modules), mkl.library.cache_info().currsize)
+    controller = _controller(len(sys.modules), library.cache_info().currsize)
     with nullcontext() if controller is None else controller.limit(limits=count, user_api="blas"):
         yield
 

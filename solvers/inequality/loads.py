@@ -121,11 +121,10 @@ class BondedState:
         """The state (n,), by defect corrections."""
         return self._corrected[0]
 
-    @property
+    @cached_property
     def is_slow(self) -> bool:
         """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
-        sizes = self._corrected[1]
-        return len(sizes) > 1 and sizes[1] > SLOW_CONTRACTION * sizes[0]
+        return self._size(self._second) > SLOW_CONTRACTION * self._size(self._first)
 
     @cached_property
     def strain_energy(self) -> float:
@@ -142,29 +141,50 @@ class BondedState:
     @cached_property
     def rough_stress(self) -> float:
         """√(2 × strain energy) by one linear solve, not corrected: its size, not its digits."""
-        z, _ = self.condensed.system.solve(-self.energy.at_zero[1], self._b)
-        return float(np.sqrt(2.0 * self._not_rounding(self.energy.strain(z))))
+        return float(np.sqrt(2.0 * self._not_rounding(self.energy.strain(self._first))))
 
     @cached_property
     def at_rest(self) -> tuple[Vector, State, float]:
         """The interior eliminated at z = 0, see `Factorisation.reduce`, and the energy with Γ at rest."""
-        factor = self.condensed.system.factor
-        reduced, state = factor.reduce(-self.energy.at_zero[1])
-        return reduced, state, self.energy.value(factor.expand(state, np.zeros_like(reduced)))
+        reduced, state = self._eliminated
+        z = self.condensed.system.factor.expand(state, np.zeros_like(reduced))
+        return reduced, state, self.energy.value(z)
+
+    @cached_property
+    def _eliminated(self) -> tuple[Vector, State]:
+        return self.condensed.system.factor.reduce(-self.energy.at_zero[1])
 
     def _not_rounding(self, energy: float) -> float:
         """A strain energy; 0 if it is rounding."""
         return energy if energy > _ROUNDING * self.energy.at_zero[0] else 0.0
 
     @cached_property
+    def _first(self) -> Vector:
+        """The bonded solution by one linear solve: the step from z = 0."""
+        (reduced, state), system = self._eliminated, self.condensed.system
+        return np.asarray(system.factor.expand(state, system.solve_interface(reduced, self._b)[0]))
+
+    @cached_property
+    def _second(self) -> Vector:
+        return self._correction(self._first)
+
+    def _correction(self, z: Vector) -> Vector:
+        """What one linear solve adds to z."""
+        return self.condensed.system.solve(-self.energy.gradient(z), self._b - self.condensed.contact.arrays[2] @ z)[0]
+
+    def _size(self, step: Vector) -> float:
+        """In the energy norm."""
+        return float(np.sqrt(abs(step @ (self.energy.K @ step))))
+
+    @cached_property
     def _corrected(self) -> tuple[Vector, list[float]]:
         """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
-        z, sizes = np.zeros(self.energy.K.shape[0]), list[float]()
-        for number in range(_CORRECTIONS):
-            gradient = self.energy.gradient(z) if number else self.energy.at_zero[1]
-            correction, _ = self.condensed.system.solve(-gradient, self._b - self.condensed.contact.arrays[2] @ z)
-            sizes.append(float(np.sqrt(abs(correction @ (self.energy.K @ correction)))))
-            if len(sizes) > 1 and not sizes[-1] < 0.5 * sizes[-2]:
+        z, step, sizes = self._first, self._second, [self._size(self._first)]
+        for number in range(2, _CORRECTIONS + 1):
+            sizes.append(self._size(step))
+            if not sizes[-1] < 0.5 * sizes[-2]:
                 break
-            z = z + correction
+            z = z + step
+            if number < _CORRECTIONS:
+                step = self._correction(z)
         return z, sizes

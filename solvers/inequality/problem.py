@@ -312,7 +312,7 @@ class FrictionQVI(Stated):
 
         Defect corrections with `gradient` remove the rounding of K as long as they shrink.
         """
-        return self._bonded.z
+        return self.settled.z
 
     @property
     def bonded_error(self) -> float:
@@ -320,20 +320,20 @@ class FrictionQVI(Stated):
 
         Where the problem has no root this is not measured, and 0.
         """
-        return self._bonded.error
+        return self.settled.error
 
     @property
     def bonded_energy(self) -> float:
         """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
-        return self._bonded.strain_energy
+        return self.settled.strain_energy
 
     def rough_stress(self) -> float:
         """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
         return self.bonded_state.rough_stress
 
     @property
-    def _bonded(self) -> BondedState:
-        """With R factorised instead of K if defect corrections shrink too slowly."""
+    def settled(self) -> BondedState:
+        """The bonded state by the factorisation that the problem needs: R's where K has lost too much to rounding."""
         found = self.bonded_state
         return self.bonded_state if found.is_slow and self.stiffness.use_root() else found
 

@@ -164,6 +164,8 @@ def by_columns(matrix: Any) -> Sparse:
 
     A matrix that is so already is returned itself: problems of a sequence are known to share it.
     """
+    if isinstance(matrix, np.ndarray) and matrix.dtype == np.float64 and matrix.ndim == 2:
+        return _compressed(matrix)  # SciPy would go through coordinates
     kept = isinstance(matrix, csc_array) and matrix.dtype == np.float64
     columns = matrix if kept else csc_array(matrix, dtype=np.float64)
     if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
@@ -171,6 +173,15 @@ def by_columns(matrix: Any) -> Sparse:
     narrow = copy(columns)  # whose parts are exchanged: the constructor would check them all again
     narrow.indices, narrow.indptr = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
     return narrow
+
+
+def _compressed(matrix: Matrix) -> Sparse:
+    """A dense matrix in compressed columns."""
+    entries = matrix.T.ravel()
+    places = np.flatnonzero(entries)
+    rows = (places % len(matrix)).astype(np.int32) if len(matrix) else places.astype(np.int32)
+    starts = np.searchsorted(places, len(matrix) * np.arange(matrix.shape[1] + 1)).astype(np.int32)
+    return csc_array((entries[places], rows, starts), matrix.shape)
 
 
 def stacked_columns(upper: Sparse, lower: Sparse) -> Sparse:

@@ -10,7 +10,7 @@ from comparisons.convergence import bodies, linearised
 from comparisons.convergence.bodies import body, contacts, reference
 from comparisons.convergence.linearised import rate_of
 from comparisons.convergence.mesh import report as mesh
-from comparisons.convergence.mesh.study import PAPER, exponent
+from comparisons.convergence.mesh.study import CORNER, PAPER
 from comparisons.convergence.outer import report as outer
 from comparisons.convergence.outer import study as loops
 from comparisons.convergence.uzawa import report as uzawa
@@ -403,21 +403,25 @@ class TestOrders:
 class TestCorner:
     """Exponents of Williams' expansion."""
 
-    @pytest.mark.parametrize(("poisson", "plane"), [(0.3, "stress"), (0.3, "strain"), (0.0, "stress")])
-    def test_a_held_wedge_obeys_the_classical_equation(self, poisson, plane):
-        kappa = (3.0 - poisson) / (1.0 + poisson) if plane == "stress" else 3.0 - 4.0 * poisson
-        power = exponent(poisson, None, plane)
-        expected = (kappa + 1.0) ** 2 / (4.0 * kappa) - power**2 / kappa
-        assert np.sin(power * np.pi / 2.0) ** 2 == pytest.approx(expected, rel=1e-10)
+    @pytest.mark.parametrize("friction", CORNER)
+    def test_the_conditions_on_both_faces_are_dependent(self, friction):
+        """Rows: u_θ and u_r or σ_rθ − μ σ_θθ on the face of the contact, σ_θθ and σ_rθ on the free one."""
+        power, kappa = CORNER[friction], (3.0 - 0.3) / (1.0 + 0.3)
 
-    def test_the_plate_at_full_stick(self):
-        assert 2.0 * exponent(0.3) == pytest.approx(1.517, abs=5e-4)
+        def shape(angle):  # F and F′ by a, b, c, d
+            outer, inner = (power + 1.0) * angle, (power - 1.0) * angle
+            value = np.array([np.cos(outer), np.sin(outer), np.cos(inner), np.sin(inner)])
+            slope = [-value[1] * (power + 1), value[0] * (power + 1), -value[3] * (power - 1), value[2] * (power - 1)]
+            return value, np.array(slope)
 
-    def test_friction_makes_it_weaker_without_a_jump(self):
-        powers = [exponent(0.3, friction) for friction in (0.0, 1e-4, 0.05, 0.1, 0.2)]
-        assert powers[0] == 1.0
-        assert powers[1] == pytest.approx(1.0, abs=2e-4)
-        assert powers == sorted(powers, reverse=True)
+        (value, slope), free = shape(0.0), shape(np.pi / 2.0)
+        across = -slope - (kappa + 1.0) * np.array([0.0, 0.0, 0.0, 1.0])
+        held = -(power + 1.0) * value + (kappa + 1.0) * np.array([0.0, 0.0, 1.0, 0.0])
+        along = held if friction is None else -slope - friction * (power + 1.0) * value
+        assert np.linalg.det(np.stack([across, along, *free])) == pytest.approx(0.0, abs=1e-12)
+        if friction is None:  # the classical equation
+            expected = (kappa + 1.0) ** 2 / (4.0 * kappa) - power**2 / kappa
+            assert np.sin(power * np.pi / 2.0) ** 2 == pytest.approx(expected, rel=1e-10)
 
 
 def test_costs_are_those_of_lasting_errors():

@@ -1,7 +1,7 @@
 """Problems of meshes as files of other programs: the same solutions come back, and their own commands run them."""
 
 import csv
-import json
+import re
 import shutil
 import subprocess
 import sys
@@ -17,7 +17,6 @@ from comparisons.exchange import (
     programs_of,
     read_fclib,
     solve_local,
-    standard_problems,
     state_of,
     write_fclib,
 )
@@ -76,7 +75,7 @@ def tiny(tmp_path):
 
 def test_strongly_graded_meshes_keep_force_and_energy():
     """The compliance has none of the rounding inside K (1e-6 in the force here), since R is factorised instead."""
-    qvi = discretize(plate(16, friction=0.1, grading=0.6)).fitted().qvi
+    qvi = discretize(plate(16, friction=0.1, grading=0.6)).rescaled().qvi
     solution, local = solve_qvi(qvi), local_problem(qvi)
     state, found = solve_local(local)
     assert solution.solved
@@ -104,16 +103,6 @@ def test_a_converged_quadratic_program_has_the_solution_of_the_contact_problem(f
         errors.append(float(np.abs(rows + np.concatenate([n0, t0]) - wanted).max() / np.abs(wanted).max()))
     assert errors[0] < 1e-5
     assert errors[1] > 1e-3
-
-
-def test_standard_problems_cover_good_and_bad_conditioning():
-    conditions = {}
-    for name, problem in standard_problems():
-        if "plate_8" in name:
-            K = discretize(problem).qvi.K.toarray()
-            conditions[name] = float(np.linalg.cond(K))
-    assert len(conditions) == 4
-    assert conditions["graded_plate_8_mu_0.1"] > 30.0 * conditions["plate_8_mu_0.2"]
 
 
 @pytest.mark.skipif(QPBENCHMARK is None, reason="qpbenchmark is not installed")
@@ -168,12 +157,11 @@ def test_export_and_import_commands(tmp_path, tiny):
         status, out, err = command("import", file)
         assert (status, err) == (0, "")
         assert out.count("certificate passed") == 3  # of the file's solution, of that found, in the status
-        assert out.count("Siconos error") == 2
-        status, out, _ = command("import", file, "--json", "--tolerance", "1e-7")
-        document = json.loads(out)
-        assert (status, document["status"]) == (0, "solved")
-        assert [judgement["label"] for judgement in document["judgements"]] == ["solution", "solved here"]
-        assert all(judgement["siconos_error"] < 1e-8 for judgement in document["judgements"])
+        assert re.findall(r"^  (\w[^:]*):", out, flags=re.MULTILINE) == ["solution", "solved here"]
+        errors = re.findall(r"Siconos error (\S+), (\S+) with", out)
+        assert len(errors) == 2
+        assert max(float(error) for pair in errors for error in pair) < 1e-8
+        assert command("import", file, "--tolerance", "1e-7").status == 0
     held = read_fclib(tmp_path / "a.hdf5")
     assert held.title == "Tiny plate"
     assert "squeezed. Dimensionless. Units" in held.description
@@ -198,10 +186,8 @@ def test_what_cannot_be_carried_is_written_and_found_infeasible(tmp_path):
     assert "infeasible" in out
     assert command("export", "npz", source, tmp_path / "a.npz")[0] == 1
     for name in ("a.hdf5", "a.npz"):
-        status, out, _ = command("import", tmp_path / name, "--json")
-        document = json.loads(out)
-        assert (status, document["status"]) == (1, "infeasible")
-        assert document["judgements"][-1]["accuracy"] is None
+        status, out, err = command("import", tmp_path / name)
+        assert (status, err, "status: infeasible" in out) == (1, "", True)
 
 
 def test_laws_without_a_place_in_fclib(tmp_path, tiny):

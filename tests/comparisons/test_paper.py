@@ -180,9 +180,6 @@ class TestFindings:
         assert (values["off_at"], values["off"]) == (0.1, pytest.approx(0.0033, abs=5e-5))
         assert (f"{values['high']:.3f}", f"{values['low']:.3f}") == ("209.152", "208.981")
         assert (values["shrinking"], values["exact"]) == (pytest.approx(209.0, abs=1e-6), pytest.approx(209.0))
-
-    def test_excess_between_the_points(self, paper):
-        values = room.values_of(paper)
         assert (values["excess_at"], f"{values['excess']:.4f}") == (0.1, "0.0120")
 
     def test_other_results_make_other_numbers(self, paper):
@@ -245,12 +242,6 @@ class TestFiles:
                     for key, value in row.items():
                         assert (found[key] if isinstance(value, str) else float(found[key])) == value
 
-    def test_tables_come_without_matplotlib_too(self, paper, tmp_path, without):
-        without("matplotlib")
-        made, written = room.write(paper, tmp_path)
-        assert {path.name for path in written} == {*room.TABLES, "paper.md", "paper.html"}
-        assert (made.pictures, "pip install matplotlib" in made.text) == ({}, True)
-
 
 class TestPictures:
     """What the pictures show is computed."""
@@ -284,10 +275,3 @@ class TestPictures:
                 assert number[0] == 1
                 assert number[-1] < most
                 assert error[-1] < 1e-7 < 1e-5 < error[0]
-
-    def test_table_1(self, paper):
-        solution, uzawa, printed = room.table_1(paper).axes[0].lines
-        assert printed.get_ydata() == pytest.approx([float(force) for force in TABLE_1.values()])
-        assert np.abs(uzawa.get_ydata() - printed.get_ydata()).max() < 0.0051
-        assert solution.get_ydata() == pytest.approx([row.half_force(row.reference) for row in paper.rows])
-        assert (np.array(solution.get_xdata()) == list(TABLE_1)).all()

@@ -18,9 +18,8 @@ def ring(contact, other, **settings):
     return solve(ContactProblem(quarter(2, 4), Material(1.0, NU), conditions), **settings)
 
 
-@pytest.mark.parametrize("rows", ["bernstein", "gauss"])
-def test_rigid_shaft(rows):
-    result = ring(Contact("inner", 0.0, gap=-WIDENED), "outer", degree=6, contact_rows=rows)
+def test_rigid_shaft():
+    result = ring(Contact("inner", 0.0, gap=-WIDENED), "outer", degree=6, contact_rows="gauss")
     line = result.contacts["inner"]
     assert result.status.value == "solved"
     assert line.normal_force == pytest.approx(np.pi / 2.0 * INNER, rel=1e-5)
@@ -89,14 +88,10 @@ def test_arcs_too_coarse_for_their_contact():
     assert "graded" in remark
 
 
-@pytest.mark.parametrize("contact", [False, True])
-def test_bracket_on_arcs(contact):
+def test_bracket_on_arcs():
     """Both models end at the arcs: their energies enclose the exact one and close in at twice the order."""
-    if contact:
-        conditions = Contact("inner", 0.3, gap=-WIDENED), Traction("outer", normal=0.0, tangential=0.0)
-    else:
-        conditions = Traction("inner", normal=-1.0, tangential=0.0), Traction("outer", normal=0.0, tangential=0.0)
-    gaps, exact = [], (1.0 if contact else -1.0) * np.pi / 4.0 * INNER * WIDENED
+    conditions = Contact("inner", 0.3, gap=-WIDENED), Traction("outer", normal=0.0, tangential=0.0)
+    gaps, exact = [], np.pi / 4.0 * INNER * WIDENED
     for k in (1, 2):
         given = [*conditions, Symmetry("bottom"), Symmetry("left")]
         result = solve(ContactProblem(quarter(k, 2 * k), Material(1.0, NU), given), degree=4)

@@ -304,7 +304,7 @@ def test_areas_of_loops_need_as_many_forces_as_displacements(displacement, more)
 REFUSALS = {
     "contact_rows": lambda rows: discretize(PLATE, contact_rows=rows),
     "scales": lambda scales: discretize(PLATE, scales=scales),
-    "problem": lambda problem: step().discretization.following(problem),
+    "problem": lambda problem: step().discretization.with_data(problem),
     "dask": lambda address: solve_sweep(PLATE, "friction", [0.1], store="never", dask=address),
     "workers": lambda workers: solve_sweep(PLATE, "friction", [0.1], store="never", workers=workers),
     "stress": principal_stresses,

@@ -197,7 +197,7 @@ def test_traces_reproduce_the_tractions(sides, joints):
 
 def begun(body):
     """Complementarity and interior point of a body, as `solve_condensed` begins, with a share that leads into folds."""
-    qvi = discretize(body).fitted().qvi
+    qvi = discretize(body).rescaled().qvi
     space = Reduction(qvi)
     base = space.base(np.zeros(qvi.n))
     bonded = space.bonded(base)
@@ -225,8 +225,8 @@ def followed(friction, cells=32, patience=6):
 
 @pytest.fixture(scope="module")
 def fold():
-    """μ = 3 on 32² cells: log τ, and s λ over ω and its mean, along the path until it is passed."""
-    problem, interior, path = followed(3.0)
+    """μ = 3.1 on 32² cells: log τ, and s λ over ω and its mean, along the path until it is passed."""
+    problem, interior, path = followed(3.1)
     record = []
     while not (path.passed or path.lost):
         path.advance()

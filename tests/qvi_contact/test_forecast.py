@@ -8,7 +8,7 @@ from scipy.sparse import csc_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
 from qvi_contact import discretize, solve
-from qvi_contact.command import solve_line
+from qvi_contact.command import progress_line
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from solvers.basics import Progress, narrated, tell, watched
@@ -162,14 +162,14 @@ class TestProgress:
     """Off a terminal: plain lines, once work is large or long."""
 
     def test_a_large_factorisation_has_a_line_before_it(self, capfd):
-        with solve_line.solving("plate"):
+        with progress_line.solving("plate"):
             tell(Progress("superlu", stage="factorising 500000 unknowns"))
         out, err = capfd.readouterr()
         assert out == ""
         assert err.splitlines() == ["plate: superlu: factorising 500000 unknowns"]
 
     def test_long_work_has_a_line_now_and_then(self, capfd):
-        with solve_line.solving("plate", silence=0.01):
+        with progress_line.solving("plate", silence=0.01):
             tell(Progress("condensed"))
             err = ""
             while err.count("\n") < 2:

@@ -146,8 +146,8 @@ def test_resultants_of_prescribed_tractions():
     assert result.traction_misfit > 1e-3
     assert missed_tractions(result) < 1e-12
     known = result.discretization
-    larger = replace(known.elimination, particular=1.01 * known.elimination.particular)
-    wrong = ContactResult(replace(known, elimination=larger), result.solution)
+    larger = replace(known.root, particular=1.01 * known.particular)
+    wrong = ContactResult(replace(known, root=larger), result.solution)
     assert 1e-3 < missed_tractions(wrong) < 1e-2
 
 
@@ -207,7 +207,7 @@ def test_what_is_read_is_what_was_written(result, path):
         assert np.array_equal(getattr(again.solution, name), getattr(result.solution, name)), name
     assert again.problem.mesh.same_as(result.problem.mesh)
     assert again.discretization.space.degree == 3
-    assert again.discretization.space.contact_rule.kind == result.discretization.space.contact_rule.kind
+    assert again.discretization.rule.kind == result.discretization.rule.kind
     found = field_arrays(again)
     for name, values in field_arrays(result).items():
         assert np.asarray(found[name]) == pytest.approx(np.asarray(values), rel=1e-10, abs=1e-12), name

@@ -266,15 +266,6 @@ def test_files_refine_grids_by_the_formula(body, sizes):
             assert (cells >= 0.49 * np.minimum(least, intervals)).all()  # intervals are rounded up to whole cells
 
 
-@pytest.mark.parametrize("ratio", [0.3, 0.5, 0.8])
-def test_neighbours_differ_by_the_ratio(ratio):
-    options = {"largest": 1.0, "smallest": 4e-3, "ratio": ratio, "towards": ["bottom"]}
-    lines = np.unique(refined("rectangle", options).vertices[:, 0])
-    left = np.diff(lines[lines < 0.45])
-    assert 2e-3 < left[0] < 8e-3
-    assert left[:-1] / left[1:] == pytest.approx(ratio, abs=0.1)
-
-
 @pytest.mark.parametrize(
     ("options", "word"),
     [

@@ -362,4 +362,4 @@ class TestVaryingLaws:
     )
     def test_which_rows_are_taken(self, law, kind):
         problem = punched(MESHES["uniform"], MATERIALS["stress"], Contact("bottom", **law))
-        assert discretize(problem, degree=4).space.contact_rule.kind == kind
+        assert discretize(problem, degree=4).rule.kind == kind

@@ -256,6 +256,38 @@ class TestGmsh:
         assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), ("seam",), ("steel",))
 
     @pytest.mark.parametrize("kind", ["gmsh", "gmsh22"])
+    @pytest.mark.parametrize("binary", [False, True])
+    def test_regions_of_several_triangles(self, tmp_path, kind, binary):
+        mesh, tags = TriangleMesh.rectangle((2, 2)), [np.full(3, 7), np.full(5, 4)]
+        given = {"gmsh:physical": tags, "gmsh:geometrical": [np.full(3, 1), np.full(5, 2)]}
+        points = np.c_[mesh.vertices, np.zeros(9)]
+        blocks = [("triangle", mesh.cells[:3]), ("triangle", mesh.cells[3:])]
+        dimensions = {"gmsh:dim_tags": np.array([[2, 1]] * 8 + [[2, 2]])}
+        names = {"one": np.array([7, 2]), "two": np.array([4, 2])}
+        written = meshio.Mesh(points, blocks, dimensions, given, names)
+        meshio.write(tmp_path / "a.msh", written, file_format=kind, binary=binary)
+        found = TriangleMesh.load(tmp_path / "a.msh")
+        assert found.same_as(mesh)
+        assert {name: cells.tolist() for name, cells in found.regions.items()} == {
+            "one": [0, 1, 2],
+            "two": [3, 4, 5, 6, 7],
+        }
+
+    def test_regions_of_one_binary_block(self, tmp_path):
+        nodes = np.array([(k, (x, y, 0.0)) for k, (x, y) in enumerate(SQUARE, 1)], dtype="i4,3f8").tobytes()
+        triangles = np.array([2, 2, 2, 1, 7, 1, 1, 2, 3, 2, 4, 1, 1, 3, 4], dtype="i4").tobytes()
+        parts = {
+            "MeshFormat": b"2.2 1 8\n" + np.int32(1).tobytes(),
+            "PhysicalNames": b'2\n2 7 "one"\n2 4 "two"',
+            "Nodes": b"4\n" + nodes,
+            "Elements": b"2\n" + triangles,
+        }
+        text = b"".join(b"$%b\n%b\n$End%b\n" % (name.encode(), part, name.encode()) for name, part in parts.items())
+        (tmp_path / "a.msh").write_bytes(text)
+        regions = TriangleMesh.load(tmp_path / "a.msh").regions
+        assert {name: cells.tolist() for name, cells in regions.items()} == {"one": [0], "two": [1]}
+
+    @pytest.mark.parametrize("kind", ["gmsh", "gmsh22"])
     def test_no_count_of_a_binary_file_takes_memory(self, tmp_path, kind):
         """Four bytes in each place replaced by a large number; some of these are coordinates or names."""
         path = tmp_path / "a.msh"
@@ -294,6 +326,9 @@ class TestAbaqus:
         assert str(MUCH) in refusal(written(path, f"{INP}*ELSET, ELSET=all, GENERATE\n1,\n{MUCH}, 1\n"))
         mesh = TriangleMesh.load(written(path, f"{INP}*ELSET, ELSET=both, GENERATE\n3, 4, 1\n"))
         assert mesh.regions["both"].tolist() == [0, 1]
+        apart = ("4, 1, 3, 4", "*ELEMENT, TYPE=CPS3\n4, 1, 3, 4")  # in a block of its own
+        mesh = TriangleMesh.load(written(path, f"{INP}*ELSET, ELSET=second\n4\n", apart))
+        assert mesh.regions["second"].tolist() == [1]
 
     def test_nodes_that_are_not_there(self, tmp_path):
         refusal(written(tmp_path / "a.inp", INP, ("3, 1, 2, 3\n", "3, 1, 2, 7\n")))

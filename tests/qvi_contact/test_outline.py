@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from qvi_contact import Corner, InputError, TriangleMesh, load_problem, solve
 from qvi_contact.basics import handlers_kept
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.mesh import Outline, Topology, divided_corners, polygons
+from qvi_contact.mesh import Topology, divided_corners, polygons
 from tests.effort import examples
 from tests.qvi_contact.broken_files import PROBLEMS
 
@@ -68,9 +68,7 @@ class TestPolygons:
     @pytest.mark.parametrize("size", [0.5, 0.1, 10.0])
     def test_points_of_an_arc_lie_on_its_circle(self, clockwise, size):
         start, stop = Corner((1.0, 0.0), "arc", (0.0, 0.0), clockwise), (0.0, 1.0)
-        line = polygons(
-            Outline([start, stop, (-3.0, -3.0)] if not clockwise else [start, stop, (3.0, 3.0)], size)
-        ).outer
+        line = polygons([start, stop, (-3.0, -3.0)] if not clockwise else [start, stop, (3.0, 3.0)], size).outer
         chords = [piece for piece, name in zip(line.pieces, line.names, strict=True) if name == "arc"]
         turn = 1.5 * np.pi if clockwise else 0.5 * np.pi
         assert np.hypot(*np.array(chords).reshape(-1, 2).T) == pytest.approx(1.0)
@@ -87,13 +85,13 @@ class TestPolygons:
         angles = 2.0 * np.pi * np.arange(count) / count
         star = np.array(radii)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]) + shift
         star = star[::-1] if reverse else star
-        assert enclosed(polygons(Outline([tuple(p) for p in star.tolist()], 1.0)).outer.points) > 0.0
+        assert enclosed(polygons([tuple(p) for p in star.tolist()], 1.0).outer.points) > 0.0
         if count > 3:
             k = data.draw(st.integers(0, count - 1))
             mixed = star.copy()
             mixed[[k, (k + 1) % count]] = mixed[[(k + 1) % count, k]]
             with nullcontext() if _simple(mixed) else pytest.raises(InputError, match="cross or touch"):
-                polygons(Outline([tuple(p) for p in mixed.tolist()], 1.0))
+                polygons([tuple(p) for p in mixed.tolist()], 1.0)
 
     @pytest.mark.parametrize(
         ("changes", "field", "words"),
@@ -126,7 +124,7 @@ class TestPolygons:
     )  # fmt: skip
     def test_what_is_no_outline_is_refused(self, changes, field, words):
         with pytest.raises(InputError, match=words) as caught:
-            polygons(Outline(**{"corners": SQUARE, "size": 0.5} | changes))
+            polygons(**{"corners": SQUARE, "size": 0.5} | changes)
         assert caught.value.field == field
         assert len(str(caught.value).splitlines()) == 1
 
@@ -193,7 +191,7 @@ def arch():
 
 @pytest.mark.parametrize("line", [Corner.circle((0.5, 0.5), 0.3), [*SQUARE[:3], SQUARE[0]]])
 def test_a_joint_is_closed_by_an_arc_or_by_its_first_corner(line):
-    joint = polygons(Outline([(-1.0, -1.0), (2.0, -1.0), (0.5, 3.0)], 0.4, joints={"pin": line})).joints["pin"]
+    joint = polygons([(-1.0, -1.0), (2.0, -1.0), (0.5, 3.0)], 0.4, joints={"pin": line}).joints["pin"]
     assert joint.pieces[-1, 1] == pytest.approx(joint.pieces[0, 0])
 
 
@@ -202,7 +200,7 @@ class TestMeshes:
     """What gmsh makes of an outline."""
 
     def test_the_triangles_fill_the_body(self, arch):
-        shape = polygons(Outline(ARCH, 0.2, **INSIDE))
+        shape = polygons(ARCH, 0.2, **INSIDE)
         assert areas(arch).sum() == pytest.approx(enclosed(shape.outer.points) - enclosed(shape.holes[0].points))
         assert areas(arch)[arch.region("core")].sum() == pytest.approx(0.6 * 0.2)
         assert len(arch.outlines) == 2

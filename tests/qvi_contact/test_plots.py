@@ -401,6 +401,9 @@ class TestMotion:
         marked = np.concatenate([line.get_ydata() for line in axes.lines if line.get_marker() not in ("None", None)])
         assert marked == pytest.approx(1.0 - 50.0 * 1e-3, abs=1e-9)
         assert axes.get_legend().get_title().get_text() == "displacements × 50"
+        lowered = [Displacement("top", x=0.0, y=-1e-3), *FREE, Contact("bottom", 0.3, gap=2e-3)]
+        apart = solve(ContactProblem(TriangleMesh.rectangle((1, 1)), Material(1.0, 0.3), lowered))
+        assert deformed_contact(new_axes(), apart) == 50.0  # an obstacle farther away does not make it smaller
         with pytest.raises(InputError, match="plate"):
             deformed_contact(axes, solve(compressed_plate(0.2, (1, 1))), "table")
 

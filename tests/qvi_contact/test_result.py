@@ -30,7 +30,7 @@ from qvi_contact import (
     solve_companion,
 )
 from qvi_contact.bracket import bracket
-from qvi_contact.discretization import UnbalancedLoadError, physical
+from qvi_contact.discretization import physical
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.mesh import SIDES
 from qvi_contact.solution import stress_at
@@ -431,7 +431,6 @@ def test_limit_loads_displacements_and_bounds(copied, pytestconfig):
         SolverUnavailableError("inner", "qp:none", "there is none"),
         SolveError("stalled"),
         FactorisationError("singular", "superlu", "a pivot is zero"),
-        UnbalancedLoadError(0.25),
     ],
     ids=lambda error: type(error).__name__,
 )

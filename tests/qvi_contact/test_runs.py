@@ -132,7 +132,7 @@ with Workers(2).ready(pickle.dumps(opened), Limits()) as (_, outcomes):
 
 
 @processes
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_however_a_run_ends_no_process_is_left(number):
     """Neither of its workers, be it inside of C code, nor of what they have started."""
     with started() as start:
@@ -176,11 +176,11 @@ def test_a_worker_without_work_ends():
         assert process.wait(timeout=60) == -signal.SIGKILL
 
 
-@pytest.mark.parametrize("count", [0, 1.5, 10_001])
-def test_numbers_of_workers_that_cannot_be(count):
-    with pytest.raises(InputError) as caught:
-        Workers(count)
-    assert caught.value.field == "workers"
+def test_numbers_of_workers_that_cannot_be():
+    for count in (0, 1.5, 10_001):
+        with pytest.raises(InputError) as caught:
+            Workers(count)
+        assert caught.value.field == "workers"
 
 
 @pytest.fixture(scope="module")

@@ -138,22 +138,22 @@ def test_who_asks_for_stream_sweep_is_told_its_new_name():
         _ = qvi_contact.stream_sweep
 
 
-@pytest.mark.parametrize(
-    ("change", "field"),
-    [({"values": (0.1, 0.2)}, "store"), ({"parameter": "gap"}, "store"), ({"tolerance": 1e-7}, "store"),
-     ({"problem": compressed_plate(0.2, (4, 5))}, "store"), ({"workers": 0}, "workers"), ({"workers": 1.5}, "workers"),
-     ({"dask": "nowhere"}, "dask"), ({"parameter": "mu"}, "parameter"), ({"of": ["base"]}, "of"),
-     ({"store": "."}, "store")],
-)  # fmt: skip
-def test_what_is_refused(tmp_path, change, field):
+def test_what_is_refused(tmp_path):
     """Another sweep than that of the store, and arguments that are wrong; the store stays as it was."""
     path = tmp_path / "a.sqlite"
     given = {"problem": PLATE, "parameter": "friction", "values": (0.1,), "store": path}
     solve_sweep(**given)
     before = path.read_bytes()
-    with pytest.raises(InputError) as caught:
-        solve_sweep(**{**given, **change})
-    assert caught.value.field == field
+    for field, changes in {
+        "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."},
+                  {"problem": compressed_plate(0.2, (4, 5))}],
+        "workers": [{"workers": 0}], "dask": [{"dask": "nowhere"}], "parameter": [{"parameter": "mu"}],
+        "of": [{"of": ["base"]}],
+    }.items():  # fmt: skip
+        for change in changes:
+            with pytest.raises(InputError) as caught:
+                solve_sweep(**{**given, **change})
+            assert caught.value.field == field
     assert path.read_bytes() == before
 
 
@@ -194,7 +194,7 @@ def test_on_the_command_line(tmp_path):
 @pytest.mark.parametrize(
     ("words", "option"),
     [(["--plot", "a.png"], "--plot"), (["--certificate"], "--certificate"), (["--workers", "0"], "--workers"),
-     (["--dask", "nowhere"], "--dask"), (["--set", "friction=0:1:0"], "--set"), (["--set", "friction=0:1"], "--set"),
+     (["--dask", "nowhere"], "--dask"), (["--set", "friction=0:1:0"], "--set"),
      (["--set", "friction=0:1:9999999"], "--set"), (["--set", "nobody.gap=0:1:3"], "--set")],
 )  # fmt: skip
 def test_what_the_command_line_refuses(tmp_path, words, option):
@@ -209,12 +209,20 @@ def test_workers_are_for_stored_sweeps():
     assert command("solve", FILE, "--store", "a")[1].startswith("--store")
 
 
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """The bytes of a store of two values."""
+    path = tmp_path_factory.mktemp("store") / "a.sqlite"
+    solve_sweep(PLATE, "friction", [0.1, 0.2], store=path)
+    return path.read_bytes()
+
+
 class TestChanged:
     """Stores that were changed after they were made: one line, nothing believed, no memory."""
 
     @pytest.fixture
-    def path(self, tmp_path):
-        solve_sweep(PLATE, "friction", [0.1, 0.2], store=tmp_path / "a.sqlite")
+    def path(self, tmp_path, stored):
+        (tmp_path / "a.sqlite").write_bytes(stored)
         return tmp_path / "a.sqlite"
 
     @staticmethod
@@ -231,19 +239,13 @@ class TestChanged:
         "statements",
         [
             "UPDATE sweep SET parameter = 'gap'",
-            "UPDATE sweep SET parameter = 'nonsense'",
             "UPDATE sweep SET fingerprint = x'00'",
             "DELETE FROM sweep",
-            "INSERT INTO sweep SELECT * FROM sweep",
             "UPDATE planned SET value = 0.3 WHERE number = 2",
-            "UPDATE planned SET value = 'much' WHERE number = 2",
             "INSERT INTO planned VALUES (3, 0.3)",
-            "INSERT INTO planned VALUES (-1, 0.3)",
             "UPDATE results SET status = 'splendid'",
             "UPDATE results SET message = x'ff'",
-            "UPDATE results SET iterations = 'many'",
             "UPDATE results SET accuracy = 'good'",
-            "UPDATE results SET seconds = 'short'",
             "UPDATE contacts SET normal_force = 'great'",
             "UPDATE contacts SET contact = x'ff'",
             "CREATE TABLE more (a)",
@@ -257,7 +259,7 @@ class TestChanged:
         assert caught.value.field == "store"
         assert "\n" not in str(caught.value)
 
-    @pytest.mark.parametrize("name", ["sweep", "planned", "results", "contacts"])
+    @pytest.mark.parametrize("name", ["planned", "results"])
     def test_views_in_place_of_tables(self, path, name):
         """Rows of a view need no room in the file, and may have no end."""
         endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i, i, i, i, i, i FROM n"

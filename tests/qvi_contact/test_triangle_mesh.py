@@ -179,25 +179,6 @@ class TestRefusals:
             mesh.with_edges("low", lambda _, y: y)
 
 
-class TestRectangles:
-    """Grids cut into triangles."""
-
-    def test_every_corner_is_cut(self):
-        mesh = TriangleMesh.rectangle((4, 3), 2.0, 1.0)
-        boundary = mesh.topology.boundary[mesh.topology.of_cells].sum(axis=1)
-        assert boundary.max() == 1
-        assert area(mesh) == pytest.approx(2.0)
-        assert [len(mesh.numbers(name)) for name in ("bottom", "right", "top", "left")] == [4, 3, 4, 3]
-
-    def test_names_of_a_grid_are_kept(self):
-        mesh = l_shape()
-        assert mesh.joint_names == ("seam",)
-        assert set(mesh.edge_names) == {"bottom", "right", "top", "left", "notch"}
-        assert mesh.midpoints[mesh.numbers("seam")][:, 1] == pytest.approx(np.full(4, 0.5))
-        assert mesh.midpoints[mesh.numbers("notch")] == pytest.approx(np.array([[1.25, 1.0], [1.75, 1.0]]))
-        assert area(mesh) == pytest.approx(3.0)
-
-
 class TestLocate:
     """Points in triangles."""
 
@@ -246,6 +227,22 @@ class TestRefined:
             assert mesh.graded([(1.0, 1.0)], depth).finest.min() == pytest.approx(0.5**depth / 2.0)
         both = mesh.graded([(1.0, 1.0), (0.3, 1.0)], [3, 5])
         assert both.finest[both.vertices @ (1, 1) == 2.0] == pytest.approx(0.5**4)
+
+    @pytest.mark.parametrize(("angle", "layers", "longest"), [(0.3, 1, 0.25), (np.pi, 2, 0.125)])
+    def test_fans_are_as_narrow_and_as_short_as_asked_for(self, angle, layers, longest):
+        mesh = l_shape()
+        (vertex,) = np.flatnonzero((mesh.vertices == (1.0, 1.0)).all(axis=1))
+        fan = mesh.fanned(np.array([vertex]), angle, layers)
+        own = fan.corners[(fan.cells == vertex).any(axis=1)]
+        arms = own[(own != (1.0, 1.0)).any(axis=2)].reshape(-1, 2, 2) - 1.0
+        one, other = (arms[:, k, 0] + 1j * arms[:, k, 1] for k in (0, 1))
+        turns = np.abs(np.angle(other / one))
+        assert turns.max() <= angle * (1.0 + 1e-9)
+        assert turns.sum() == pytest.approx(1.5 * np.pi)  # around a corner that turns inwards
+        assert np.abs([one, other]).max() <= longest * np.sqrt(2.0) * (1.0 + 1e-12)
+        assert area(fan) == pytest.approx(area(mesh))
+        assert fan.edges("notch").length.sum() == pytest.approx(1.0)
+        assert fan.region("foot").size >= mesh.region("foot").size
 
     def test_grading_says_how_deep_it_goes(self):
         """The depth that the message names is the largest one that works."""
@@ -303,9 +300,10 @@ class TestEdges:
 
     def test_edge_sets_are_indices_into_boundary_and_interior(self):
         mesh = l_shape()
-        for name in mesh.edge_names:
-            assert (mesh.edges(name).first == mesh.boundary.first[mesh.edge_set(name)]).all()
-        assert (mesh.edges("seam").first == mesh.interior.first[mesh.joint_set("seam")]).all()
+        taken = [(name, mesh.boundary.take(mesh.edge_set(name))) for name in mesh.edge_names]
+        for name, edges in [*taken, ("seam", mesh.interior.take(mesh.joint_set("seam")))]:
+            assert (np.sort(np.column_stack([edges.first, edges.second])) == mesh.pairs(name)).all()
+            assert (mesh.edges(name).first == edges.first).all()
         with pytest.raises(InputError, match="joint"):
             mesh.joint_set("top")
         with pytest.raises(InputError, match="region"):

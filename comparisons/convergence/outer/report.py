@@ -76,55 +76,37 @@ def by_loop(runs: DataFrame) -> list[tuple[str, "DataFrame"]]:
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    found = single(runs)
+    found, several = single(runs), runs[runs.problem == "three"]
     direct, others = found[found.loop == CONDENSED], found[found.loop != CONDENSED]
-    stopped = others[others.status == "max_iterations"].iterations
-    ratios = found[(found.loop != CONDENSED) & (found.cells > 0)].ratio.dropna()
+    stopped, ratios = others[others.status == "max_iterations"].iterations, others[others.cells > 0].ratio.dropna()
+    plain = found[found.loop == PLAIN]
+    bounded, rated = plain[plain.bound.notna()], plain[plain.rate.notna()]
+    sure, beyond = bounded[bounded.bound < 1.0], bounded[bounded.bound >= 1.0]
+    exact, meshes = (rated.rate / rated.exact - 1.0).abs().dropna(), rated[rated.solved & (rated.cells > 0)]
+    off = (meshes.rate / meshes.linearised - 1.0).abs().dropna()
+    above, below = found[found.linearised >= 1.0], found[found.linearised < 1.0]
+    stuck = below[~below.solved & ~below.falling]
+    ends = [solution_found(run) for run in several.itertuples()]
+    started, counts = several.assign(end=ends)[several.start.notna()], Counter(ends)
+    known = [set(each.end) & set(SOLUTIONS) for _, each in started.groupby("loop")]
     return {
         "limit": None if stopped.empty else int(stopped.max()), "missing": int((~runs.has).sum()),
         "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in by_loop(found)},
         "least": direct.steps.min(), "most": direct.steps.max(), "low": found.friction.min(),
-        "high": found.friction.max(), "worst": largest_of(ratios, runs), **_of_contraction(found), **_of_bound(found),
-        **_of_starts(runs[runs.problem == "three"]), "loops": {name: loop.options() for name, loop in LOOPS.items()},
-        "inner": INNER, "tolerance": TOLERANCE, "iterations": MAX_ITERATIONS, "patience": PATIENCE,
-    }  # fmt: skip
-
-
-def _of_contraction(found: DataFrame) -> dict[str, Any]:
-    """How well theory foresees the contraction, and whether a linearised one below 1 is enough, one above too much."""
-    plain = found[(found.loop == PLAIN) & found.rate.notna()]
-    exact = (plain.rate / plain.exact - 1.0).abs().dropna()
-    meshes = plain[plain.solved & (plain.cells > 0)]
-    off = (meshes.rate / meshes.linearised - 1.0).abs().dropna()
-    above, below = found[found.linearised >= 1.0], found[found.linearised < 1.0]
-    stuck = below[~below.solved & ~below.falling]
-    return {
+        "high": found.friction.max(), "worst": largest_of(ratios, runs),
+        # the plain loop below and beyond the bound of uniqueness
+        "sure": len(sure), "sure_solved": int(sure.solved.sum()), "beyond": len(beyond),
+        "beyond_solved": int(beyond.solved.sum()), "farthest": bounded[bounded.solved].bound.max(),
+        # how well theory foresees the contraction, and whether a linearised one below 1 is enough, one above too much
         "exact": exact.max(), "exact_runs": len(exact), "typical": off.median(), "mesh_runs": len(off),
         "off": off.max(), "far": largest_of(off, meshes), "above": len(above), "lucky": int(above.solved.sum()),
         "below": len(below), "stuck": len(stuck), "still": int(below.falling.sum()),
         "stuck_at": listing(list(dict.fromkeys(f"{run.body} at μ = {run.friction:g}" for run in stuck.itertuples()))),
-    }  # fmt: skip
-
-
-def _of_bound(found: DataFrame) -> dict[str, Any]:
-    """What the plain loop does below and beyond the bound of uniqueness."""
-    plain = found[(found.loop == PLAIN) & found.bound.notna()]
-    sure, beyond = plain[plain.bound < 1.0], plain[plain.bound >= 1.0]
-    return {
-        "sure": len(sure), "sure_solved": int(sure.solved.sum()), "beyond": len(beyond),
-        "beyond_solved": int(beyond.solved.sum()), "farthest": plain[plain.solved].bound.max(),
-    }  # fmt: skip
-
-
-def _of_starts(several: DataFrame) -> dict[str, Any]:
-    """Which of the three solutions is found, and by how many loops in different ones from different starts."""
-    ends = several.apply(solution_found, axis=1) if len(several) else []
-    counts = Counter(ends)
-    started = several.assign(end=list(ends))[several.start.notna()] if len(several) else several
-    known = {loop: set(found.end) & set(SOLUTIONS) for loop, found in started.groupby("loop")}
-    return {
+        # which of the three solutions is found, and by how many loops in different ones from different starts
         "starts": {name: counts[name] for name in dict.fromkeys([*SOLUTIONS, *counts])}, "started": len(known),
-        "different": sum(len(found) > 1 for found in known.values()), "several": len(several),
+        "different": sum(len(each) > 1 for each in known), "several": len(several),
+        "loops": {name: loop.options() for name, loop in LOOPS.items()},
+        "inner": INNER, "tolerance": TOLERANCE, "iterations": MAX_ITERATIONS, "patience": PATIENCE,
     }  # fmt: skip
 
 
@@ -140,10 +122,15 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     found = single(runs)
     plain = found[found.loop == PLAIN]
+    many = plain[plain.groupby(["problem", "friction"]).cells.transform("size") > 1].groupby(["problem", "friction"])
+    spread = many.rate.agg(smallest="min", largest="max").assign(
+        name=many.name.first(), share=many.rate.agg(lambda rates: _share(rates.notna()))
+    )
     states = [" / ".join(map(count, (run.slipping, run.open, run.points))) for run in plain.itertuples()]
     return {
         "loops": _loops(found), "limits": _limits(found), "contraction": plain.assign(states=states), "runs": found,
-        "spread": _spread(plain), "solutions": _solutions(runs[runs.problem == "three"]),
+        "spread": spread.assign(spread=spread.largest / spread.smallest).reset_index(),
+        "solutions": _solutions(runs[runs.problem == "three"]),
     }  # fmt: skip
 
 
@@ -175,16 +162,6 @@ def _limits(found: DataFrame) -> DataFrame:
             "falling": listing([f"{run.friction:g} ({significant(run.rate)})" for run in falling.itertuples()]),
         })  # fmt: skip
     return DataFrame(lines)
-
-
-def _spread(plain: DataFrame) -> DataFrame:
-    """How much the contraction of the plain loop changes from mesh to mesh, where μ has at least two."""
-    several = plain[plain.groupby(["problem", "friction"]).cells.transform("size") > 1]
-    groups = several.groupby(["problem", "friction"])
-    found = groups.rate.agg(smallest="min", largest="max").assign(
-        name=groups.name.first(), share=groups.rate.agg(lambda rates: _share(rates.notna()))
-    )
-    return found.assign(spread=found.largest / found.smallest).reset_index()
 
 
 def _share(good: Series) -> str:

@@ -85,60 +85,38 @@ def searches_of(runs: DataFrame) -> DataFrame:
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    paper = load()
-    return {
-        "iterations": paper.iterations, "omega": paper.omega_T, "half": HALF, "failed": int((~runs.has).sum()),
-        **_of_paper(paper_runs(runs)), **_of_limits(searches_of(runs)), **_of_accuracy(runs),
-        "slow": int(of(runs, "mesh")["to 1e-06"].isna().sum()), "meshes": len(of(runs, "mesh")),
-        "orders": span(growth(runs).order, lambda order: f"{-order:.2f}".replace("-", "−")),
-        "steps": ITERATIONS, "long": LONG, "longest": MOST, "searched": SEARCHED, "near": NEAR, "still": STILL,
-        "methods": METHODS,
-    }  # fmt: skip
-
-
-def _of_paper(found: DataFrame) -> dict[str, Any]:
-    """After the paper's iterations: errors, what the step costs, how many printed values are met."""
-    rough = found[found.friction > 0.0]
+    paper, two = load(), partial(significant, digits=2)
+    found, searches, equal, maps = paper_runs(runs), searches_of(runs), of(runs, *METHODS), of(runs, "map")
+    rough, smooth = found[found.friction > 0.0], found[found.friction == 0.0]
     sliding = rough[rough.linearised > 0.0]
-    smooth = found[found.friction == 0.0]
-    digits = {
-        name: int(((found[name] - found.printed).abs() < _LAST_DIGIT).sum()) for name in ("after", "after_printed_rule")
-    }
-    return {
-        "worst": largest_of(rough.error, rough), "tractions": rough.tractions.max(),
-        "needed": span(rough[SOON][rough[SOON] > load().iterations]),
-        "frictions": len(rough),
-        "sliding": len(sliding), "shares": span(sliding.share, percent), "rates": span(sliding.linearised),
-        "powers": span(sliding.linearised ** load().iterations, lambda value: significant(value, 2)),
-        "quickest": span(sliding["quickest"]), "factors": span(sliding.factor, lambda value: significant(value, 2)),
-        "printed": len(found), "accumulating": digits["after"], "as_printed": digits["after_printed_rule"],
-        "smooth": largest_of(smooth.last_error, smooth),
-    }  # fmt: skip
-
-
-def _of_limits(found: DataFrame) -> dict[str, Any]:
-    """Observed limits of ω_T on the plate beside the two of theory, and the one known by hand."""
-    plate = found[(found.step == "ω_T") & (found.problem == "plate")]
-    both = plate[plate.largest.notna() & plate.smallest.notna()]
+    met = {name: int(((found[name] - found.printed).abs() < _LAST_DIGIT).sum())
+           for name in ("after", "after_printed_rule")}  # fmt: skip
+    plate = searches[(searches.step == "ω_T") & (searches.problem == "plate")]
+    both, exact = plate[plate.largest.notna() & plate.smallest.notna()], searches[searches.problem == "sliding"]
     local = both.largest / both.foreseen
-    exact = found[found.problem == "sliding"]
+    half = maps[(maps.tangential == HALF) & (maps.normal == HALF)].set_index(PLACE)[SOON]
+    saved, counts = (half / _quickest(maps)).dropna(), {name: equal[equal.run == name] for name in METHODS}
     return {
+        # after the paper's iterations: errors, what the step costs, how many printed values are met
+        "worst": largest_of(rough.error, rough), "tractions": rough.tractions.max(), "frictions": len(rough),
+        "needed": span(rough[SOON][rough[SOON] > paper.iterations]), "sliding": len(sliding),
+        "shares": span(sliding.share, percent), "rates": span(sliding.linearised),
+        "powers": span(sliding.linearised**paper.iterations, two), "quickest": span(sliding["quickest"]),
+        "factors": span(sliding.factor, two), "printed": len(found), "accumulating": met["after"],
+        "as_printed": met["after_printed_rule"], "smooth": largest_of(smooth.last_error, smooth),
+        # observed limits of ω_T on the plate beside the two of theory, and the one known by hand
         "searches": len(plate), "safe": int((plate.largest >= 1.0).sum()), "largest": span(both.largest),
         "foreseen": int(local.notna().sum()), "early": int((both.smallest < both.foreseen).sum()),
         "local": span(local.dropna()), "beyond": int((local > 1.0).sum()),
         "sliding_limit": largest_of(exact.largest, exact),
-    }  # fmt: skip
-
-
-def _of_accuracy(runs: DataFrame) -> dict[str, Any]:
-    """How many targets each method meets, and how much the best steps save."""
-    equal, maps = of(runs, *METHODS), of(runs, "map")
-    half = maps[(maps.tangential == HALF) & (maps.normal == HALF)].set_index(PLACE)[SOON]
-    saved = (half / _quickest(maps)).dropna()
-    counts = {name: equal[equal.run == name] for name in METHODS}
-    return {
-        "targets": {name: (int((found.status == "solved").sum()), len(found)) for name, found in counts.items()},
+        # how many targets each method meets, how much the best steps save, and finer meshes
+        "targets": {name: (int((each.status == "solved").sum()), len(each)) for name, each in counts.items()},
         "saved": span(saved[saved.index.isin(equal.set_index(PLACE).index)]),
+        "slow": int(of(runs, "mesh")["to 1e-06"].isna().sum()), "meshes": len(of(runs, "mesh")),
+        "orders": span(growth(runs).order, lambda order: f"{-order:.2f}".replace("-", "−")),
+        "iterations": paper.iterations, "omega": paper.omega_T, "half": HALF, "failed": int((~runs.has).sum()),
+        "steps": ITERATIONS, "long": LONG, "longest": MOST, "searched": SEARCHED, "near": NEAR, "still": STILL,
+        "methods": METHODS,
     }  # fmt: skip
 
 
@@ -175,21 +153,18 @@ FORMS: Final[Mapping[str, Form]] = {
 
 
 def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
-    """The tables by name."""
-    equal = of(runs, *METHODS)
+    """The tables by name; "settles" is the largest step that does, ">" where no share searched fails."""
+    equal, searches = of(runs, *METHODS), searches_of(runs)
+    settles = [NOTHING if good != good else f"{'> ' if bad != bad else ''}{significant(good)}"
+               for good, bad in zip(searches.largest, searches.smallest, strict=True)]  # fmt: skip
     return {
-        "paper": paper_runs(runs), "limit-table": _limits(searches_of(runs)), "growth": growth(runs),
+        "paper": paper_runs(runs), "limit-table": searches.assign(settles=settles), "growth": growth(runs),
         "maps": _maps(of(runs, "map")), "accuracy": equal,
-        "reach": crossed(equal.assign(problem=equal["where"]), "problem", "run", _tightest, tuple(METHODS)),
+        "reach": crossed(  # the tightest target that is met
+            equal.assign(problem=equal["where"]), "problem", "run",
+            lambda found: scientific(found.target[found.status == "solved"].min(), 1), tuple(METHODS),
+        ),
     }  # fmt: skip
-
-
-def _limits(found: DataFrame) -> DataFrame:
-    """With the largest step that settles in words, ">" where no share searched fails."""
-    ends = zip(found.largest, found.smallest, strict=True)
-    return found.assign(settles=[
-        NOTHING if good != good else f"{'> ' if bad != bad else ''}{significant(good)}" for good, bad in ends
-    ])  # fmt: skip
 
 
 def _maps(found: DataFrame) -> DataFrame:
@@ -204,11 +179,6 @@ def _maps(found: DataFrame) -> DataFrame:
             "matters": "yes" if (one > 1).any(axis=None) else "no",
         })  # fmt: skip
     return DataFrame(lines)
-
-
-def _tightest(found: DataFrame) -> str:
-    """The tightest target that is met."""
-    return scientific(found.target[found.status == "solved"].min(), 1)
 
 
 def _paper(found: DataFrame) -> "Canvas":

@@ -263,150 +263,113 @@ _FIRST: Final = 0.1  # mm that the pin is moved by before the first step, so tha
 _STIFF: Final = 10.0  # ρ over E of the sheet by the radius
 
 
+def _pin_space(ng: Any, mesh: Any, order: int) -> tuple[Any, Any]:
+    """(u_x, u_y) of the sheet, (u_x, u_y) of the pin, (λ_n, λ_t), and which of these unknowns are free."""
+    hole = mesh.Boundaries("hole")
+    held = (("sheet", "wall"), ("sheet", "wall|axis"), ("pin", ""), ("pin", "axis|load"))
+    parts = [ng.H1(mesh, order=order, definedon=mesh.Materials(body), dirichlet=sides) for body, sides in held]
+    parts += [ng.H1(mesh, order=order - 1, definedon=hole) for _ in range(2)]
+    space = ng.FESpace(parts)
+    free = ng.BitArray(space.ndof)  # a part also counts unknowns of edges of the other body
+    free.Clear()
+    for number, part in enumerate(parts):
+        for element in (mesh.Materials(held[number][0]) if number < len(held) else hole).Elements():
+            for unknown in part.GetDofNrs(element):
+                free[space.Range(number).start + unknown] = True
+    return space, free & space.FreeDofs()
+
+
 def pin(case: dict[str, Any], order: int = 3, finite: bool = False) -> Callable[[], dict[str, Any]]:
-    """What solves the pin of a case (see `comparisons.peers.pin.plain_pin`)."""
-    return MultiplierPin(case, order, finite).solve
+    """What solves the pin of a case (see `comparisons.peers.pin.plain_pin`), from zero each time.
 
+    It tells what `comparisons.peers.pin.MEASURED` names, unknowns, Newton steps, residual, status.
+    """
+    ng: Any = import_module("ngsolve")
+    np: Any = import_module("numpy")
+    ng.SetNumThreads(1)
+    vertices, cells, inside = (np.asarray(case[name]) for name in ("vertices", "cells", "pin"))
+    mesh = _mesh(vertices, {"sheet": cells[~inside], "pin": cells[inside]}, case["sides"])
+    hole, distance = mesh.Boundaries("hole"), ng.sqrt(ng.x**2 + ng.y**2)
+    # the chords of arcs are moved out to their circles
+    moves = ng.GridFunction(ng.VectorH1(mesh, order=order))
+    away = (mesh.BoundaryCF(case["arcs"], default=1.0) / distance - 1.0) * ng.CF((ng.x, ng.y))
+    moves.Set(away, definedon=mesh.Boundaries("|".join(case["arcs"])))
+    mesh.SetDeformation(moves)
 
-class MultiplierPin:
-    """Mesh, space and form of a case; `solve` starts from zero each time."""
+    space, free = _pin_space(ng, mesh, order)
 
-    def __init__(self, case: dict[str, Any], order: int, finite: bool) -> None:
-        self._ng: Any = import_module("ngsolve")
-        self._np: Any = import_module("numpy")
-        self._ng.SetNumThreads(1)
-        self._case, self._order, self._finite = case, order, finite
-        vertices, cells, inside = (self._np.asarray(case[name]) for name in ("vertices", "cells", "pin"))
-        bodies = {"sheet": cells[~inside], "pin": cells[inside]}
-        self._mesh = _mesh(vertices, bodies, case["sides"])
-        self._curve()
-        self._space, self._free = self._spaces()
-        self._form = self._forms()
-        self._found = self._ng.GridFunction(self._space)
-        self._residual, self._step, self._old = (self._found.vec.CreateVector() for _ in range(3))
-
-    def solve(self) -> dict[str, Any]:
-        """Solve from zero: what `pin.MEASURED` names, unknowns, Newton steps, residual, status."""
-        self._found.vec[:] = 0.0
-        self._found.components[2].Set(_FIRST, definedon=self._mesh.Materials("pin"))
-        residual, iterations = self._newton()
-        solved = residual <= ACCEPTED_PIN
-        return {
-            "status": "solved" if solved else "not converged",
-            "message": "" if solved else f"residual {residual:.1e} after {iterations} Newton steps",
-            **self._measured(),
-            "unknowns": sum(self._free),
-            "iterations": iterations,
-            "residual": residual,
-            "version": self._ng.__version__,
-        }
-
-    def _newton(self) -> tuple[float, int]:
-        """Residual over the force, and the steps taken."""
-        force, norm = self._case["force"], self._norm()
-        for done in range(_NEWTON_STEPS_PIN):
-            if norm <= ACCEPTED_PIN * force:
-                return norm / force, done
-            self._form.AssembleLinearization(self._found.vec)
-            self._step.data = self._form.mat.Inverse(self._free, inverse="umfpack") * self._residual
-            norm = self._search(norm)
-        return norm / force, _NEWTON_STEPS_PIN
-
-    def _search(self, norm: float) -> float:
-        """Go as far along the step as the residual falls."""
-        length = 1.0
-        self._old.data = self._found.vec
-        while True:
-            self._found.vec.data = self._old - length * self._step
-            found = self._norm()
-            if found <= (1.0 - _DECREASE * length) * norm or length <= _SHORTEST_STEP_PIN:
-                return found
-            length /= 2.0
-
-    def _norm(self) -> float:
-        """Norm of the residual at the free unknowns; the residual is left in place."""
-        self._form.Apply(self._found.vec, self._residual)
-        self._ng.Projector(self._free, True).Project(self._residual)
-        return float(self._residual.Norm())
-
-    def _measured(self) -> dict[str, float]:
-        """Displacement of the sheet where the axis meets the hole, forces along the hole."""
-        ng, order = self._ng, 2 * self._order + 4
-        sheet_x, _, _, _, normal, shear = self._found.components
-        hole = self._mesh.Boundaries("hole")
-        (vertex,) = (each.nr for each in self._mesh.vertices if each.point == (self._case["radius"], 0.0))
-        (unknown,) = self._space.components[0].GetDofNrs(ng.NodeId(ng.VERTEX, vertex))
-        return {
-            "moved": float(sheet_x.vec[unknown]),
-            "normal": -float(ng.Integrate(normal, self._mesh, definedon=hole, order=order)),
-            "shear": float(ng.Integrate(shear, self._mesh, definedon=hole, order=order)),
-            "carried": -float(
-                ng.Integrate(normal * self._normal()[0] - shear * self._normal()[1], self._mesh, definedon=hole,
-                             order=order)
-            ),
-        }  # fmt: skip
-
-    def _normal(self) -> Any:
-        ng = self._ng
-        distance = ng.sqrt(ng.x**2 + ng.y**2)
-        return ng.CF((ng.x / distance, ng.y / distance))
-
-    def _curve(self) -> None:
-        """Move the chords of arcs out to their circles."""
-        ng = self._ng
-        moves = ng.GridFunction(ng.VectorH1(self._mesh, order=self._order))
-        radius = self._mesh.BoundaryCF(self._case["arcs"], default=1.0)
-        away = (radius / ng.sqrt(ng.x**2 + ng.y**2) - 1.0) * ng.CF((ng.x, ng.y))
-        moves.Set(away, definedon=self._mesh.Boundaries("|".join(self._case["arcs"])))
-        self._mesh.SetDeformation(moves)
-        self._moves = moves  # the mesh does not keep it
-
-    def _spaces(self) -> tuple[Any, Any]:
-        """(u_x, u_y) of the sheet, (u_x, u_y) of the pin, (λ_n, λ_t), and which of these unknowns are free."""
-        ng, mesh, order = self._ng, self._mesh, self._order
-        held = (("sheet", "wall"), ("sheet", "wall|axis"), ("pin", ""), ("pin", "axis|load"))
-        parts = [ng.H1(mesh, order=order, definedon=mesh.Materials(body), dirichlet=sides) for body, sides in held]
-        hole = mesh.Boundaries("hole")
-        parts += [ng.H1(mesh, order=order - 1, definedon=hole) for _ in range(2)]
-        space = ng.FESpace(parts)
-        # a part also counts unknowns of edges of the other body
-        free = ng.BitArray(space.ndof)
-        free.Clear()
-        for number, part in enumerate(parts):
-            for element in (mesh.Materials(held[number][0]) if number < len(held) else hole).Elements():
-                for unknown in part.GetDofNrs(element):
-                    free[space.Range(number).start + unknown] = True
-        return space, free & space.FreeDofs()
-
-    def _forms(self) -> Any:
-        ng, case = self._ng, self._case
-        (ax, ay, bx, by, pressure, shear), (avx, avy, bvx, bvy, of_pressure, of_shear) = self._space.TnT()
-        form = ng.BilinearForm(self._space)
-        for body, here, test in (("sheet", (ax, ay), (avx, avy)), ("pin", (bx, by), (bvx, bvy))):
-            form += self._work(case["young"][body], here, test).Compile() * ng.dx(body, bonus_intorder=2)
-        form += -ng.CF(case["traction"]) * bvx.Trace() * ng.ds("load")
-        normal = self._normal()
-        apart, test = (
-            ng.CF((there_x.Trace() - here_x.Trace(), there_y.Trace() - here_y.Trace()))
-            for here_x, here_y, there_x, there_y in ((ax, ay, bx, by), (avx, avy, bvx, bvy))
-        )
-        along = ng.CF((-normal[1], normal[0]))
-        rho = _STIFF * case["young"]["sheet"] / case["radius"]
-        pushed, rubbed = pressure - rho * apart * normal, shear - rho * apart * along
-        pushed = _cut(ng, pushed, None)
-        rubbed = _cut(ng, rubbed, -case["friction"] * pushed)
-        contact = pressure * (test * normal) + shear * (test * along)
-        contact += ((pressure - pushed) * of_pressure + (shear - rubbed) * of_shear) / rho
-        form += (-contact).Compile() * ng.ds("hole", bonus_intorder=6)
-        return form
-
-    def _work(self, young: float, here: Any, test: Any) -> Any:
+    def work(young: float, here: Any, test: Any) -> Any:
         """Virtual work of the stresses of a body."""
-        ng, poisson = self._ng, self._case["poisson"]
+        poisson = case["poisson"]
         shear, lame = young / (2.0 * (1.0 + poisson)), young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
         gradient, of_test = (ng.CF(tuple(ng.grad(each) for each in pair), dims=(2, 2)) for pair in (here, test))
         strain, turned = (gradient + gradient.trans) / 2.0, ng.Id(2)
-        if self._finite:
+        if finite:
             strain, turned = strain + gradient.trans * gradient / 2.0, ng.Id(2) + gradient
         stress = 2.0 * shear * strain + lame * ng.Trace(strain) * ng.Id(2)
         return ng.InnerProduct(turned * stress, of_test)
+
+    (ax, ay, bx, by, pressure, shear), (avx, avy, bvx, bvy, of_pressure, of_shear) = space.TnT()
+    form = ng.BilinearForm(space)
+    for body, here, test in (("sheet", (ax, ay), (avx, avy)), ("pin", (bx, by), (bvx, bvy))):
+        form += work(case["young"][body], here, test).Compile() * ng.dx(body, bonus_intorder=2)
+    form += -ng.CF(case["traction"]) * bvx.Trace() * ng.ds("load")
+    normal, along = ng.CF((ng.x / distance, ng.y / distance)), ng.CF((-ng.y / distance, ng.x / distance))
+    apart, test = (
+        ng.CF((there_x.Trace() - here_x.Trace(), there_y.Trace() - here_y.Trace()))
+        for here_x, here_y, there_x, there_y in ((ax, ay, bx, by), (avx, avy, bvx, bvy))
+    )
+    rho = _STIFF * case["young"]["sheet"] / case["radius"]
+    pushed = _cut(ng, pressure - rho * apart * normal, None)
+    rubbed = _cut(ng, shear - rho * apart * along, -case["friction"] * pushed)
+    contact = pressure * (test * normal) + shear * (test * along)
+    contact += ((pressure - pushed) * of_pressure + (shear - rubbed) * of_shear) / rho
+    form += (-contact).Compile() * ng.ds("hole", bonus_intorder=6)
+
+    found = ng.GridFunction(space)
+    residual, step, old = (found.vec.CreateVector() for _ in range(3))
+
+    def missed() -> float:
+        """Norm of the residual at the free unknowns, over the force; the residual is left in place."""
+        form.Apply(found.vec, residual)
+        ng.Projector(free, True).Project(residual)
+        return float(residual.Norm()) / float(case["force"])
+
+    def solve() -> dict[str, Any]:
+        _ = moves  # the mesh does not keep it
+        found.vec[:] = 0.0
+        found.components[2].Set(_FIRST, definedon=mesh.Materials("pin"))
+        norm, steps = missed(), 0
+        while norm > ACCEPTED_PIN and steps < _NEWTON_STEPS_PIN:
+            form.AssembleLinearization(found.vec)
+            step.data = form.mat.Inverse(free, inverse="umfpack") * residual
+            old.data, length, steps = found.vec, 1.0, steps + 1
+            while True:  # as far along the step as the residual falls
+                found.vec.data = old - length * step
+                after = missed()
+                if after <= (1.0 - _DECREASE * length) * norm or length <= _SHORTEST_STEP_PIN:
+                    break
+                length /= 2.0
+            norm = after
+        solved = norm <= ACCEPTED_PIN
+        lambda_n, lambda_t = found.components[4:]
+        (vertex,) = (each.nr for each in mesh.vertices if each.point == (case["radius"], 0.0))
+        (unknown,) = space.components[0].GetDofNrs(ng.NodeId(ng.VERTEX, vertex))
+
+        def along_hole(value: Any) -> float:
+            return float(ng.Integrate(value, mesh, definedon=hole, order=2 * order + 4))
+
+        return {
+            "status": "solved" if solved else "not converged",
+            "message": "" if solved else f"residual {norm:.1e} after {steps} Newton steps",
+            "moved": float(found.components[0].vec[unknown]),
+            "normal": -along_hole(lambda_n),
+            "shear": along_hole(lambda_t),
+            "carried": -along_hole(lambda_n * normal[0] - lambda_t * normal[1]),
+            "unknowns": sum(free),
+            "iterations": steps,
+            "residual": norm,
+            "version": ng.__version__,
+        }
+
+    return solve

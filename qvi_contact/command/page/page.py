@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from markupsafe import Markup
 
-from qvi_contact.basics.page import page_template
 from qvi_contact.basics.units import Units
+from qvi_contact.basics.writing import page_template
+from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.page.fields import contact_data, field_data
 from qvi_contact.command.page.numbers import (
     contact_headings,
@@ -23,9 +24,7 @@ from qvi_contact.command.page.numbers import (
     resultant_rows,
     step_tables,
 )
-from qvi_contact.command.refine_line import headings, rows, trust
-from qvi_contact.command.report import STATES, plate_headings
-from qvi_contact.command.second_model import SecondModel
+from qvi_contact.command.report import STATES, plate_headings, refinement_headings, refinement_rows, trust
 from qvi_contact.command.series import Series
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.files.problem_file import ProblemFile
@@ -130,8 +129,8 @@ def _refinement(found: Refinement, units: Units) -> dict[str, Any]:
     return {
         "message": found.message,
         "trust": trust(found, units),
-        "headings": headings(found, units),
-        "rounds": rows(found),
+        "headings": refinement_headings(found, units),
+        "rounds": refinement_rows(found),
         "advice": "" if found.status == "reached" else found.status.advice,
     }
 

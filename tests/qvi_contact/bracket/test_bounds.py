@@ -84,7 +84,7 @@ def test_bounds_enclose_and_close(name, degree):
     if name in ("tresca", "frictionless, curved"):  # stresses of Gauss rows are made admissible
         gauss = bracket_of(name, 0, degree, "gauss")
         assert gauss.guaranteed
-        assert gauss.result.discretization.space.contact_rule.kind == "bernstein"
+        assert gauss.result.discretization.rule.kind == "bernstein"
         assert gauss.lower == pytest.approx(coarse.lower, rel=1e-7)
 
 

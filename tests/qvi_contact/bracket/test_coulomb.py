@@ -208,7 +208,7 @@ def rule(fine):
 
 def stress_at(result, cell, t):
     known = result.discretization
-    coefficients = known.energy.coefficients(result.dofs)
+    coefficients = known.coefficients(result.dofs)
     return stress_in_cells(known, coefficients, cell, t[:, None])[1][:, 0] * known.scales.stress
 
 

@@ -1,12 +1,14 @@
-"""How long and how deep a problem file may be, found out before it is parsed.
+"""From the text of a problem file to its tables; how long and how deep it may be is found out before it is parsed.
 
 Parsing takes memory for every entry, and for dotted keys and long numbers more than that; a short text can so ask for
 gigabytes.
 """
 
 import re
-from typing import Final
+import tomllib
+from typing import Any, Final
 
+from qvi_contact.basics.schema import LARGEST, joined, quoted
 from qvi_contact.errors import InputError
 
 LONGEST: Final = 20_000_000
@@ -54,3 +56,46 @@ def check_size(text: str) -> None:
 def _placeholder(found: re.Match[str]) -> str:
     """What stands for a text, which may be a part of a key, or a comment."""
     return "" if found[0].startswith("#") else "_"
+
+
+def tables_of(text: str) -> dict[str, Any]:
+    """The tables in a TOML text.
+
+    Raises
+    ------
+    InputError
+        If the text is no TOML, or has values that no table wants; it is named by its path.
+
+    """
+    check_size(text)
+    try:
+        data = tomllib.loads(text)
+        _check_scalars(data, "")
+    except InputError:
+        raise
+    except ValueError as error:  # also whole numbers of too many digits
+        _, found, rest = str(error).partition("at line ")  # the line that the parser complains about, if it says which
+        number, lines = rest.split(",")[0], text.splitlines()
+        line = lines[int(number) - 1] if found and number.isdigit() and 0 < int(number) <= len(lines) else ""
+        raise InputError("TOML", line, f"correct the syntax: {error}") from error
+    except RecursionError as error:
+        raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
+    return data
+
+
+def _check_scalars(value: object, path: str) -> None:
+    """Refuse values that TOML knows and no table wants."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _check_scalars(item, joined(path, quoted(name)))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            _check_scalars(item, f"{path}[{index}]")
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # TOML's whole numbers have 64 bits
+        raise InputError(path, f"a number of {value.bit_length()} bits", "give a whole number of at most 64 bits")
+    elif isinstance(value, float) and not abs(value) <= LARGEST:
+        remedy = f"give a finite number, of at most {LARGEST:g}: take other units if you need more"
+        raise InputError(path, value, remedy)
+    elif not isinstance(value, int | float | str):
+        remedy = "give a number, a text in quotes, a list or a table; dates are not used here"
+        raise InputError(path, str(value), remedy)

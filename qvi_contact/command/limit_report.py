@@ -11,32 +11,11 @@ from typing import TYPE_CHECKING, Any
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.check_proof import check
-from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor, limit_proof
-from qvi_contact.limit.proof import save_proof
-from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement import LimitFactor, LimitRefinement, refine
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-def computed(
-    problem: ContactProblem, loads: Sequence[str], target: float | None, **options: Any
-) -> tuple[LimitLoad, LimitRefinement | None]:
-    """The limit load of the mesh, or of one refined until it is as accurate as the target asks for.
-
-    Options are those of `limit_load_factor`, which `refine` has too.
-    """
-    if target is None:
-        return limit_load_factor(problem, loads=list(loads), **options), None
-    found = refine(problem, target=target, quantity=LimitFactor(list(loads)), **options)
-    return found.limit, found
-
-
-def write_proof(path: str, problem: ContactProblem, loads: Sequence[str], **space: Any) -> None:
-    """Write a proof of what the mesh carries."""
-    known = {name: value for name, value in space.items() if name in ("element", "degree")}
-    save_proof(path, limit_proof(problem, list(loads), **known))
+    from qvi_contact.limit.load_factor import LimitLoad
+    from qvi_contact.problem.problem import ContactProblem
+    from qvi_contact.refinement import LimitRefinement
 
 
 def checked_proof(path: str) -> tuple[bool, str]:
@@ -63,18 +42,11 @@ def checked_proof(path: str) -> tuple[bool, str]:
     return True, f"proved: the loads times {float(factor):.12g} are carried (checked: {checked})"
 
 
-def drawn(
-    loads: Sequence[str],
-    problem: ContactProblem,
-    limit: LimitLoad,
-    refinement: LimitRefinement | None,
-    units: Units,
-) -> Figure:
-    """The picture, on the mesh of the analysis."""
-    from qvi_contact.plots import limit_figure
+def drawn(path: str, loads: Sequence[str], problem: ContactProblem, limit: LimitLoad, units: Units) -> None:
+    """Draw how the body of a problem gives way, on the mesh of the analysis."""
+    from qvi_contact.plots import limit_figure, save_figure
 
-    shown = problem if refinement is None else refinement.problem
-    return limit_figure(shown, limit, units, "; ".join(lines(loads, limit, None)))
+    save_figure(path, limit_figure(problem, limit, units, "; ".join(lines(loads, limit, None))))
 
 
 def lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:

@@ -1,0 +1,226 @@
+"""What commands write: files, checked before the work begins, and the displacement model that several of them show."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from importlib.util import find_spec
+from shlex import quote
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
+from qvi_contact.errors import InputError
+
+if TYPE_CHECKING:
+    from qvi_contact.basics.units import Units
+    from qvi_contact.bracket import Bracket
+    from qvi_contact.command.series import Series
+    from qvi_contact.companion import CompanionResult
+    from qvi_contact.files.problem_file import ProblemFile
+    from qvi_contact.refinement import Refinement
+    from qvi_contact.solution.history import History
+    from qvi_contact.solution.result import ContactResult
+
+_MODULES = {
+    "plot": "matplotlib",
+    "deformed": "matplotlib",
+    "report": "matplotlib",
+    "vtk": "meshio",
+}
+"""Option → the library that it needs."""
+
+_SUFFIXES = {"vtk": ".vtu", "npz": ".npz", "report": ".html", "proof": ".json"}
+
+
+def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
+    """The files asked for, by option.
+
+    Raises
+    ------
+    InputError
+        If one cannot be written, is the problem file or another option's, or needs a package that is missing.
+
+    """
+    given = {option: path for option, path in targets.items() if path is not None}
+    taken = {identity(source): "the problem file"}
+    for option, path in given.items():
+        name = f"--{option.replace('_', '-')}"
+        if not path or os.path.isdir(path):  # Path's raises for names that no file can have
+            raise InputError(name, path, "give the name of a file")
+        check_writable(path, name)
+        place = identity(path)
+        if place in taken:
+            raise InputError(name, path, f"is {taken[place]}: give a file of its own")
+        taken[place] = f"the file of {name} too"
+        if option in _MODULES and find_spec(_MODULES[option]) is None:
+            raise InputError(name, path, f"needs {_MODULES[option]}: python -m pip install {_MODULES[option]}")
+        if option in _SUFFIXES:
+            check_suffix(name, path, _SUFFIXES[option])
+        if option in ("plot", "deformed", "report"):
+            from qvi_contact.plots import picture_suffix, require_matplotlib
+
+            if option != "report":
+                picture_suffix(path)
+            require_matplotlib()
+    return given
+
+
+class SecondModel:
+    """The bracket of a result and its displacement, computed when first asked for, in at most so many seconds.
+
+    Attributes
+    ----------
+    result : ContactResult
+        The stress model's result.
+    missing : str
+        Why there is no bracket, or no displacement in it, once one of them was asked for.
+
+    """
+
+    def __init__(self, result: ContactResult, time_limit: float | None = None) -> None:
+        self.result, self.missing = result, ""
+        self._time_limit = time_limit
+
+    @cached_property
+    def bracket(self) -> Bracket | None:
+        """The bracket; None without a stress state, for a step of a history, and for incompressible materials."""
+        from qvi_contact.bracket import bracket
+
+        if not self.result.has_state:
+            self.missing = "there is no stress state"
+            return None
+        try:
+            return bracket(self.result, time_limit=self._time_limit)
+        except InputError as error:
+            self.missing = error.remedy
+            return None
+
+    @cached_property
+    def companion(self) -> CompanionResult | None:
+        """The result of the displacement model that has a displacement."""
+        if self.bracket is None:
+            return None
+        found = self.bracket.companion
+        if found is None or not found.has_state:
+            self.missing = self.bracket.message
+            return None
+        return found
+
+    def write(self, path: str, units: Units) -> None:
+        """Write the fields of the body, with the displacement if there is one, and those of contacts beside them."""
+        from qvi_contact.files.vtu import contacts_path, write_contacts_vtu, write_vtu
+
+        write_vtu(path, self.result, units, bracket=None if self.companion is None else self.bracket)
+        if self.result.contacts:
+            write_contacts_vtu(contacts_path(path), self.result, units)
+
+    def draw(self, path: str, units: Units) -> None:
+        """Draw the deformed body; `InputError` if there is no displacement."""
+        from qvi_contact.plots import deformed_figure, save_figure
+
+        if self.companion is None:
+            raise InputError("output", path, f"there is no displacement to draw: {self.missing}")
+        save_figure(path, deformed_figure(self.companion, units=units))
+
+
+def write_all(
+    targets: Mapping[str, str],
+    file: ProblemFile,
+    second: SecondModel,
+    document: dict[str, Any],
+    page: Callable[[], str] = str,
+    history: History | None = None,
+) -> bool:
+    """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
+
+    The displacement model has the result.
+    """
+
+    def plot(path: str) -> None:
+        from qvi_contact import plots
+
+        if history is not None and history.steps[0].has_state and second.result.problem.contacts:
+            plots.save_figure(path, plots.history_figure(history, file.units, file.times))
+        else:
+            plots.save_figure(path, plots.result_figure(second.result, file.units))
+
+    def npz(path: str) -> None:
+        from qvi_contact.files.export import write_npz
+
+        write_npz(path, second.result, file.units, file.title)
+
+    writers: dict[str, Callable[[str], None]] = {
+        "save_json": lambda path: write_text(path, json_text(document) + "\n"),
+        "plot": plot,
+        "npz": npz,
+        "report": lambda path: write_text(path, page()),
+        "vtk": lambda path: second.write(path, file.units),
+        "deformed": lambda path: second.draw(path, file.units),
+    }
+    of_state = () if second.result.has_state else ("deformed", "vtk", "npz")
+    missing = [path for option, path in targets.items() if option in of_state]
+    if missing:
+        click.echo(f"qvi-contact: there is no stress state to write to {', '.join(missing)}", err=True)
+    complete = True
+    for option, path in targets.items():
+        if option in of_state:
+            continue
+        try:
+            writers[option](path)
+        except InputError as error:
+            name = f"--{option.replace('_', '-')}" if error.field == "output" else error.field
+            failure = InputError(name, error.value, error.remedy)
+            click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
+            complete = False
+    return complete
+
+
+def write_bracket(targets: Mapping[str, str], file: ProblemFile, found: Bracket | None) -> None:
+    """Write the files asked for, as far as there is a displacement and a gap."""
+    companion = None if found is None else found.companion
+    if found is None or companion is None or not companion.has_state:
+        if targets:
+            click.echo(f"qvi-contact: there is no displacement to write to {', '.join(targets.values())}", err=True)
+        return
+    if "plot" in targets and not math.isfinite(found.gap):
+        where = targets["plot"]
+        click.echo(f"qvi-contact: a bound is missing, so there is no duality gap to draw in {where}", err=True)
+    elif "plot" in targets:
+        from qvi_contact.plots.bounds import bracket_figure
+        from qvi_contact.plots.style import save_figure
+
+        save_figure(targets["plot"], bracket_figure(found, file.units, file.title))
+    if "vtk" in targets:
+        from qvi_contact.files.vtu import write_companion_vtu
+
+        write_companion_vtu(targets["vtk"], companion, file.units)
+
+
+def page_of(
+    path: str,
+    file: ProblemFile,
+    steps: Sequence[ContactResult],
+    second: SecondModel,
+    refinement: Refinement | None = None,
+    series: Series | None = None,
+) -> Callable[[], str]:
+    """What makes the page of --report."""
+
+    def made() -> str:
+        from qvi_contact.command.page.page import Request, result_page
+
+        command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
+        return result_page(Request.read(path, file, command), steps, second, refinement, series)
+
+    return made
+
+
+def json_text(document: object) -> str:
+    """A document as JSON."""
+    return json.dumps(document, indent=2, allow_nan=False)

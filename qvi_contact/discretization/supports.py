@@ -1,0 +1,625 @@
+"""Supports of a body: prescribed tractions as conditions on Φ, eliminated in an order that keeps their solution sparse.
+
+On an edge of length h from a to b with tangent t and m = (−t_y, t_x), coefficients of Legendre N_k of Φ_tt and Q_k of
+Φ_tm mean
+
+    ∇Φ_b − ∇Φ_a = h (N₀ t + Q₀ m),   Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2 = −h² N₁/6
+
+for the corners, resultant force and moment of the edge, and prescribe its other coefficients themselves. Where only
+one component d·σn is given, σ_N = Φ_tt and σ_T = −(n·m) Φ_tm are combined. Since σ_T may jump at vertices, corners
+where two edges meet need no care.
+
+These are rows C u = d. C and the basis B of the solutions u = B z + u₀(d) depend on where which components are given,
+not on their values: loads differ in d.
+
+Conditions are solved one row after the other. Each row is written in the degrees of freedom that are still free, one of
+them, its pivot, is solved for, and so on. How many others the pivots depend on is a matter of the order of rows: along
+a line of edges, each one step further, every row brings degrees of freedom of its own and is solved for one of them.
+Rows that nothing is left of show whether d is consistent.
+
+In `docs/theory.md`: (D2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.discretization.curved import resultant_shapes
+from qvi_contact.discretization.space import EdgeFunctionals, Rows, StressSpace, frame
+from qvi_contact.element import legendre
+from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
+from qvi_contact.mesh.edges import Edges, frames_along, points_along, rounding_along, vectors_along
+from solvers.basics.types import Stated
+from solvers.inequality.rows import are_few
+
+_POINTS: Final = 8  # Gauss points of edges and their parts for data given as functions, at least
+_PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
+_ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none when the gauge is placed
+_BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
+_DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
+_NOTHING: Final[dict[int, float]] = {}
+_WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedTraction:
+    """One component of the traction, prescribed on edges: d·σn = value.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it, such as "Traction.x".
+    edges : Edges
+        n edges of the boundary.
+    direction : (n, 2) array
+        Unit vector d on each edge: a Cartesian one, or ± the edge's normal or tangent.
+    turns : bool
+        Whether d turns along arcs, as normals and tangents do.
+    value : function of (x, y)
+        The component [dimensionless] at points x, y [length], arrays of one shape; φ is part of it. Where d·n ≠ 0 the
+        part of it that Φ makes up is value − φ d·n.
+    potential : function of (x, y), or None
+        φ [dimensionless] at points [length]; None where there is none.
+    constant : float or None
+        What Φ makes up of it, if that is known to be one number [dimensionless]; then `value` is that number.
+
+    """
+
+    name: str
+    edges: Edges
+    direction: FloatArray
+    value: Callable[[FloatArray, FloatArray], FloatArray]
+    potential: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+    turns: bool = False
+    constant: float | None = None
+
+    def take(self, index: IntArray | BoolArray) -> PrescribedTraction:
+        """The same on some of the edges."""
+        return replace(self, edges=self.edges.take(index), direction=self.direction[index])
+
+    def quadrature(self, vertices: FloatArray, points: int) -> EdgeQuadrature:
+        """The part that Φ makes up, at Gauss points of parts of the edges; vertices (v, 2) [length]."""
+        if self.constant is not None:
+            return constant(self.constant, len(self.edges), points)
+
+        def own(edge: IntArray, t: FloatArray) -> FloatArray:
+            x, y = np.moveaxis(points_along(vertices, self.edges.take(edge), t), -1, 0)
+            values = np.asarray(self.value(x, y))
+            if self.potential is None:
+                return values
+            return np.asarray(values - self.potential(x, y) * self._outward(edge, t))
+
+        return adapted(own, len(self.edges), points, rounding_along(vertices, self.edges))
+
+    def coefficients(self, vertices: FloatArray, degree: int) -> FloatArray:
+        """That part on every edge in the mean square, which keeps resultant force and moment; (n, degree + 1)."""
+        if self.constant is None:
+            return self.quadrature(vertices, max(_POINTS, degree + 5)).coefficients(degree)
+        found: FloatArray = np.zeros((len(self.edges), degree + 1))
+        found[:, 0] = self.constant
+        return found
+
+    def _outward(self, edge: IntArray, t: FloatArray) -> FloatArray:
+        """d·n (k, q) at reference points t (k, q) of edges (k,)."""
+        if self.turns or not self.edges.curved:
+            return np.asarray((self.direction * self.edges.normal).sum(axis=1)[edge, None])
+        chosen = self.edges.take(edge)
+        return np.asarray((self.direction[edge, None] * vectors_along(chosen, chosen.normal, t)).sum(axis=2))
+
+
+class Component(NamedTuple):
+    """Where a component of the traction is prescribed, and along which directions, see `PrescribedTraction`."""
+
+    edges: Edges
+    direction: FloatArray
+    turns: bool
+
+
+class _Block(NamedTuple):
+    """Rows C (r, N) of some edges, scaled so that d are forces, moments and degrees of freedom, dimensionless.
+
+    `is_load` (r,) tells rows whose d is a force or moment, `number` (r,) the edge that each belongs to, and `data`
+    makes d (r,) of what is prescribed for each of the components.
+    """
+
+    C: Rows
+    is_load: BoolArray
+    number: IntArray
+    data: Callable[[Sequence[PrescribedTraction]], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Supports(Stated):
+    """All degrees of freedom that meet prescribed tractions, u = B z + u₀, with one affine function fixed.
+
+    Data in the trace space are met exactly; of others each edge keeps the resultant force and moment. Stresses do not
+    feel an affine function (the gauge), which is zero at the first centre, where cells are smallest.
+
+    Rows are taken along lines, part by part of one centre and beginning at it or where cells are small, so that degrees
+    of freedom there do not follow from large ones far away; edges across parts come last and tie the centres, and edges
+    across the cut of a hole, whose jump nothing but these determines.
+
+    Attributes
+    ----------
+    space : StressSpace
+        Mesh and element.
+    components : tuple of Component
+        What is prescribed, but for its values.
+
+    """
+
+    space: StressSpace
+    components: tuple[Component, ...]
+
+    @classmethod
+    def on(cls, space: StressSpace, given: Sequence[PrescribedTraction]) -> Supports:
+        """Those of a space for such components, made once."""
+        key = (cls, *((p.edges.first.tobytes(), p.edges.second.tobytes(), p.direction.tobytes()) for p in given))
+        if key not in space.kept:
+            space.kept[key] = cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given))
+        found: Supports = space.kept[key]
+        return found
+
+    @cached_property
+    def kept(self) -> dict[object, Any]:
+        """What is made of these supports alone, and serves every problem that has them."""
+        return {}
+
+    @property
+    def basis(self) -> Basis:
+        """B."""
+        return self.elimination.basis
+
+    def particular(self, given: Sequence[PrescribedTraction]) -> tuple[FloatArray, float]:
+        """The u₀ (N,) of values, zero for unknowns, and the force (or moment over the length) out of balance."""
+        if all(part.constant == 0.0 for part in given):
+            return np.zeros(self.space.size), 0.0
+        d = np.concatenate([block.data(given) for block in self._blocks])
+        largest = float(np.abs(d[self._is_load]).max(initial=0.0))
+        u, misfit = self.elimination.particular(np.concatenate([np.zeros(3), d[self._order]]))
+        imbalance = float(np.abs(misfit).max(initial=0.0))
+        return u, imbalance if imbalance > _BALANCED * largest else 0.0
+
+    @cached_property
+    def _blocks(self) -> list[_Block]:
+        return [_on_chords(self.space, self.components), *_on_arcs(self.space, self.components)]
+
+    @cached_property
+    def _is_load(self) -> BoolArray:
+        return np.concatenate([block.is_load for block in self._blocks])
+
+    @cached_property
+    def _walk(self) -> tuple[IntArray, IntArray, int]:
+        """The order of the rows, when each vertex is met on the way, and the vertex of the gauge."""
+        space, number = self.space, np.concatenate([block.number for block in self._blocks])
+        numbers = np.unique(number)
+        lines = space.mesh.topology.ends[numbers]
+        gauge = _gauge(space, lines)
+        last = space.frames.across(lines) | space.cuts.across(_edges_of(space, numbers))
+        place, age = _walked(space, lines, last, gauge)
+        return np.argsort(place[np.searchsorted(numbers, number)], kind="stable"), age, gauge
+
+    @property
+    def _order(self) -> IntArray:
+        return self._walk[0]
+
+    @cached_property
+    def elimination(self) -> Elimination:
+        """The rows, solved."""
+        space, (order, age, gauge) = self.space, self._walk
+        columns = np.concatenate([block.C.columns for block in self._blocks])[order]
+        values = np.concatenate([block.C.values for block in self._blocks])[order]
+        width = columns.shape[1]
+        at_gauge = np.broadcast_to(3 * gauge + np.arange(width), (3, width))
+        C = Rows(np.concatenate([at_gauge, columns]), np.concatenate([np.eye(3, width), values]))
+        on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
+        of_holes = np.zeros(3 * len(space.cuts), dtype=np.int64)
+        return Elimination.of(C, np.concatenate([np.repeat(age, 3), on_edges, of_holes]))
+
+
+def _edges_of(space: StressSpace, numbers: IntArray) -> Edges:
+    """Edges of the boundary by their numbers in `mesh.topology`."""
+    return space.mesh.boundary.take(np.searchsorted(space.boundary, numbers))
+
+
+def _on_chords(space: StressSpace, components: Sequence[Component]) -> _Block:
+    """Conditions on straight edges: whole traction vectors where two components are given, else one component.
+
+    Vectors are 2p − 2 rows an edge, of the Cartesian coefficients; a component is p − 1, coefficient by coefficient.
+    """
+    vertices, degree = space.mesh.vertices, space.degree - 2
+    straight = [None if not part.edges.curved else np.flatnonzero(~part.edges.bent) for part in components]
+    numbers, directions = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
+    for part, index in zip(components, straight, strict=True):
+        chosen: IntArray | slice = slice(None) if index is None else index
+        numbers.append(space.number(part.edges)[chosen])
+        directions.append(part.direction[chosen])
+    number, direction = np.concatenate(numbers), np.concatenate(directions)
+    order = np.argsort(number, kind="stable")
+    twice = np.flatnonzero(number[order][1:] == number[order][:-1])
+    one, other = order[twice], order[twice + 1]
+    single = np.delete(order, np.concatenate([twice, twice + 1]))
+    both = _edges_of(space, number[one])
+    h = space.lengths(both)[:, None]
+    m, factor = frame(both)
+    pairs = np.stack([direction[one], direction[other]], axis=1)
+    alone = _edges_of(space, number[single])
+    scale = np.column_stack([space.lengths(alone), space.lengths(alone) ** 2 / 6.0, np.ones((len(single), degree - 1))])
+    shares = np.stack([(direction[single] * axis).sum(axis=1) for axis in (alone.normal, alone.tangent)], axis=1)
+    shares = np.where(np.abs(shares) <= _PARALLEL, 0.0, shares)[:, :, None] * scale[:, None]
+    traces = space.traces(alone)
+    halves = traces.values.reshape(len(single), 2, degree + 1, traces.columns.shape[1])
+    combined = (shares[..., None] * halves).sum(axis=1)
+
+    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
+        parts = [part if index is None else part.take(index) for part, index in zip(given, straight, strict=True)]
+        found = np.concatenate([np.empty((0, degree + 1)), *(part.coefficients(vertices, degree) for part in parts)])
+        vectors = np.linalg.solve(pairs, np.stack([found[one], found[other]], axis=1))
+        N = (both.normal[:, :, None] * vectors).sum(axis=1)
+        Q = factor[:, None] * (both.tangent[:, :, None] * vectors).sum(axis=1)
+        forces = h * (N[:, :1] * both.tangent + Q[:, :1] * m)
+        of_vectors = np.hstack([forces, -(h**2) * N[:, 1:2] / 6.0, N[:, 2:], Q[:, 1:]])
+        return np.concatenate([of_vectors.ravel(), (found[single] * scale).ravel()])
+
+    vectors, component = space.resultants(both).rows(), EdgeFunctionals(traces.columns, combined, space.size).rows()
+    return _Block(
+        Rows(*(np.concatenate(part) for part in zip(vectors.entries, component.entries, strict=True))),
+        np.concatenate(
+            [np.tile(np.arange(2 * degree + 2) < 3, len(one)), np.tile(np.arange(degree + 1) < 2, len(single))]
+        ),
+        np.concatenate([np.repeat(number[one], 2 * degree + 2), np.repeat(number[single], degree + 1)]),
+        data,
+    )
+
+
+def _on_arcs(space: StressSpace, components: Sequence[Component]) -> list[_Block]:
+    """Conditions on edges that are arcs: of both components where there are two, of one where there is one."""
+    bent = [(i, np.flatnonzero(part.edges.bent)) for i, part in enumerate(components) if part.edges.curved]
+    numbers = {i: space.number(components[i].edges.take(index)) for i, index in bent}
+    orders = {i: index[np.argsort(numbers[i])] for i, index in bent}
+    numbers = {i: np.sort(number) for i, number in numbers.items()}
+    none = np.empty(0, dtype=np.int64)
+    count = np.bincount(np.concatenate([none, *numbers.values()]), minlength=len(space.mesh.topology.ends))
+    found = []
+    for i, index in orders.items():
+        alone = count[numbers[i]] == 1
+        if alone.any():
+            found.append(_of_component_on_arcs(space, components, i, index[alone]))
+        for j, other in orders.items():
+            mine, its = np.isin(numbers[i], numbers[j]), np.isin(numbers[j], numbers[i])
+            if j > i and mine.any():
+                found.append(_of_vectors_on_arcs(space, components, (i, j), (index[mine], other[its])))
+    return found
+
+
+def _of_vectors_on_arcs(
+    space: StressSpace, components: Sequence[Component], pair: tuple[int, int], at: tuple[IntArray, IntArray]
+) -> _Block:
+    """Both components on the same arcs: force and moment of the data, and their coefficients of Legendre."""
+    edges, degree = components[pair[0]].edges.take(at[0]), space.degree - 2
+    h, (m, factor) = space.lengths(edges), frame(edges)
+
+    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
+        one, other = (given[i].take(index) for i, index in zip(pair, at, strict=True))
+        d: FloatArray = np.zeros((len(edges), 2 * degree + 2))
+        for part, its in ((one, other), (other, one)):
+            found = part.quadrature(space.mesh.vertices, _POINTS + degree)
+            chosen = edges.take(found.edge)
+            own, against = (
+                vectors_along(chosen, each.direction[found.edge], found.t, turns=each.turns) for each in (part, its)
+            )
+            dual = np.stack([-against[..., 1], against[..., 0]], axis=-1)  # at right angles to the other component
+            dual /= (dual * own).sum(axis=-1, keepdims=True)
+            normal, tangent = frames_along(chosen, found.t)
+            N, Q = (dual * normal).sum(axis=-1), factor[found.edge, None] * (dual * tangent).sum(axis=-1)
+            shapes = resultant_shapes(chosen.bend, found.t)
+            resultants = N[..., None] * shapes[..., 0] + Q[..., None] * shapes[..., 1]
+            scaled = legendre.basis(degree, found.t) * (2.0 * np.arange(degree + 1) + 1.0)
+            parts = [resultants, N[..., None] * scaled[..., 2:], Q[..., None] * scaled[..., 1:]]
+            d += found.integrals(np.concatenate(parts, axis=-1))
+        force = h[:, None] * (d[:, :1] * edges.tangent + d[:, 1:2] * m)
+        d[:, 2] *= h**2
+        d[:, :2] = force
+        return d.ravel()
+
+    rows = 2 * degree + 2
+    is_load = np.tile(np.arange(rows) < 3, len(edges))
+    return _Block(space.resultants(edges).rows(), is_load, np.repeat(space.number(edges), rows), data)
+
+
+def _of_component_on_arcs(space: StressSpace, components: Sequence[Component], i: int, at: IntArray) -> _Block:
+    """One component d·σn = (d·n) σ_N + (d·t) σ_T on arcs, in the mean square of each: p − 1 rows an edge."""
+    part, degree = components[i], space.degree - 2
+    edges = part.edges.take(at)
+    h = space.lengths(edges)
+    scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (degree - 1)])
+    t, w = gauss_legendre(degree + _POINTS)
+    along = np.tile(t, (len(edges), 1))
+    direction = vectors_along(edges, part.direction[at], along, turns=part.turns)
+    values = legendre.basis(degree, t)
+    project = (2.0 * np.arange(degree + 1)[:, None] + 1.0) * (values * w[:, None]).T
+    traces = space.traces(edges)
+    combined: FloatArray = np.zeros((len(edges), degree + 1, traces.columns.shape[1]))
+    halves = np.split(traces.values, 2, axis=1)
+    for axis, found in zip(frames_along(edges, along), halves, strict=True):
+        share = (direction * axis).sum(axis=-1)
+        share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
+        combined = combined + (project @ (share[:, :, None] * values) * scale[:, :, None]) @ found
+
+    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
+        wanted = given[i].take(at).quadrature(space.mesh.vertices, degree + _POINTS).coefficients(degree)
+        return (wanted * scale).ravel()
+
+    is_load = np.tile(np.arange(degree + 1) < 2, len(edges))
+    number = np.repeat(space.number(edges), degree + 1)
+    return _Block(EdgeFunctionals(traces.columns, combined, space.size).rows(), is_load, number, data)
+
+
+def _walked(space: StressSpace, lines: IntArray, last: BoolArray, gauge: int) -> tuple[IntArray, IntArray]:
+    """`walk` along the lines (n, 2), the last ones at the end; centres are solved for where nothing else is left."""
+    frames, seeds = space.frames, [gauge]
+    if frames.several:
+        small = np.argsort(np.round(np.log2(space.sizes)), kind="stable")
+        seeds = [*frames.centres.tolist(), *small[np.isin(small, lines)].tolist()]
+    inside, age = walk(lines[~last], seeds, len(space.vertices))
+    place = np.full(len(lines), len(lines))
+    place[~last] = inside
+    if frames.several:
+        age[frames.centres] = 0
+    return place, age
+
+
+def _gauge(space: StressSpace, lines: IntArray) -> int:
+    """The first of several centres; else the vertex with the smallest cells.
+
+    Of several vertices it is one on the lines (n, 2), and of those the one of lowest number.
+    """
+    if space.frames.several:
+        return int(space.frames.centres[0])
+    small = space.sizes <= _ALIKE * space.sizes.min()
+    on_lines = np.zeros_like(small)
+    on_lines[lines] = True
+    return int(np.argmax(small & on_lines if (small & on_lines).any() else small))
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """B of u = B z: degrees of freedom that are unknowns, that follow from these, and that vanish.
+
+    Attributes
+    ----------
+    size : int
+        N.
+    kept : (n,) int array
+        Degrees of freedom that are unknowns; z are their values.
+    following : (a,) int array
+        Those that follow.
+    factors : (a, n) array, dense or sparse
+        What they are of the unknowns.
+
+    """
+
+    size: int
+    kept: IntArray
+    following: IntArray
+    factors: Any
+
+    @classmethod
+    def of(cls, solved: dict[int, dict[int, float]], pivots: IntArray, size: int) -> Basis:
+        """With the pivots solved for, as Σ factor u of kept degrees of freedom."""
+        is_kept = np.ones(size, dtype=bool)
+        is_kept[pivots] = False
+        number, kept = np.cumsum(is_kept) - 1, np.flatnonzero(is_kept)
+        entries = {pivot: terms for pivot, terms in sorted(solved.items()) if terms}
+        starts = np.concatenate([[0], np.cumsum([len(terms) for terms in entries.values()], dtype=np.int64)])
+        columns = number[[column for terms in entries.values() for column in terms]] if entries else kept[:0]
+        data = np.array([factor for terms in entries.values() for factor in terms.values()])
+        shape = (len(entries), len(kept))
+        if are_few(*shape):
+            factors: Any = np.zeros(shape)
+            factors[np.repeat(np.arange(len(entries)), np.diff(starts)), columns] = data
+        else:
+            factors = sparse.csr_array((data, columns, starts), shape=shape)
+        return cls(size, kept, np.fromiter(entries, dtype=np.int64, count=len(entries)), factors)
+
+    def expanded(self, z: FloatArray) -> FloatArray:
+        """B z (N,)."""
+        u = np.zeros(self.size)
+        u[self.kept] = z
+        u[self.following] = self.factors @ z
+        return u
+
+    def reduced(self, functionals: FloatArray) -> FloatArray:
+        """Functionals (…, N) of u as those of z, (…, n)."""
+        return np.asarray(functionals[..., self.kept] + functionals[..., self.following] @ self.factors)
+
+    def rows(self, given: Rows) -> Any:
+        """Rows of u as rows of z (m, n), dense where they are few, else sparse."""
+        count = len(given.columns)
+        if not are_few(count, self._width):
+            return given.matrix(self.size) @ self.matrix
+        places = self._width * np.arange(count)[:, None] + self._number[given.columns]
+        found = np.bincount(places.ravel(), given.values.ravel(), count * self._width)
+        return self._without_following(np.asarray(found, dtype=np.float64).reshape(count, self._width))
+
+    def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
+        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
+        if are_few(self._width, self._width):
+            at = self._number[dofs]
+            places = self._width * at[:, :, None] + at[:, None]
+            sums = np.asarray(np.bincount(places.ravel(), blocks.ravel(), self._width**2), dtype=np.float64)
+            return self._without_following(self._without_following(sums.reshape(self._width, -1)).T)
+        at = dofs.astype(np.int32 if self.size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
+        pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
+        found = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()
+        return sparse.csr_array(self.matrix.T) @ (found @ self.matrix)
+
+    def _without_following(self, rows: FloatArray) -> FloatArray:
+        """Columns of unknowns (…, n) from columns by `_number`."""
+        n = len(self.kept)
+        return np.asarray(rows[:, :n] + rows[:, n:-1] @ self.factors)
+
+    @property
+    def _width(self) -> int:
+        return len(self.kept) + len(self.following) + 1
+
+    @cached_property
+    def _number(self) -> IntArray:
+        """Columns (N,): unknowns, then what follows, and a last one of what vanishes."""
+        found = np.full(self.size, self._width - 1)
+        found[self.kept], found[self.following] = (
+            np.arange(len(self.kept)),
+            len(self.kept) + np.arange(len(self.following)),
+        )
+        return found
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """B (N, n)."""
+        lengths, factors = np.zeros(self.size, dtype=np.int64), sparse.csr_array(self.factors)
+        lengths[self.kept], lengths[self.following] = 1, np.diff(factors.indptr)
+        starts = np.concatenate([[0], np.cumsum(lengths)])
+        own = np.isin(np.repeat(np.arange(self.size), lengths), self.kept)
+        columns, data = np.empty(starts[-1], dtype=np.int32), np.ones(starts[-1])
+        columns[own], columns[~own], data[~own] = np.arange(len(self.kept)), factors.indices, factors.data
+        return sparse.csr_array((data, columns, starts.astype(np.int32)), shape=(self.size, len(self.kept)))
+
+    @cached_property
+    def magnitudes(self) -> sparse.csr_array:
+        """|B| (N, n)."""
+        return abs(self.matrix)
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """The solutions u = B z + u₀ of C u = d, by as many degrees of freedom as there are independent rows.
+
+    Attributes
+    ----------
+    C : Rows of (m, N)
+        The rows.
+    rows, pivots : (r,) int arrays
+        Independent rows in the order in which they were taken, and the degree of freedom that each is solved for.
+    basis : Basis
+        B.
+
+    """
+
+    C: Rows
+    rows: IntArray
+    pivots: IntArray
+    basis: Basis
+
+    @classmethod
+    def of(cls, C: Rows, age: IntArray) -> Elimination:
+        """Solve rows one after the other.
+
+        Parameters
+        ----------
+        C : Rows of (m, N)
+            Rows in the order in which they are taken; degrees of freedom in units that make its entries comparable.
+        age : (N,) int array
+            Of the possible pivots of a row those with the largest number are preferred, of these the largest entry.
+
+        """
+        alone = C.alone(len(age))  # rows with one entry in a column of their own make that zero, in any order
+        solved = dict.fromkeys(alone.values(), _NOTHING)
+        rows, ages = {column: row for row, column in alone.items()}, age.tolist()
+        waiting = np.setdiff1d(np.arange(len(C.columns)), list(alone))
+        for row, given in zip(waiting.tolist(), C.take(waiting), strict=True):
+            terms = _reduced(given, solved)
+            left = max(map(abs, terms.values()), default=0.0)
+            if left <= _DEPENDENT * max(map(abs, given.values()), default=0.0):
+                continue
+            worthy = [column for column, factor in terms.items() if abs(factor) >= _WORTHY * left]
+            pivot = max(worthy, key=lambda column: (ages[column], abs(terms[column]), -column))
+            factor = -1.0 / terms.pop(pivot)
+            solved[pivot] = {column: factor * value for column, value in terms.items()}
+            rows[pivot] = row
+        for pivot in reversed(solved):  # the latest depend on kept ones only, earlier ones perhaps on them
+            if solved[pivot]:
+                solved[pivot] = _reduced(solved[pivot], solved)
+        pivots = np.fromiter(solved, dtype=np.int64, count=len(solved))
+        taken = np.fromiter((rows[pivot] for pivot in solved), dtype=np.int64, count=len(solved))
+        order = np.argsort(taken, kind="stable")
+        return cls(C, taken[order], pivots[order], Basis.of(solved, pivots, len(age)))
+
+    def particular(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """u₀ (N,), zero for unknowns, and what d (m,) misses in the rows that follow from the others."""
+        u = np.zeros(self.basis.size)
+        if d.any():
+            u[self.pivots] = self._factor.solve(d[self.rows])
+        rest = np.setdiff1d(np.arange(len(d)), self.rows)
+        return u, d[rest] - (self.C.values[rest] * u[self.C.columns[rest]]).sum(axis=1)
+
+    @cached_property
+    def _factor(self) -> Any:
+        """LU of the independent rows and their pivots, in the order in which they were found."""
+        matrix = self.C.take(self.rows).matrix(self.basis.size)[:, self.pivots]
+        return splu(matrix.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
+
+
+def _reduced(terms: dict[int, float], solved: dict[int, dict[int, float]]) -> dict[int, float]:
+    """Σ factor u with everything replaced that is solved for, until nothing is left to replace."""
+    result, pending = dict[int, float](), list(terms.items())
+    while pending:
+        column, factor = pending.pop()
+        inner = solved.get(column)
+        if inner is None:
+            result[column] = result.get(column, 0.0) + factor
+        else:
+            pending += [(other, factor * value) for other, value in inner.items()]
+    return {column: factor for column, factor in result.items() if factor != 0.0}
+
+
+def walk(ends: IntArray, start: int | Sequence[int], vertices: int) -> tuple[IntArray, IntArray]:
+    """An order of edges in which each one, if it can, meets those before it in one vertex.
+
+    Parameters
+    ----------
+    ends : (n, 2) int array
+        Vertices of the edges.
+    start : int, or sequence of int
+        The vertices to begin at. Lines that hold none of them begin at their end of lowest number, closed ones at their
+        vertex of lowest number.
+    vertices : int
+        Number of vertices.
+
+    Returns
+    -------
+    place : (n,) int array
+        Place of each edge in the order, from 0.
+    age : (vertices,) int array
+        The later a vertex is met the larger, from 1; 0 where none is met.
+
+    """
+    at: dict[int, list[int]] = {}
+    pairs = ends.tolist()
+    for edge, pair in enumerate(pairs):
+        for vertex in pair:
+            at.setdefault(vertex, []).append(edge)
+    place, age = np.full(len(ends), -1), np.zeros(vertices, dtype=np.int64)
+    step, met = 0, 0
+    line_ends = sorted(vertex for vertex, edges in at.items() if len(edges) == 1)
+    for seed in (*([start] if isinstance(start, int) else start), *line_ends, *sorted(at)):
+        waiting = [seed] if seed in at and not age[seed] else []
+        while waiting:
+            vertex = waiting.pop()
+            if not age[vertex]:
+                met += 1
+                age[vertex] = met
+            ahead = next((edge for edge in at[vertex] if place[edge] < 0), None)
+            if ahead is not None:
+                place[ahead] = step
+                step += 1
+                waiting += [vertex, sum(pairs[ahead]) - vertex]  # to the end of the line first
+    return place, age
