@@ -188,7 +188,7 @@ class LocalProblem:
         """r, λ, and u = W r + V λ + q computed from them, of a solution of `qvi` (NaN where it has none)."""
         r = self.force_unit * self._scale * solution.z
         pushed = self._equations[0] @ (self._compliance * self.force_unit * solution.equality_multiplier)  # d V λ
-        lam = np.linalg.lstsq(self._scale[:, None] * self.V, pushed, rcond=None)[0]
+        lam = np.asarray(np.linalg.lstsq(self._scale[:, None] * self.V, pushed, rcond=None)[0], np.float64)
         return ContactState(self.displacements(r, lam), r, lam)
 
     def certify(self, state: ContactState, tolerance: float = 1e-8) -> Certificate:

@@ -36,7 +36,7 @@ class Reference:
 
     def plate(self, friction: float) -> QuarterPlate:
         """The example in the paper's own system."""
-        data = {"young": self.young, "poisson": self.poisson, "displacement": self.displacement}
+        data: dict[str, Any] = {"young": self.young, "poisson": self.poisson, "displacement": self.displacement}
         return paper.plate(friction, (self.cells, self.cells), **data)
 
     def uzawa(self, qvi: FrictionQVI, **options: Any) -> QVISolution:

@@ -56,7 +56,7 @@ NUMBERS: Final = ("half_force", "unknowns", "iterations", "residual", "before", 
 """Entries of a result that are numbers; NaN where a run has none."""
 
 BOUNDS: Final = ("lower", "upper", "width", "strain_error")
-"""The same of a bracket, see `codes.equilibrium`."""
+"""The same of a bracket, see `codes.own`."""
 
 
 class Reference(NamedTuple):

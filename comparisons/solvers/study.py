@@ -125,14 +125,16 @@ def _inner(problem: Instance, task: str, name: Form, solver: str, level: str) ->
         found.append(made.solve(threshold, centre, found[-1] if task == WARM and found else None))
     seconds, answers = time.perf_counter() - began, []
     for bound, inner in zip(bounds, found, strict=True):
-        result = form.expand(inner) if inner.finite else None
-        parts = (None,) * 4 if result is None else (result.z, result.m_N, result.m_T, result.nu)
-        certificate = certify(problem.given(bound), *parts, tolerance)
+        given, result = problem.given(bound), form.expand(inner) if inner.finite else None
+        if result is None:
+            certificate = certify(given, None, None, None, None, tolerance)
+        else:
+            certificate = certify(given, result.z, result.m_N, result.m_T, result.nu, tolerance)
         answers.append(Answer(inner.status, inner.message, inner.iterations, certificate))
     return seconds, answers
 
 
-def _outer(problem: Instance, _: str, form: Form, solver: str, level: str) -> tuple[float, list[Answer]]:
+def _outer(problem: Instance, task: str, form: Form, solver: str, level: str) -> tuple[float, list[Answer]]:  # noqa: ARG001
     settings: dict[str, Any] = {"method": solver, **accuracies.options(solver, level)}
     if solver not in METHODS:
         settings = {

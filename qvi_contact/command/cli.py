@@ -60,7 +60,8 @@ def _options(declared: type, *names: str, **texts: str) -> Callable[[_Command], 
 
     def decorated(command: _Command) -> _Command:
         for name in reversed(names):
-            kind, more = keys_of(declared)[name].kind, {}
+            kind = keys_of(declared)[name].kind
+            more: dict[str, Any] = {}
             if isinstance(kind, Choice):
                 more["type"] = click.Choice(kind.words)
             elif isinstance(kind, Number | Whole):
@@ -549,7 +550,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         solving(problem_file.title or "limit", verbose=verbose),
     ):
         space = {name: options[name] for name in _SPACE if name in options}
-        told = {**space, "time_limit": given["time_limit"], "verbose": verbose}
+        told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
         problem, refinement = problem_file.problem, None
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)

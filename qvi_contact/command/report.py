@@ -108,11 +108,15 @@ def contact_tables(
     plates: dict[str, list[list[str]]] = {contact.name: [] for contact in contacts if contact.plate is not None}
     parts: dict[str, list[Mapping[str, float]]] = {contact.name: [] for contact in contacts}
     for number, step in enumerate(steps):  # each is read once: those of a store are files
-        for tables, cells in ((forces, _forces), (plates, _plate)):
-            for name, rows in tables.items():
-                rows.append([*first(number, step), *(cells(step, name, least) if step.has_state else [])])
+        lines = step.contacts if step.has_state else {}
+        for name, rows in forces.items():
+            pair = (lines[name].normal_force, lines[name].tangential_force) if lines else ()
+            rows.append([*first(number, step), *(shown(force, least.force) for force in pair)])
+        for name, rows in plates.items():
+            moved = plate_numbers(step, name) if lines else ()
+            rows.append([*first(number, step), *map(shown, moved, plate_limits(least))])
         for name, known in parts.items():
-            known.append(step.contacts[name].shares if step.has_state else {})
+            known.append(lines[name].shares if lines else {})
     for name, rows in forces.items():
         yield f"contact {name}, forces in {units.engineering_force}"
         states = [state for state in STATES if any(state in known for known in parts[name])]
@@ -132,19 +136,9 @@ def plate_headings(units: Units) -> list[str]:
     return [f"moved x [{length}]", f"moved y [{length}]", turned, f"F_x [{force}]", f"F_y [{force}]", moment]
 
 
-def _plate(step: ContactResult, name: str, least: Rounding) -> list[str]:
-    limits = plate_limits(least)
-    return [shown(value, limit) for value, limit in zip(plate_numbers(step, name), limits, strict=True)]
-
-
 def plate_limits(least: Rounding) -> tuple[float, ...]:
     """Sizes up to which `plate_numbers` are rounding."""
     return least.displacement, least.displacement, least.rotation, least.force, least.force, least.moment
-
-
-def _forces(step: ContactResult, name: str, least: Rounding) -> list[str]:
-    line = step.contacts[name]
-    return [shown(force, least.force) for force in (line.normal_force, line.tangential_force)]
 
 
 def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]:

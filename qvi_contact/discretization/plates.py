@@ -198,7 +198,10 @@ class _Resultants:
             for row, each in zip(full, driven, strict=True):
                 points = each.points.for_resultants()
                 row += points.traction_load(each.factors(problem, scales, points), points.weights) / each.divisor
-            supports.kept[key] = cls._reduced(full, supports.basis.reduced(full))
+            supports.kept[key] = cls._reduced(
+                full,
+                np.array([supports.basis.reduced(row) for row in full]).reshape(len(full), len(supports.basis.kept)),
+            )
         found: _Resultants = supports.kept[key]
         return found
 

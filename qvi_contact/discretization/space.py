@@ -72,8 +72,8 @@ class EdgeRule:
     places, shares : (q,) arrays
         Where friction, cohesion and cap are evaluated for the rows, and the weights W of the rows over the edge's
         length, of sum 1. The same as points and weights for Gauss rows; i/(q − 1) and 1/q for Bernstein coefficients.
-    to_points : (q, q) array or None
-        V: tractions at the Gauss points from rows; None where rows are those tractions.
+    to_points, from_points : (q, q) arrays
+        V and V⁻¹; the identity for Gauss rows.
 
     """
 
@@ -82,12 +82,8 @@ class EdgeRule:
     weights: FloatArray
     places: FloatArray
     shares: FloatArray
-    to_points: FloatArray | None = None
-
-    @property
-    def from_points(self) -> FloatArray:
-        """V⁻¹: rows from tractions at the Gauss points."""
-        return np.eye(self.count) if self.to_points is None else np.asarray(np.linalg.inv(self.to_points))
+    to_points: FloatArray
+    from_points: FloatArray
 
     @property
     def count(self) -> int:
@@ -96,28 +92,19 @@ class EdgeRule:
 
     def at_points(self, rows: FloatArray) -> FloatArray:
         """Tractions at the Gauss points (m,) from rows (m,): V ρ, edge by edge."""
-        return rows if self.to_points is None else np.asarray(self._grouped(rows) @ self.to_points.T).ravel()
+        return np.asarray(rows.reshape(-1, self.count) @ self.to_points.T).ravel()
 
     def at_rows(self, values: FloatArray) -> FloatArray:
         """Rows (m,) from tractions at the Gauss points (m,): V⁻¹ σ, edge by edge."""
-        if self.to_points is None:
-            return values
-        return np.asarray(np.linalg.solve(self.to_points, self._grouped(values).T).T).ravel()
+        return np.asarray(values.reshape(-1, self.count) @ self.from_points.T).ravel()
 
     def multipliers_at_points(self, multipliers: FloatArray) -> FloatArray:
         """Multipliers of tractions at the Gauss points (m,) from those of rows (m,): V⁻ᵀ m, of the same work."""
-        if self.to_points is None:
-            return multipliers
-        return np.asarray(np.linalg.solve(self.to_points.T, self._grouped(multipliers).T).T).ravel()
+        return np.asarray(multipliers.reshape(-1, self.count) @ self.from_points).ravel()
 
     def multipliers_of_rows(self, multipliers: FloatArray) -> FloatArray:
         """Multipliers of rows (m,) from those of tractions at the Gauss points (m,): Vᵀ m."""
-        return (
-            multipliers if self.to_points is None else np.asarray(self._grouped(multipliers) @ self.to_points).ravel()
-        )
-
-    def _grouped(self, values: FloatArray) -> FloatArray:
-        return np.asarray(values).reshape(-1, self.count)
+        return np.asarray(multipliers.reshape(-1, self.count) @ self.to_points).ravel()
 
 
 @cache
@@ -126,9 +113,10 @@ def edge_rule(kind: RowKind, degree: int) -> EdgeRule:
     count = degree - 1
     points, weights = gauss_legendre(count)
     if kind == "gauss":
-        return EdgeRule(kind, points, weights, points, weights)
+        return EdgeRule(kind, points, weights, points, weights, np.eye(count), np.eye(count))
     values = legendre.basis(count - 1, points) @ np.linalg.inv(legendre.to_bernstein(count - 1))
-    return EdgeRule(kind, points, weights, np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count), values)
+    places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)
+    return EdgeRule(kind, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -405,7 +393,9 @@ class StressSpace(Stated):
     @cached_property
     def frames(self) -> Frames:
         """From where Φ counts; centres lie on the boundary rather than inside."""
-        return Frames.of(self.vertices, self.sizes, np.isin(np.arange(len(self.vertices)), self.mesh.boundary.first))
+        preferred = np.zeros(len(self.vertices), dtype=bool)
+        preferred[self.mesh.boundary.first] = True
+        return Frames.of(self.vertices, self.sizes, preferred)
 
     @cached_property
     def sizes(self) -> FloatArray:

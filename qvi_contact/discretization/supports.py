@@ -403,44 +403,42 @@ class Basis:
         Degrees of freedom that are unknowns; z are their values.
     following : (a,) int array
         Those that follow.
-    factors : (a, n) array, dense or sparse
-        What they are of the unknowns.
+    row, column, factor : (k,) arrays
+        What they are of the unknowns, entry by entry: u[following[row]] = Σ factor z[column], sorted by rows.
 
     """
 
     size: int
     kept: IntArray
     following: IntArray
-    factors: Any
+    row: IntArray
+    column: IntArray
+    factor: FloatArray
 
     @classmethod
     def of(cls, solved: dict[int, dict[int, float]], pivots: IntArray, size: int) -> Basis:
         """With the pivots solved for, as Σ factor u of kept degrees of freedom."""
         is_kept = np.ones(size, dtype=bool)
         is_kept[pivots] = False
-        number, kept = np.cumsum(is_kept) - 1, np.flatnonzero(is_kept)
+        number = np.cumsum(is_kept) - 1
         entries = {pivot: terms for pivot, terms in sorted(solved.items()) if terms}
-        starts = np.concatenate([[0], np.cumsum([len(terms) for terms in entries.values()], dtype=np.int64)])
-        columns = number[[column for terms in entries.values() for column in terms]] if entries else kept[:0]
-        data = np.array([factor for terms in entries.values() for factor in terms.values()])
-        shape = (len(entries), len(kept))
-        if are_few(*shape):
-            factors: Any = np.zeros(shape)
-            factors[np.repeat(np.arange(len(entries)), np.diff(starts)), columns] = data
-        else:
-            factors = sparse.csr_array((data, columns, starts), shape=shape)
-        return cls(size, kept, np.fromiter(entries, dtype=np.int64, count=len(entries)), factors)
+        lengths = np.array([len(terms) for terms in entries.values()], dtype=np.int64)
+        columns = np.array([column for terms in entries.values() for column in terms], dtype=np.int64)
+        factors = np.array([factor for terms in entries.values() for factor in terms.values()])
+        row, following = np.repeat(np.arange(len(lengths)), lengths), np.array(list(entries), dtype=np.int64)
+        return cls(size, np.flatnonzero(is_kept), following, row, number[columns], factors)
 
     def expanded(self, z: FloatArray) -> FloatArray:
         """B z (N,)."""
         u = np.zeros(self.size)
         u[self.kept] = z
-        u[self.following] = self.factors @ z
+        u[self.following] = np.bincount(self.row, self.factor * z[self.column], len(self.following))
         return u
 
-    def reduced(self, functionals: FloatArray) -> FloatArray:
-        """Functionals (…, N) of u as those of z, (…, n)."""
-        return np.asarray(functionals[..., self.kept] + functionals[..., self.following] @ self.factors)
+    def reduced(self, functional: FloatArray) -> FloatArray:
+        """A functional (N,) of u as one of z, (n,)."""
+        more = np.bincount(self.column, self.factor * functional[self._source], len(self.kept))
+        return np.asarray(functional[self.kept] + more)
 
     def rows(self, given: Rows) -> Any:
         """Rows of u as rows of z (m, n), dense where they are few, else sparse."""
@@ -448,50 +446,53 @@ class Basis:
         if not are_few(count, self._width):
             return given.matrix(self.size) @ self.matrix
         places = self._width * np.arange(count)[:, None] + self._number[given.columns]
-        found = np.bincount(places.ravel(), given.values.ravel(), count * self._width)
-        return self._without_following(np.asarray(found, dtype=np.float64).reshape(count, self._width))
+        sums = np.bincount(places.ravel(), given.values.ravel(), count * self._width)
+        found = np.asarray(sums, dtype=np.float64).reshape(count, self._width)
+        self._without_following(found)
+        return found[:, : len(self.kept)]
 
     def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
         """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
         if are_few(self._width, self._width):
             at = self._number[dofs]
             places = self._width * at[:, :, None] + at[:, None]
-            sums = np.asarray(np.bincount(places.ravel(), blocks.ravel(), self._width**2), dtype=np.float64)
-            return self._without_following(self._without_following(sums.reshape(self._width, -1)).T)
+            sums = np.bincount(places.ravel(), blocks.ravel(), self._width**2)
+            found = np.asarray(sums, dtype=np.float64).reshape(self._width, self._width)
+            self._without_following(found)
+            self._without_following(found.T)
+            return found[: len(self.kept), : len(self.kept)]
         at = dofs.astype(np.int32 if self.size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
         pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
-        found = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()
-        return sparse.csr_array(self.matrix.T) @ (found @ self.matrix)
+        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()
+        return sparse.csr_array(self.matrix.T) @ (matrix @ self.matrix)
 
-    def _without_following(self, rows: FloatArray) -> FloatArray:
-        """Columns of unknowns (…, n) from columns by `_number`."""
-        n = len(self.kept)
-        return np.asarray(rows[:, :n] + rows[:, n:-1] @ self.factors)
+    def _without_following(self, rows: FloatArray) -> None:
+        """Add columns of what follows to those of unknowns, in place; columns (…, w) by `_number`."""
+        more = rows[:, len(self.kept) + self.row] * self.factor
+        np.add.at(rows, (slice(None), self.column), more)
 
     @property
     def _width(self) -> int:
         return len(self.kept) + len(self.following) + 1
 
     @cached_property
+    def _source(self) -> IntArray:
+        """The degree of freedom that each factor belongs to (k,)."""
+        return self.following[self.row]
+
+    @cached_property
     def _number(self) -> IntArray:
         """Columns (N,): unknowns, then what follows, and a last one of what vanishes."""
-        found = np.full(self.size, self._width - 1)
-        found[self.kept], found[self.following] = (
-            np.arange(len(self.kept)),
-            len(self.kept) + np.arange(len(self.following)),
-        )
+        n, found = len(self.kept), np.full(self.size, self._width - 1)
+        found[self.kept], found[self.following] = np.arange(n), np.arange(n, self._width - 1)
         return found
 
     @cached_property
     def matrix(self) -> sparse.csr_array:
         """B (N, n)."""
-        lengths, factors = np.zeros(self.size, dtype=np.int64), sparse.csr_array(self.factors)
-        lengths[self.kept], lengths[self.following] = 1, np.diff(factors.indptr)
-        starts = np.concatenate([[0], np.cumsum(lengths)])
-        own = np.isin(np.repeat(np.arange(self.size), lengths), self.kept)
-        columns, data = np.empty(starts[-1], dtype=np.int32), np.ones(starts[-1])
-        columns[own], columns[~own], data[~own] = np.arange(len(self.kept)), factors.indices, factors.data
-        return sparse.csr_array((data, columns, starts.astype(np.int32)), shape=(self.size, len(self.kept)))
+        n = len(self.kept)
+        data, columns = np.append(np.ones(n), self.factor), np.append(np.arange(n), self.column)
+        return sparse.csr_array((data, (np.append(self.kept, self._source), columns)), shape=(self.size, n))
 
     @cached_property
     def magnitudes(self) -> sparse.csr_array:

@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, Final
 from zipfile import BadZipFile
 
 import numpy as np
@@ -91,7 +91,10 @@ class Archive:
         self.arrays: Arrays
         try:
             with open_regular(path) as stream:
-                self.arrays = _entries(self.path, stream)
+                if stream.read(len(MAGIC_PREFIX)) == MAGIC_PREFIX:
+                    raise InputError("result", self.path, f"is a single array: {_REMEDY}")
+                stream.seek(0)
+                self.arrays = read_arrays("result", self.path, stream)
         except InputError:
             raise
         except Exception as error:  # zip, zlib, numpy, tokenize: what broken bytes raise there is not documented
@@ -154,14 +157,6 @@ class Archive:
         return InputError("result", self.path, f"entry {name!r} is {found.dtype}{list(found.shape)}, not {wanted}")
 
 
-def _entries(path: str, stream: BinaryIO) -> Arrays:
-    """All entries of an open file."""
-    if stream.read(len(MAGIC_PREFIX)) == MAGIC_PREFIX:
-        raise InputError("result", path, f"is a single array: {_REMEDY}")
-    stream.seek(0)
-    return read_arrays("result", path, stream)
-
-
 def _reason(error: BaseException) -> str:
     """Why a file cannot be read, on one line."""
     text = getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
@@ -200,7 +195,9 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
-        "earlier_slip": _joined([rows.offset - o for rows, o in zip(known.contacts, known.offsets(), strict=True)]),
+        "earlier_slip": np.concatenate(
+            [np.empty(0), *(rows.offset - o for rows, o in zip(known.contacts, known.offsets(), strict=True))]
+        ),
         "status": str(result.status),
         "message": result.message,
         **{name: np.asarray(getattr(solution, name), dtype=np.float64) for name in _VECTORS},
@@ -310,7 +307,8 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
         if file.is_grid:  # results on triangles are stored with these
             remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
             raise InputError("result", archive.path, remedy)
-        return discretize(file.problem, scales=scales, **_degree(archive))
+        rows: Any = archive.text("contact_rows")
+        return discretize(file.problem, scales=scales, degree=_count(archive, "degree"), contact_rows=rows)
     except InputError as error:
         if error.field == "result":  # names the file already
             raise
@@ -329,11 +327,6 @@ def _check_centres(archive: Archive, fresh: Discretization) -> None:
             "take the version of qvi-contact that wrote the file"
         )
         raise InputError("result", archive.path, remedy)
-
-
-def _degree(archive: Archive) -> dict[str, Any]:
-    """Degree and contact rows of the element."""
-    return {"degree": _count(archive, "degree"), "contact_rows": archive.text("contact_rows")}
 
 
 def _count(archive: Archive, name: str) -> int:
@@ -419,7 +412,3 @@ def _history(archive: Archive) -> tuple[Iteration, ...]:
         Iteration(int(number), residual, energy, resultant, state, int(inner), seconds)
         for (number, residual, energy, resultant, inner, seconds), state in zip(table.tolist(), states, strict=True)
     )
-
-
-def _joined(arrays: list[FloatArray]) -> FloatArray:
-    return np.concatenate([np.empty(0), *arrays])

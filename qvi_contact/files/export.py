@@ -164,7 +164,20 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
 
 def field_arrays(result: ContactResult) -> dict[str, Any]:
     """Mesh, stresses, contacts and energies of a result, as `write_npz` describes them."""
-    return {**_body_arrays(result), **_contact_arrays(result.contacts), **_numbers(result)}
+    x, y, stress = result.gauss_stress()
+    mesh, energies = result.problem.mesh, result.energies
+    return {
+        "vertices": mesh.vertices,
+        "cells": mesh.cells,
+        "material": result.problem.cell_materials,
+        "gauss_x": x,
+        "gauss_y": y,
+        "gauss_stress": stress,
+        **_contact_arrays(result.contacts),
+        "energies": np.array([getattr(energies, field.name) for field in fields(Energies)]),
+        "traction_misfit": result.traction_misfit,
+        **{f"{name}.motion": np.array([m.x, m.y, m.rotation]) for name, m in result.plates.items()},
+    }
 
 
 _STATE_KEYS: Final = ("contacts", "plates", "energies", "resultants", "traction_misfit")
@@ -173,12 +186,20 @@ _STATE_KEYS: Final = ("contacts", "plates", "energies", "resultants", "traction_
 def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     """The part of the summary that needs a stress state."""
     energies = result.energies
+
+    def force(found: Any, prefix: str = "") -> dict[str, Any]:
+        along = {f"{prefix}{axis}": _quantity(getattr(found, axis), units.force) for axis in "xy"}
+        return {**along, "moment": _quantity(found.moment, units.moment)}
+
     plates = {
         name: {
             "x": _quantity(motion.x, units.displacement),
             "y": _quantity(motion.y, units.displacement),
             "rotation": _quantity(motion.rotation, "rad"),
-            **_plate_force(result, name, units),
+            **{
+                f"force_{axis}" if axis in "xy" else axis: part
+                for axis, part in force(result.plate_force(name)).items()
+            },
         }
         for name, motion in result.plates.items()
     }
@@ -186,20 +207,10 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
         {name: _contact(line, units) for name, line in result.contacts.items()},
         plates,
         {name: _quantity(getattr(energies, name), units.energy) for name in energies.__dataclass_fields__},
-        {name: _resultant(result, name, units) for name in result.problem.mesh.edge_names},
+        {name: force(result.resultant(name)) for name in result.problem.mesh.edge_names},
         _quantity(result.traction_misfit, units.stress),
     )
     return dict(zip(_STATE_KEYS, values, strict=True))
-
-
-def _plate_force(result: ContactResult, name: str, units: Units) -> dict[str, Any]:
-    """Force of a plate on the body, and its moment about the pivot."""
-    force = result.plate_force(name)
-    return {
-        "force_x": _quantity(force.x, units.force),
-        "force_y": _quantity(force.y, units.force),
-        "moment": _quantity(force.moment, units.moment),
-    }
 
 
 def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
@@ -207,29 +218,13 @@ def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
     return {
         "normal_force": _quantity(line.normal_force, units.force),
         "tangential_force": _quantity(line.tangential_force, units.force),
-        **_effective(line, units),
+        **({"effective_normal_force": _quantity(line.effective_normal_force, units.force)} if line.has_fluid else {}),
         "length": {name: _quantity(length, units.length) for name, length in line.lengths.items()},
         "largest_pressure": _quantity((-line.normal_stress).max(), units.stress),
         "largest_shear": _quantity(np.abs(line.tangential_stress).max(), units.stress),
         "largest_gap": _quantity(line.gap.max(), units.displacement),
         "largest_slip": _quantity(np.abs(line.slip).max(), units.displacement),
         "points": len(line.x),
-    }
-
-
-def _effective(line: ContactLine, units: Units) -> dict[str, Any]:
-    """The effective force where a fluid presses in the contact."""
-    if not line.has_fluid:
-        return {}
-    return {"effective_normal_force": _quantity(line.effective_normal_force, units.force)}
-
-
-def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any]:
-    found = result.resultant(edges)
-    return {
-        "x": _quantity(found.x, units.force),
-        "y": _quantity(found.y, units.force),
-        "moment": _quantity(found.moment, units.moment),
     }
 
 
@@ -269,13 +264,6 @@ def _plain(value: object) -> object:
     return int(value) if isinstance(value, np.integer) else value
 
 
-def _body_arrays(result: ContactResult) -> dict[str, Any]:
-    x, y, stress = result.gauss_stress()
-    mesh, material = result.problem.mesh, result.problem.cell_materials
-    body = {"vertices": mesh.vertices, "cells": mesh.cells, "material": material}
-    return {**body, "gauss_x": x, "gauss_y": y, "gauss_stress": stress}
-
-
 def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
     """Fields of every `ContactLine`, with its resultant forces; those of a fluid where there is one.
 
@@ -288,14 +276,4 @@ def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
         f"{name}.{field}": getattr(line, field)
         for name, line in contacts.items()
         for field in (names + wet if line.has_fluid else names)
-    }
-
-
-def _numbers(result: ContactResult) -> dict[str, Any]:
-    """Energies, motion of plates, misfit of tractions."""
-    energies, motions = result.energies, result.plates
-    return {
-        "energies": np.array([getattr(energies, field.name) for field in fields(Energies)]),
-        "traction_misfit": result.traction_misfit,
-        **{f"{name}.motion": np.array([motion.x, motion.y, motion.rotation]) for name, motion in motions.items()},
     }

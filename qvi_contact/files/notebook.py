@@ -8,10 +8,11 @@ import numpy as np
 from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.schema import defaults_of
 from qvi_contact.basics.shown import shown
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Condition, Contact
+from qvi_contact.problem.conditions import Condition
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult
@@ -32,7 +33,7 @@ def mesh_html(mesh: TriangleMesh) -> Markup:
         Markup('<span style="white-space:nowrap">{} {}</span>').format(_stroke(number), name)
         for number, name in enumerate(names)
     )
-    return Markup("<div><div>{}</div>{}<div>{}</div></div>").format(_bare(mesh), _drawing(mesh, names), keys)
+    return Markup("<div><div>{}</div>{}<div>{}</div></div>").format(repr(mesh)[1:-1], _drawing(mesh, names), keys)
 
 
 def problem_html(problem: ContactProblem) -> Markup:
@@ -83,9 +84,8 @@ def _given(condition: Condition) -> str:
     """What a condition gives, without what goes without saying."""
     names = [name for name in type(condition).__dataclass_fields__ if name not in ("edges", "name")]
     values = {name: getattr(condition, name) for name in names}
-    if isinstance(condition, Contact):
-        usual = {"gap": 0.0, "offset": 0.0, "cohesion": 0.0, "law": "unilateral"}
-        values = {name: value for name, value in values.items() if callable(value) or value != usual.get(name)}
+    usual = defaults_of(type(condition))
+    values = {name: value for name, value in values.items() if callable(value) or value != usual.get(name)}
     named = {name: "a function" if callable(value) else value for name, value in values.items() if value is not None}
     return ", ".join(f"{name} = {value}" for name, value in named.items())
 
@@ -139,7 +139,3 @@ def _stroke(number: int) -> Markup:
     """A short line in the look of a named part."""
     frame = Markup('<svg xmlns="http://www.w3.org/2000/svg" width="28" height="8"><path d="M0 4L28 4" {}/></svg>')
     return frame.format(_look(number))
-
-
-def _bare(mesh: TriangleMesh) -> str:
-    return repr(mesh)[1:-1]

@@ -20,6 +20,7 @@ from qvi_contact.basics.schema import (
     FINITE,
     MOST,
     TEXT,
+    Choice,
     Kind,
     Listed,
     Options,
@@ -124,7 +125,7 @@ class HistoryTable:
 class SweepPlan:
     """Arguments for `qvi_contact.solve_sweep`: parameter, values, and names of what is changed, by default all."""
 
-    parameter: Literal["friction", "load", "gap", "offset"]
+    parameter: Annotated[Any, Choice(("friction", "load", "gap", "offset"))]  # checked by solve_sweep too
     """friction: μ of contacts; load: a factor of loads; gap, offset: what is added to these of contacts [length]:
     `parameter = "friction"`."""
     values: Annotated[tuple[float, ...], Values("value")]

@@ -7,7 +7,7 @@ for the first step, and so on. After an interruption the steps up to the first t
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, overload
 
@@ -123,10 +123,11 @@ class StepStore:
         header = self._folder / _HEADER
         if header.exists():
             self._check(header)
-        elif any(self._others()):
+        elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write cut short
             raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
         else:
-            self._write_header()
+            document = {"format": _FORMAT, "version": _VERSION, "fingerprint": fingerprint, "planned": planned}
+            write_text(header, json.dumps(document, indent=2) + "\n")
 
     def begun(self, restore: Restore) -> StoredSteps:
         """The steps there are."""
@@ -164,19 +165,6 @@ class StepStore:
 
     def _path(self, number: int) -> Path:
         return self._folder / f"step-{number:06}.npz"
-
-    def _others(self) -> Iterator[Path]:
-        """Files that are not left of a write that was interrupted."""
-        return (path for path in self._folder.iterdir() if not path.name.startswith(".writing-"))
-
-    def _write_header(self) -> None:
-        document = {
-            "format": _FORMAT,
-            "version": _VERSION,
-            "fingerprint": self._fingerprint,
-            "planned": self._planned,
-        }
-        write_text(self._folder / _HEADER, json.dumps(document, indent=2) + "\n")
 
     def _check(self, header: Path) -> None:
         """`InputError` unless the header is that of a store of this history."""

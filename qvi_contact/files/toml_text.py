@@ -42,7 +42,7 @@ def check_length(field: str, value: str, length: int) -> None:
 def check_size(text: str) -> None:
     """`InputError` if a text is longer, or its keys are deeper, than any problem needs."""
     check_length("TOML", text[:_SHOWN], len(text))
-    bare = _TEXT_OR_COMMENT.sub(_placeholder, text)
+    bare = _TEXT_OR_COMMENT.sub(lambda found: "" if found[0].startswith("#") else "_", text)  # texts may be in keys
     if sum(bare.count(separator) for separator in _SEPARATORS) > _MOST_SEPARATORS:
         remedy = f"holds more than about {_MOST_SEPARATORS // 2} numbers, the limit of a problem file: {_SHORTER}"
         raise InputError("TOML", text[:_SHOWN], remedy)
@@ -51,11 +51,6 @@ def check_size(text: str) -> None:
         raise InputError("TOML", deep[0], "this key has too many parts: write it as in the examples")
     if long is not None:
         raise InputError("TOML", long[0], "this number or key is too long: shorten it")
-
-
-def _placeholder(found: re.Match[str]) -> str:
-    """What stands for a text, which may be a part of a key, or a comment."""
-    return "" if found[0].startswith("#") else "_"
 
 
 def tables_of(text: str) -> dict[str, Any]:

@@ -299,10 +299,6 @@ def _edges_of(mesh: TriangleMesh, condition: Condition) -> IntArray:
         raise UnknownNameError(f"{type(condition).__name__}.edges", condition.edges, error.remedy) from error
 
 
-def _name(condition: Condition) -> str:
-    return f"{type(condition).__name__}({condition.edges!r})"
-
-
 def _check_joints(problem: ContactProblem) -> None:
     """Joints must not share edges, and are driven by no plate."""
     mesh = problem.mesh
@@ -332,13 +328,20 @@ def _ruled(problem: ContactProblem) -> tuple[IntArray, IntArray]:
             own = _LOCAL_FRAME if name in LOCAL else _CARTESIAN_FRAME
             other = chosen[~parallel[chosen] & (frame[chosen] == 1 - own)]
             if len(other):
-                _refuse_mixture(problem, condition, name, int(other[0]))
+                x, y = _midpoint(problem.mesh, int(other[0]))
+                remedy = (
+                    f"gives the {name} component of the slanted edge around ({x:.6g}, {y:.6g}), and another condition "
+                    "one of the other kind: give both components of an edge as x and y, or both as normal and "
+                    "tangential"
+                )
+                raise InputError("ContactProblem.conditions", condition.edges, remedy)
             frame[chosen] = np.where(parallel[chosen], frame[chosen], own)
             slot = _slots(name, edges, parallel[chosen])
             taken = owner[slot, chosen]
             if (taken >= 0).any():
                 at = int(np.argmax(taken >= 0))
-                remedy = f"already has the condition {_name(problem.conditions[taken[at]])}: {_OVERLAP}"
+                earlier = problem.conditions[taken[at]]
+                remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
                 local = bool(frame[chosen[at]])
                 _raise_on_edge(problem.mesh, condition.edges, int(slot[at]), int(chosen[at]), remedy, local)
             owner[slot, chosen] = number
@@ -360,28 +363,15 @@ def _slots(name: str, edges: Edges, parallel: BoolArray) -> IntArray:
     return np.where(parallel, axis, LOCAL.index(name))
 
 
-def _refuse_mixture(problem: ContactProblem, condition: Condition, name: str, edge: int) -> None:
-    x, y = _midpoint(problem.mesh, edge)
-    remedy = (
-        f"gives the {name} component of the slanted edge around ({x:.6g}, {y:.6g}), and another condition one of the "
-        "other kind: give both components of an edge as x and y, or both as normal and tangential"
-    )
-    raise InputError("ContactProblem.conditions", condition.edges, remedy)
-
-
 def _check_complete(problem: ContactProblem) -> None:
     owners, frame = problem._rules
     missing = owners < 0
     if missing.any():
         component, edge = (int(number) for number in np.argwhere(missing)[0])
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
-        name = _sets_of(problem.mesh, edge)[0]
+        named = [name for name in problem.mesh.edge_names if edge in problem.mesh.edge_set(name)]
+        name = named[0] if named else "an edge without a name"
         _raise_on_edge(problem.mesh, name, component, edge, remedy, frame[edge] == _LOCAL_FRAME)
-
-
-def _sets_of(mesh: TriangleMesh, edge: int) -> list[str]:
-    """Names of the edge sets that hold an edge of the boundary."""
-    return [name for name in mesh.edge_names if edge in mesh.edge_set(name)] or ["an edge without a name"]
 
 
 def _check_pressure(problem: ContactProblem) -> None:
@@ -392,20 +382,15 @@ def _check_pressure(problem: ContactProblem) -> None:
     used = [problem.materials[number] for number in np.unique(problem.cell_materials)]
     if not all(material.incompressible for material in used):
         return
-    given = (_normal_part(problem, prescribed) for prescribed in problem.prescribed(Traction))
-    if not any(part.any() for part in given):
+    normal = problem.mesh.boundary.normal
+    parts = ((given.direction * normal[given.index]).sum(axis=1) for given in problem.prescribed(Traction))
+    if not any((np.abs(part) > _TANGENTIAL).any() for part in parts):
         remedy = (
             "in plane strain a constant pressure does not deform this body, so the loads do not determine it (forces "
             "on plates and contacts that open do not count): prescribe a normal traction on a part of the "
             "boundary (0 where it is free), or take a number just below 0.5, such as 0.499"
         )
         raise InputError("Material.poisson", 0.5, remedy)
-
-
-def _normal_part(problem: ContactProblem, given: Prescribed) -> BoolArray:
-    """On which edges a prescribed component has a part along the normal."""
-    normal = problem.mesh.boundary.normal[given.index]
-    return np.asarray(np.abs((given.direction * normal).sum(axis=1)) > _TANGENTIAL)
 
 
 def _midpoint(mesh: TriangleMesh, edge: int) -> FloatArray:

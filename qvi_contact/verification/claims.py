@@ -227,7 +227,7 @@ def _unit_of(name: str, found: Recomputed) -> tuple[float, float]:
     if field == "energies":
         return found.energy, 0.0
     if field in _AXES:
-        return _size(found), 0.0
+        return found.result.problem.mesh.length, 0.0  # longer side of the body's box
     if field.endswith("_force"):
         return found.stress * length, found.rounding * length
     if any(part in field for part in ("stress", "pressure", "bound", "between", "misfit")):
@@ -266,8 +266,3 @@ def missed_tractions(result: ContactResult) -> float:
 def _along(part: PrescribedTraction, t: FloatArray) -> FloatArray:
     """The direction of a component at reference points of its edges, (n, q, 2)."""
     return vectors_along(part.edges, part.direction, t, turns=part.turns)
-
-
-def _size(found: Recomputed) -> float:
-    """Length of the longer side of the body's box."""
-    return found.result.problem.mesh.length

@@ -170,7 +170,10 @@ class Verification:
             "status": str(self.status),
             "tolerance": self.tolerance,
             "failures": [row.name for row in self.failures],
-            "checks": [{name: _plain(getattr(row, name)) for name in names} for row in self.rows],
+            "checks": [
+                {name: None if value in (np.inf, -np.inf) or value != value else value for name, value in row.items()}
+                for row in ({name: getattr(each, name) for name in names} for each in self.rows)
+            ],
         }
 
 
@@ -263,16 +266,12 @@ def _verified(archive: Archive, tolerance: float | None) -> Verification:
         "The file was changed after it was written. The other checks show whether the result still holds.",
     )  # fmt: skip
     found = recompute(result, result.discretization, chosen)  # which was made from the file just now
-    rows = (intact, *_rows(result, _claims(archive, found), found, _accepted(chosen, tolerance)))
+    claims = None  # of stored steps
+    if STORE not in archive.arrays:
+        others = OWN | solution_names(result)
+        claims = {name: archive.array(name) for name in (*found.fields, *archive.arrays) if name not in others}
+    rows = (intact, *_rows(result, claims, found, _accepted(chosen, tolerance)))
     return Verification(rows, result.status, chosen)
-
-
-def _claims(archive: Archive, found: Recomputed) -> dict[str, Any] | None:
-    """Fields of an archive, whatever their names; one that is missing is an `InputError`. None for stored steps."""
-    if STORE in archive.arrays:
-        return None
-    others = OWN | solution_names(found.result)
-    return {name: archive.array(name) for name in (*found.fields, *archive.arrays) if name not in others}
 
 
 def _tolerance(result: ContactResult, given: float | None) -> float:
@@ -439,7 +438,3 @@ def _facts(found: Recomputed) -> Iterator[Check]:
         "Not computed again: iterations and their history, corrections, timings, method, versions, and the message "
         "after its first words.",
     )  # fmt: skip
-
-
-def _plain(value: object) -> object:
-    return None if isinstance(value, float) and not np.isfinite(value) else value

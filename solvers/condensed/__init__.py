@@ -14,7 +14,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "coordinates": ("Reduction", "Whole"),
+        "coordinates": ("DenseCoordinates", "SparseCoordinates"),
         "complementarity": ("Complementarity",),
         "interior_point": (
             "GAP",
@@ -26,6 +26,6 @@ __getattr__ = front(
             "CentralPath",
         ),
         "method": ("CondensedOptions",),
-        "systems": ("DenseSystem", "FRICTION_SHARES", "Shares"),
+        "systems": ("DenseSystem", "FRICTION_SHARES", "PathWeights"),
     },
 )

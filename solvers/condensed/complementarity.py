@@ -33,7 +33,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.certificate import body_scales
-from solvers.condensed.systems import FRICTION_SHARES, Base, NewtonSystem, Shares, Space
+from solvers.condensed.systems import FRICTION_SHARES, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, magnitudes, mapped, scaled
 
@@ -69,7 +69,12 @@ class Complementarity:
     """
 
     def __init__(
-        self, qvi: FrictionQVI, space: Space, base: Base, stress: float, shares: Shares = FRICTION_SHARES[0]
+        self,
+        qvi: FrictionQVI,
+        space: Coordinates,
+        base: Expansion,
+        stress: float,
+        shares: PathWeights = FRICTION_SHARES[0],
     ) -> None:
         self._shares, self.start = shares, shares.start
         self._qvi, self._space, self.stress = qvi, space, stress
@@ -148,7 +153,7 @@ class Complementarity:
         self.forces: Rows = self._space.forces(self.T)
         self._split_rows: Rows = self._all[self.split]
 
-    def rebase(self, base: Base) -> None:
+    def rebase(self, base: Expansion) -> None:
         """Pose the problem about another point; u = 0 there, up to what equations had missed."""
         space = self._space
         self._moved = bool(base.z.any())

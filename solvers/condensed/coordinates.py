@@ -24,10 +24,10 @@ from solvers.condensed.systems import (
     MANY_POINTS_SHARES,
     MANY_POINTS_STRAGGLERS,
     NEAR_BONDED_SHARES,
-    Base,
+    Coordinates,
     DenseSystem,
+    Expansion,
     Solve,
-    Space,
 )
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.superlu import Refactorisation
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity
 
 
-class Reduction(Space):
+class DenseCoordinates(Coordinates):
     """The maps between z and trace coordinates, and S_y.
 
     Attributes
@@ -75,7 +75,7 @@ class Reduction(Space):
         """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
         return DenseSystem(np.asarray(S), many=self._many)
 
-    def base(self, z: Vector) -> Base:
+    def base(self, z: Vector) -> Expansion:
         """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""
         qvi = self._qvi
         strain, gradient = qvi.state(z)
@@ -85,13 +85,15 @@ class Reduction(Space):
         else:
             reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
         c = -self._scale * self._coordinates.from_unknowns(reduced)
-        return Base(z, c, qvi.b - qvi.arrays.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state)
+        return Expansion(
+            z, c, qvi.b - qvi.arrays.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state
+        )
 
-    def move(self, base: Base, y: Vector) -> Vector:
+    def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
         return np.asarray(base.z + self._system.factor.expand(base.state, self._unknowns(y)))
 
-    def bonded(self, base: Base) -> Vector:
+    def bonded(self, base: Expansion) -> Vector:
         """Trace coordinates (k,) of the bonded solution, on which no contact law acts."""
         values, _ = self._system.solve_interface(-base.reduced, base.equality)
         return self._coordinates.from_values(values) / self._scale
@@ -100,7 +102,7 @@ class Reduction(Space):
         """Trace coordinates (k,) of a point z (n,), counted from z = 0."""
         return np.asarray(self._coordinates.from_values(z[self._system.interface]) / self._scale)
 
-    def defect(self, before: Base, y: Vector, after: Base) -> float:
+    def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
         """Energy norm of what the reduced problem missed on the way from one base to the next, y its step."""
         predicted = before.reduced + self._system.schur @ self._unknowns(y)
         missed = after.reduced - predicted
@@ -133,8 +135,8 @@ class Reduction(Space):
 _NEAR_FROM = 12_000  # contact points, above which a start near the bonded solution is the first, else the last
 
 
-class Whole(Space):
-    """The maps between z and the coordinates y = (x, t), with those of `Reduction`."""
+class SparseCoordinates(Coordinates):
+    """The maps between z and the coordinates y = (x, t), with those of `DenseCoordinates`."""
 
     name = "sparse"
     stiffness: SparseRows
@@ -158,22 +160,24 @@ class Whole(Space):
         """Number of coordinates k = n + r."""
         return sum(self._Y.shape)
 
-    def base(self, z: Vector) -> Base:
+    def base(self, z: Vector) -> Expansion:
         """The problem about z: one gradient."""
         qvi = self._qvi
         energy, gradient = qvi.state(z)
         c = np.concatenate([self._scale * gradient, np.zeros(self._Y.shape[0])])
-        return Base(z, c, qvi.b, qvi.normal(z), qvi.tangential(z), gradient, energy, qvi.energy(z), np.zeros((0, 0)))
+        return Expansion(
+            z, c, qvi.b, qvi.normal(z), qvi.tangential(z), gradient, energy, qvi.energy(z), np.zeros((0, 0))
+        )
 
-    def move(self, base: Base, y: Vector) -> Vector:
+    def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose coordinates are y."""
         return np.asarray(base.z + self._scale * y[: self._qvi.n])
 
-    def bonded(self, base: Base) -> Vector:
+    def bonded(self, base: Expansion) -> Vector:
         """Coordinates (k,) of the bonded solution, on which no contact law acts."""
         return self.coordinates(self._linear.solve(-base.reduced)[0])
 
-    def defect(self, before: Base, y: Vector, after: Base) -> float:
+    def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
         """Energy norm of what K as it is assembled missed on the way from one base to the next, y its step."""
         return self.norm(after.c - before.c - self.stiffness @ y)
 
@@ -245,7 +249,7 @@ class SparseSystem:
     last_digits = False
     orientation = 0  # PARDISO does not tell
 
-    def __init__(self, whole: Whole, filling: "Filling") -> None:
+    def __init__(self, whole: SparseCoordinates, filling: "Filling") -> None:
         self._whole, self._filling = whole, filling
         self._size = len(filling.starts) - 1
         self._values = np.empty_like(filling.entries)  # of H, whichever was filled last

@@ -45,9 +45,9 @@ from solvers.basics.status import Status
 from solvers.certificate import certify
 from solvers.certificate.feasibility import Feasibility, refuted
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.coordinates import Reduction, Whole, obstacle
+from solvers.condensed.coordinates import DenseCoordinates, SparseCoordinates, obstacle
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
-from solvers.condensed.systems import FITTING_SHARES, Base, Shares, Space, SystemName
+from solvers.condensed.systems import FITTING_SHARES, Coordinates, Expansion, PathWeights, SystemName
 from solvers.errors import InputError
 from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
@@ -119,8 +119,8 @@ class _Run:
     """Everything that changes during a solve."""
 
     qvi: FrictionQVI
-    space: Space
-    base: Base
+    space: Coordinates
+    base: Expansion
     problem: Complementarity
     interior: InteriorPoint
     options: CondensedOptions
@@ -174,7 +174,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
         _iterate(run)
         run.attempts = (_attempted(run, "condensed", ""),)
         if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.stiffness.use_root():
-            attempts, run = run.attempts, _start(qvi, Reduction(qvi), options)
+            attempts, run = run.attempts, _start(qvi, DenseCoordinates(qvi), options)
             _iterate(run)
             run.attempts = (*attempts, _attempted(run, "condensed, R in place of K", "K has lost too much to rounding"))
         run = _restarted(run, tolerance, time.perf_counter() - set_up)
@@ -189,15 +189,15 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     return replace(solution, message=f"{solution.message} {remark}") if remark else solution
 
 
-def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Space, str]:
+def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Coordinates, str]:
     """The coordinates asked for, or those that cost less; and a sentence where they cannot be had."""
     wanted = options.system
     if wanted == "auto":
         wanted = "dense" if qvi.stiffness.condensing_pays(qvi.contact) else "sparse"
     reason = obstacle(qvi) if wanted == "sparse" else ""
     if wanted == "dense" or reason:
-        return Reduction(qvi), f"Dense linear systems were taken: {reason}." if reason else ""
-    return Whole(qvi), ""
+        return DenseCoordinates(qvi), f"Dense linear systems were taken: {reason}." if reason else ""
+    return SparseCoordinates(qvi), ""
 
 
 def _restarted(first: _Run, tolerance: float, seconds: float) -> _Run:
@@ -252,7 +252,7 @@ def _accuracy(run: _Run) -> float:
     return certify(run.qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu).accuracy
 
 
-def _start(qvi: FrictionQVI, space: Space, options: CondensedOptions, shares: Shares | None = None) -> _Run:
+def _start(qvi: FrictionQVI, space: Coordinates, options: CondensedOptions, shares: PathWeights | None = None) -> _Run:
     """Reduce about z = 0, and begin where the contact would be bonded."""
     base = space.base(np.zeros(qvi.n))
     bonded = space.bonded(base)

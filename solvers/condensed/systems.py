@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity
 
 
-class Shares(NamedTuple):
+class PathWeights(NamedTuple):
     """s λ of friction bounds and caps over s λ of normal bounds on a central path, and where it begins.
 
     Attributes
@@ -39,14 +39,14 @@ class Shares(NamedTuple):
     start: float = 0.1
 
 
-FRICTION_SHARES = (Shares(30.0, 1000.0), Shares(100.0, 100.0), Shares(1e4, 1e4), Shares(10.0, 10.0))
+FRICTION_SHARES = (PathWeights(30.0, 1000.0), PathWeights(100.0, 100.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
 """Tried one after the other if need be: with 1 to the end the path often turns back where contact opens and friction is
 large, and with 1000 from the start where rows are dense."""
 
-FITTING_SHARES = Shares(1.0, 30.0)
+FITTING_SHARES = PathWeights(1.0, 30.0)
 """Tried next where slacks do not fit their tractions: close to a sliding limit those of walls fit with these alone."""
 
-MANY_POINTS_SHARES = (FITTING_SHARES, Shares(30.0, 1000.0), Shares(1e4, 1e4), Shares(10.0, 10.0))
+MANY_POINTS_SHARES = (FITTING_SHARES, PathWeights(30.0, 1000.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
 """The same where points are thousands: pressures are rounded off as much as friction at first, and beds open and slip
 without a step that is short."""
 
@@ -64,7 +64,7 @@ Solve: TypeAlias = Callable[[Vector], Vector]
 
 
 @dataclass(eq=False)
-class Base:
+class Expansion:
     """A point about which a problem is posed.
 
     Attributes
@@ -91,8 +91,8 @@ class Base:
     state: State
 
 
-class Space(ABC):
-    """The coordinates y (k,) in which a problem is posed about a base; `Reduction` and `Whole`.
+class Coordinates(ABC):
+    """The coordinates y (k,) in which a problem is posed about a base; `DenseCoordinates` and `SparseCoordinates`.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Space(ABC):
     """
 
     name: ClassVar[SystemName]
-    shares: tuple[Shares, ...]
+    shares: tuple[PathWeights, ...]
     stiffness: Matrix | SparseRows
     E: Rows
     A: Matrix
@@ -116,15 +116,15 @@ class Space(ABC):
         """Number of coordinates k."""
 
     @abstractmethod
-    def base(self, z: Vector) -> Base:
+    def base(self, z: Vector) -> Expansion:
         """The problem about z."""
 
     @abstractmethod
-    def move(self, base: Base, y: Vector) -> Vector:
+    def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz (n,) whose coordinates are y."""
 
     @abstractmethod
-    def bonded(self, base: Base) -> Vector:
+    def bonded(self, base: Expansion) -> Vector:
         """Coordinates (k,) of the bonded solution, on which no contact law acts."""
 
     @abstractmethod
@@ -132,7 +132,7 @@ class Space(ABC):
         """Coordinates (k,) of a point z (n,), counted from z = 0."""
 
     @abstractmethod
-    def defect(self, before: Base, y: Vector, after: Base) -> float:
+    def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
         """Energy norm of what was missed on the way from one base to the next, y its step."""
 
     @abstractmethod
@@ -153,7 +153,7 @@ class Space(ABC):
         """The rows (m, k) of tangential tractions."""
         return self.E[self.E.shape[0] // 2 :]
 
-    def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]:
+    def tractions(self, base: Expansion, y: Vector) -> tuple[Vector, Vector]:
         """(σ_N, σ_T) (m,) each."""
         return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
 

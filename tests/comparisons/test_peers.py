@@ -27,7 +27,7 @@ from tests.comparisons.parts import committed, row
 
 CODES_FOLDER = Path(import_module("comparisons.peers.codes").__file__).parent
 LIMIT = {friction: value for friction, (value, _) in LIMITS.items()}
-CHOSEN = ("triangles, p = 3, bisected", "NGSolve, p = 2, symmetric, uniform", "bracket, p = 5, bisected")
+CHOSEN = ("triangles, p = 3, bisected", "NGSolve, p = 2, symmetric, uniform")
 FLOOR = LIMITS[0.2][1] / LIMIT[0.2]
 MOVED = {0.0: 0.758518, 0.1: 0.738677}
 """u_x [mm] of the sheet on the axis, by NGSolve with degree 4 on twice as many edges."""
@@ -130,7 +130,7 @@ def on_the_mesh(case):
 
 
 def test_rows_are_certified_solves_with_times_a_memory_and_an_error_of_their_own():
-    """One real run, models of three kinds on one mesh, each in a process of its own."""
+    """One real run, two models on one mesh, each in a process of its own."""
     missing, number = room.missing_codes(), {True: 8, False: 0}
     chosen = {name: room.MODELS[name] for name in CHOSEN if room.MODELS[name].code not in missing}
     cases = [
@@ -148,9 +148,8 @@ def test_rows_are_certified_solves_with_times_a_memory_and_an_error_of_their_own
         assert (len(whole), run.seconds) == (2, min(whole))
         assert min(run.setup + run.solve) > 0.0
         assert 2**24 < run.before <= run.peak < 2**30
-        if run.code != room.BRACKET:
-            assert run.error == pytest.approx(abs(run.half_force / LIMIT[1.0] - 1.0))
-            assert run.error > 1e-6
+        assert run.error == pytest.approx(abs(run.half_force / LIMIT[1.0] - 1.0))
+        assert run.error > 1e-6
     assert runs.before.nunique() == len(runs)
 
 
@@ -313,12 +312,11 @@ class TestPin:
         a, b, c = np.array(plain["vertices"])[np.array(plain["cells"]).T]
         assert np.all(np.linalg.det(np.stack([b - a, c - a], axis=-1)) > 0.0)
 
-    @pytest.mark.parametrize("friction", [0.0, 0.1])
-    def test_triangles_move_as_far_as_on_finer_meshes(self, friction):
+    def test_triangles_move_as_far_as_on_finer_meshes(self):
         """Half a thousandth on four edges in a quarter; the force is carried to rounding."""
         own = import_module("comparisons.peers.codes.own")
-        found = own.pin(room.plain_pin(friction, 4), degree=4)()
-        assert found["moved"] == pytest.approx(MOVED[friction], rel=5e-4)
+        found = own.pin(room.plain_pin(0.1, 4), degree=4)()
+        assert found["moved"] == pytest.approx(MOVED[0.1], rel=5e-4)
         assert found["carried"] == pytest.approx(1e4, rel=1e-9)
 
     @with_ngsolve

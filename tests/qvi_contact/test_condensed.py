@@ -11,7 +11,7 @@ from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
 from qvi_contact.solution import posed
 from solvers import Status
-from solvers.condensed import CentralPath, Complementarity, InteriorPoint, Reduction, Shares
+from solvers.condensed import CentralPath, Complementarity, DenseCoordinates, InteriorPoint, PathWeights
 from solvers.inequality import dense as dense_rows
 from solvers.inequality import interface_of, trace_coordinates
 from tests.effort import thinned
@@ -190,7 +190,7 @@ def test_traces_reproduce_the_tractions(sides, joints):
     rows = qvi.contact_rows.toarray()
     rank = np.linalg.matrix_rank(rows / np.abs(rows).max(axis=1, keepdims=True), tol=1e-9)
     assert np.count_nonzero(dense_rows(coordinates.interpolation).any(axis=0)) == rank
-    assert np.linalg.cond(Reduction(qvi).stiffness) < 1e5
+    assert np.linalg.cond(DenseCoordinates(qvi).stiffness) < 1e5
     result = solve(problem)
     assert result.status is Status.SOLVED, result.message
 
@@ -198,11 +198,11 @@ def test_traces_reproduce_the_tractions(sides, joints):
 def begun(body):
     """Complementarity and interior point of a body, as `solve_condensed` begins, with a share that leads into folds."""
     qvi = discretize(body).rescaled().qvi
-    space = Reduction(qvi)
+    space = DenseCoordinates(qvi)
     base = space.base(np.zeros(qvi.n))
     bonded = space.bonded(base)
     stress = max(np.abs(part).max() for part in space.tractions(base, bonded))
-    problem = Complementarity(qvi, space, base, stress, Shares(1000.0, 1000.0))
+    problem = Complementarity(qvi, space, base, stress, PathWeights(1000.0, 1000.0))
     interior = InteriorPoint(problem, stress / qvi.contact_stiffness)
     interior.start_at(problem.restricted(bonded))
     return problem, interior

@@ -212,3 +212,11 @@ def test_pressure_and_gap(base):
     gap = trace(base, base.gap, 0.0, 1)
     assert gap == pytest.approx(5.9e-7, rel=0.05)
     assert np.abs(base.gap[base.x > 5e-3]).max() < 0.05 * gap
+
+
+@pytest.mark.parametrize("name", ["friction", "cohesion", "shear_limit", "pore_pressure"])
+def test_data_of_the_law_are_not_negative_and_no_tied_contact_has_them(name):
+    for value, law in ((-1.0, "unilateral"), (1.0, "tied")):
+        with pytest.raises(InputError) as caught:
+            Contact("top", **{"friction": 0.0, name: value}, law=law)
+        assert (caught.value.field, caught.value.value) == (f"Contact.{name}", value)

@@ -250,6 +250,13 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ),
         ("young = 1000.0", "young = 1000.0\nbody_potential = 1.0", "material.body_potential", "top of the file"),
         ("young = 1000.0", "young = 1979-05-27", "material.young", "dates"),
+        ("young = 1000.0", "young = 1e-70", "material.young", "at least 1e-60"),
+        (
+            "x = [0.0, 1.0]",
+            "x = [{ start = 0, stop = 1, cells = 1 }, { start = 2, stop = 3, cells = 1 }]",
+            "mesh.x[1].start",
+            "stops, at 1",
+        ),
         ("young = 1000.0", "young = 0x" + "f" * 400, "material.young", "64 bits"),
         ("young = 1000.0", "young = 1000.0 1000.0", "TOML", "line 7"),
     ],

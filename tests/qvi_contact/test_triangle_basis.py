@@ -115,7 +115,7 @@ def test_rows_of_contacts_give_the_tractions_at_their_points(degree, kind):
     traces = basis.trace_rows([edges, basis.mesh.edges("left")], rule.points).matrix(basis.size)
     u = np.random.default_rng(0).normal(size=basis.size)
     rows = (traces @ u).reshape(2, -1, degree - 1)[:, : len(edges)] @ rule.from_points.T
-    V = np.eye(degree - 1) if rule.to_points is None else rule.to_points
+    V = rule.to_points
     for found, expected in zip(rows @ V.T, basis.tractions(u, edges, rule.points), strict=True):
         assert found.ravel() == pytest.approx(expected, abs=1e-11 * np.abs(expected).max())
     assert rule.weights.sum() == pytest.approx(1.0)
@@ -204,7 +204,7 @@ def test_prescribed_tractions_are_met_exactly(degree, turn):
         assert n * normal + t * shear == pytest.approx(part.value(x, y), abs=1e-10 * np.abs(u).max())
     # what is known: both components on six edges, one on three, and the gauge
     assert len(found.pivots) == 6 * (2 * degree - 2) + 3 * (degree - 1) + 3
-    assert np.count_nonzero(found.basis.factors) < 12 * len(found.pivots)
+    assert len(found.basis.factor) < 12 * len(found.pivots)
 
 
 @pytest.mark.parametrize("degree", [3, 4, 5])

@@ -9,14 +9,14 @@ from scipy.sparse import csc_array, diags_array, eye_array
 from solvers import FrictionQVI
 from solvers.condensed import (
     Complementarity,
+    DenseCoordinates,
     DenseSystem,
     InteriorPoint,
     Newton,
+    PathWeights,
     Point,
-    Reduction,
     Residuals,
-    Shares,
-    Whole,
+    SparseCoordinates,
 )
 from tests.solvers.conftest import LAWS, chain, mixed_problem, random_problem, two_contacts
 
@@ -44,7 +44,7 @@ def test_dense_systems_know_the_sign_of_the_determinant(seed):
 
 def posed(qvi):
     """The complementarity problem about z = 0, with an interior point in general position."""
-    reduction = Reduction(qvi)
+    reduction = DenseCoordinates(qvi)
     problem = Complementarity(qvi, reduction, reduction.base(np.zeros(qvi.n)), 1.0)
     method = InteriorPoint(problem, 0.7)
     random = np.random.default_rng(3)
@@ -86,7 +86,7 @@ def test_the_change_of_slacks_is_minus_their_derivative(name):
 def test_slacks_are_the_law_at_the_moved_point(name):
     """Written out again from z: pressures, bounds and caps at the points."""
     qvi = PROBLEMS[name]()
-    reduction = Reduction(qvi)
+    reduction = DenseCoordinates(qvi)
     base = reduction.base(0.1 * np.random.default_rng(0).normal(size=qvi.n))
     problem = Complementarity(qvi, reduction, base, 1.0)
     u = 0.3 * np.random.default_rng(1).normal(size=problem.S.shape[0])
@@ -177,7 +177,7 @@ def test_newton_steps_have_errors_of_second_order(name):
 def test_energy_and_multipliers_are_those_of_the_full_problem(name):
     """S y + c is the gradient of the energy, and a residual of y alone is one of the contact's unknowns alone."""
     qvi = PROBLEMS[name]()
-    reduction = Reduction(qvi)
+    reduction = DenseCoordinates(qvi)
     base = reduction.base(0.1 * np.random.default_rng(0).normal(size=qvi.n))
     base = reduction.base(reduction.move(base, np.zeros(reduction.size)))
     problem = Complementarity(qvi, reduction, base, 1.0)
@@ -196,7 +196,7 @@ def test_energy_and_multipliers_are_those_of_the_full_problem(name):
 
 
 def posed_whole(qvi, *shares):
-    whole = Whole(qvi)
+    whole = SparseCoordinates(qvi)
     return whole, Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, *shares)
 
 
@@ -276,8 +276,8 @@ def test_the_parameter_waits_for_bounds_that_were_passed(share, misfit, expected
 def test_friction_has_another_share_once_slacks_fit(law):
     """Products start on the path of the early one; what kinks aim at stays."""
     qvi = chain(1, **LAWS[law])
-    whole = Whole(qvi)
-    problem = Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, Shares(2.0, 50.0))
+    whole = SparseCoordinates(qvi)
+    problem = Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, PathWeights(2.0, 50.0))
     interior = InteriorPoint(problem, 1.0)
     count, early, before = len(problem.shares), interior.shares.copy(), interior.parameter()
     assert set(early[:count]) == ({1.0, 2.0} if law != "bilateral" else {2.0})
@@ -310,7 +310,7 @@ def test_large_problems_start_near_the_bonded_solution():
     """Multipliers are a fiftieth; the other start comes next."""
     many = row_of_points(12_001)
     with many.stiffness.using("superlu", 1):
-        large, small = Whole(many).shares, Whole(chain(0)).shares
+        large, small = SparseCoordinates(many).shares, SparseCoordinates(chain(0)).shares
     assert (large[0], large[1:]) == (small[-1], small[:-1])
     near, usual = (InteriorPoint(posed_whole(chain(0), shares)[1], 1.0).point.lam for shares in large[:2])
     assert near == pytest.approx(0.02 * usual)

@@ -150,9 +150,9 @@ def test_wrong_traces_are_refused():
 @pytest.mark.parametrize("cells", [(1, 1), (3, 2), (8, 8)])
 def test_traces_of_the_plate_are_well_scaled(cells):
     """The condition of S on the traces, scaled to a diagonal of one, is that of a first-order operator."""
-    from solvers.condensed import Reduction
+    from solvers.condensed import DenseCoordinates
 
-    stiffness = Reduction(discretize(compressed_plate(0.2, cells)).qvi).stiffness
+    stiffness = DenseCoordinates(discretize(compressed_plate(0.2, cells)).qvi).stiffness
     assert stiffness.diagonal() == pytest.approx(1.0)
     assert np.linalg.cond(stiffness) < 60.0 * max(cells)
 

@@ -10,7 +10,6 @@ go on for ever.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import product
 from typing import Any, Final
 
@@ -29,11 +28,9 @@ SHRINKING: Final = 100.0
 """Iterations in which a shrinking step halves at first; it goes down like 1/(1 + i / k0)."""
 
 
-_DECAY: Final = {"step_decay": SHRINKING, "decay": "harmonic"}
-
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = {
     "Uzawa": {"method": "uzawa", "max_iterations": MOST},
-    "Uzawa, shrinking step": {"method": "uzawa", "max_iterations": MOST, **_DECAY},
+    "Uzawa, shrinking step": {"method": "uzawa", "max_iterations": MOST, "step_decay": SHRINKING, "decay": "harmonic"},
     "fixed point, QP": {"method": "fixed-point", "inner": "qp:clarabel"},
     "fixed point, SOCP": {"method": "fixed-point", "inner": "socp:clarabel"},
     "condensed": {"method": "condensed"},
@@ -44,96 +41,48 @@ HALF: Final = 0.5
 """Steps of runs that are not about steps, as a share of the limits."""
 
 
-@dataclass(frozen=True)
-class Extent:
-    """How much is run.
-
-    Attributes
-    ----------
-    friction : μ on the plate
-    map_cells, limit_cells, mesh_cells : cells a side of the plate in maps, limits, and iterations against the mesh
-    steps : steps of the map, as shares of the limits
-    normal_steps : the same of ω_N on the plate, where it hardly matters
-    paper : μ of the paper's own run
-    accuracy : (problem, cells, μ) of the comparison at equal accuracy
-    targets : accuracies
-
-    """
-
-    friction: tuple[float, ...]
-    map_cells: tuple[int, ...]
-    limit_cells: tuple[int, ...]
-    mesh_cells: tuple[int, ...]
-    steps: tuple[float, ...]
-    normal_steps: tuple[float, ...]
-    paper: tuple[float, ...]
-    accuracy: tuple[tuple[str, int, float], ...]
-    targets: tuple[float, ...]
-
-
-def _powers(first: int, last: int) -> tuple[float, ...]:
-    """Powers of √2, rounded so that they mean the same on every machine."""
-    return tuple(round(2.0 ** (power / 2.0), 6) for power in range(first, last + 1))
-
-
-FULL: Final = Extent(
-    friction=(0.05, 0.1, 0.2),
-    map_cells=(2, 8, 16),
-    limit_cells=(2, 4, 8, 16, 32),
-    mesh_cells=(2, 4, 8, 16, 32),
-    steps=_powers(-6, 4),
-    normal_steps=(HALF, 1.0, 2.0),
-    paper=tuple(load().table),
-    accuracy=(("plate", 2, 0.0), ("plate", 2, 0.1), ("plate", 16, 0.1), ("plate", 16, 0.2), ("ssnv128", 8, 1.0)),
-    targets=(1e-2, 1e-4, 1e-6, 1e-8),
-)
-
-QUICK: Final = Extent(
-    friction=(0.1,),
-    map_cells=(2,),
-    limit_cells=(2, 4),
-    mesh_cells=(2, 4, 8),
-    steps=_powers(-2, 2),
-    normal_steps=(HALF, 1.0),
-    paper=(0.0, 0.1, 0.3),
-    accuracy=(("plate", 2, 0.1),),
-    targets=(1e-2, 1e-4),
-)
-
 HALF_OPEN: Final = ("half open", 0, 0.3)
 SLIDING: Final = ("sliding", 0, 0.0)
 """The problems without a mesh, see `bodies`: ω_N matters in the one, in the other ω_T* is known by hand."""
 
+ACCURACY: Final = (("plate", 2, 0.1), ("plate", 2, 0.0), ("plate", 16, 0.1), ("plate", 16, 0.2), ("ssnv128", 8, 1.0))
+"""(Problem, cells, μ) of the comparison at equal accuracy."""
+
 
 def study(quick: bool) -> Study:
     """The study, or coarse meshes of it."""
-    return Study("convergence-uzawa", 3, "comparisons.convergence.uzawa.study:run", [*cases(QUICK if quick else FULL)])
+    return Study("convergence-uzawa", 3, "comparisons.convergence.uzawa.study:run", [*_cases(quick)])
 
 
-def cases(extent: Extent) -> Iterator[dict[str, Any]]:
-    """All cases: the paper's run, maps of both steps, searches for their limits, meshes, and other methods."""
-    maps, limits, meshes = (
-        [("plate", number, friction) for number in cells for friction in extent.friction]
-        for cells in (extent.map_cells, extent.limit_cells, extent.mesh_cells)
-    )
-    yield from (_case("paper", ("plate", load().cells, friction)) for friction in extent.paper)
-    for place, normal_steps in [*((place, extent.normal_steps) for place in maps), (HALF_OPEN, extent.steps)]:
-        for normal in normal_steps:
-            yield from (_case("map", place, tangential=step, normal=normal) for step in extent.steps)
-    if limits:
-        yield from (_case("tangential limit", place, normal=HALF) for place in (SLIDING, HALF_OPEN, *limits))
-        yield from (_case("normal limit", place, tangential=HALF) for place in (HALF_OPEN, limits[-1]))
-    yield from (_case("mesh", place, tangential=HALF, normal=HALF) for place in meshes)
-    for place, method in product(extent.accuracy, METHODS):
-        yield from (_case(method, place, target=target) for target in extent.targets)
+def _cases(quick: bool) -> Iterator[dict[str, Any]]:
+    """All cases: the paper's run, maps of both steps, searches for their limits, meshes, and other methods.
 
-
-def _case(run: str, place: tuple[str, int, float], **settings: Any) -> dict[str, Any]:
-    """A case; steps are shares of the limits, None where a run finds or has its own.
-
-    The place is one factor, or the product of all of them, of which few are kept, would be long.
+    Steps are shares of the limits, powers of √2 rounded so that they mean the same on every machine, and None where a
+    run finds or has its own. ω_N hardly matters on the plate.
     """
-    return {"run": run, "place": place, "tangential": None, "normal": None, "target": None, **settings}
+
+    def case(run: str, place: tuple[str, int, float], **settings: Any) -> dict[str, Any]:
+        return {"run": run, "place": place, "tangential": None, "normal": None, "target": None, **settings}
+
+    def plates(*cells: int) -> list[tuple[str, int, float]]:
+        return [("plate", number, mu) for number in cells for mu in ((0.1,) if quick else (0.05, 0.1, 0.2))]
+
+    maps, limits, meshes = (
+        (plates(2), plates(2, 4), plates(2, 4, 8)) if quick
+        else (plates(2, 8, 16), plates(2, 4, 8, 16, 32), plates(2, 4, 8, 16, 32))
+    )  # fmt: skip
+    steps = tuple(round(2.0 ** (power / 2.0), 6) for power in (range(-2, 3) if quick else range(-6, 5)))
+    few = (HALF, 1.0) if quick else (HALF, 1.0, 2.0)
+    yield from (case("paper", ("plate", load().cells, mu)) for mu in ((0.0, 0.1, 0.3) if quick else load().table))
+    for place, normal_steps in [*((place, few) for place in maps), (HALF_OPEN, steps)]:
+        for normal in normal_steps:
+            yield from (case("map", place, tangential=step, normal=normal) for step in steps)
+    yield from (case("tangential limit", place, normal=HALF) for place in (SLIDING, HALF_OPEN, *limits))
+    yield from (case("normal limit", place, tangential=HALF) for place in (HALF_OPEN, limits[-1]))
+    yield from (case("mesh", place, tangential=HALF, normal=HALF) for place in meshes)
+    for place, method in product(ACCURACY[:1] if quick else ACCURACY, METHODS):
+        targets = (1e-2, 1e-4) if quick else (1e-2, 1e-4, 1e-6, 1e-8)
+        yield from (case(method, place, target=target) for target in targets)
 
 
 ITERATIONS: Final = 2000
@@ -261,7 +210,11 @@ def _limit(case: Mapping[str, Any], known: Reference) -> Record:
     low, high = SEARCHED
     largest, smallest = (high, None) if settles(high) else (None, low) if not settles(low) else _bisected(settles)
     found, steps = trials[smallest if largest is None else largest]
-    foreseen = _foreseen(lambda share: known.local.uzawa_contraction(*steps_of(share)))
+
+    def contracts(share: float) -> bool:
+        return known.local.uzawa_contraction(*steps_of(share)) < 1.0
+
+    foreseen = _bisected(contracts, 2 * _BISECTIONS)[0] if contracts(low) and not contracts(high) else None
     return {**found, **_given(known, *steps), "largest": largest, "smallest": smallest, "foreseen": foreseen}
 
 
@@ -272,14 +225,6 @@ def _bisected(holds: Callable[[float], bool], count: int = _BISECTIONS) -> tuple
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low, high
-
-
-def _foreseen(contraction: Callable[[float], float]) -> float | None:
-    """The share of `SEARCHED` at which the contraction becomes 1, by bisection; None if it does not."""
-    low, high = SEARCHED
-    if contraction(low) >= 1.0 or contraction(high) < 1.0:
-        return None
-    return _bisected(lambda share: contraction(share) < 1.0, 2 * _BISECTIONS)[0]
 
 
 def _paper(case: Mapping[str, Any], known: Reference) -> Record:
@@ -318,17 +263,14 @@ def _accuracy(case: Mapping[str, Any], known: Reference) -> Record:
     options = dict(METHODS[case["run"]])
     given: Record = {"omega_T": None, "omega_N": None, "linearised": None}
     if options["method"] == "uzawa":
-        steps = _half_steps(known)
+        limit_T, limit_N = known.local.limits
+        paper = load().omega_T / known.body.displacement
+        steps = limit_T / 2.0 if limit_T else paper, (limit_N or 2.0) / 2.0
         options |= {"omega_T": steps[0], "omega_N": steps[1]}
         given = _given(known, *steps)
     solution, seconds = timed(case["place"], tolerance=case["target"], **options)
     error = abs(solution.problem.resultant(solution.z) / known.resultant - 1.0)
     return {**ending(solution), **given, "seconds": seconds, "last_error": error}
-
-
-def _half_steps(known: Reference) -> tuple[float, float]:
-    limit_T, limit_N = known.local.limits
-    return limit_T / 2.0 if limit_T else load().omega_T / known.body.displacement, (limit_N or 2.0) / 2.0
 
 
 _RUNS: Final[Mapping[str, Callable[[Mapping[str, Any], Reference], Record]]] = {

@@ -106,9 +106,9 @@ def _bounds(found: "Bracket", unknowns: int) -> dict[str, Any]:
     of: Any = found if coulomb is None or not isfinite(coulomb.error) else coulomb
     force = of.forces.get("plate.normal_force")
     lower, upper = (None, None) if force is None else (float(force.lower), float(force.upper))
-    if of is coulomb:  # by the share of friction that is used
+    if coulomb is not None and of is coulomb:  # by the share of friction that is used
         width = None if lower is None or upper is None else (upper - lower) / (upper + lower)
-        failed, reason, kind = force is None, of.message, COULOMB
+        failed, reason, kind = force is None, coulomb.message, COULOMB
     else:  # by the two energies
         width, kind = float(found.gap / abs(found.lower + found.upper)), found.kind.name
         failed, reason = not isfinite(found.gap), " ".join(found.reasons) or found.message
