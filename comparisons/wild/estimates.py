@@ -16,7 +16,7 @@ from comparisons.lab.studies import Row, Study, frame_of
 from comparisons.wild.practical import stated
 from qvi_contact import QVIError, Refinement, SolveError, refine, solve
 from qvi_contact.basics.shown import Certainty
-from qvi_contact.refinement import RefinementStatus, closer_problem, places
+from qvi_contact.refinement import RefinementStatus, places, reference_problem
 from qvi_contact.refinement.outcome import Measure
 from solvers import Status
 
@@ -61,7 +61,7 @@ def _references(found: Refinement, degree: int) -> tuple[float, float]:
     problem, result, values = found.problem, found.result, []
     measure = Measure.of(problem, found.quantity)
     for more in (2, 3):
-        problem = closer_problem(problem, problem.mesh, places(problem, problem.mesh, result))
+        problem = reference_problem(problem, problem.mesh, places(problem, problem.mesh, result))
         result = solve(problem, degree=degree + more)
         if result.status not in (Status.SOLVED, Status.INACCURATE):  # the latter has digits enough
             raise SolveError(result.message)

@@ -39,7 +39,7 @@ __getattr__ = front(
             "rectangle_constant",
             "rectangle_norm",
         ),
-        "fixed_bound": ("given_problem",),
+        "fixed_bound": ("fixed_bound_problem",),
         "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
         "coulomb": ("coulomb_bounds",),
         "share": ("Share", "SharedStress", "bodies_of", "with_shares"),

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,10 +27,10 @@ from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.fixed_bound import (
     LOOSEST,
     AdmissibleStress,
-    GivenProblem,
+    FixedBoundProblem,
     admissible_stress,
-    given_problem,
-    posed_strictly,
+    fixed_bound_problem,
+    with_bernstein_rows,
 )
 from qvi_contact.bracket.friction_norm import UNHELD, computed_norm
 from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference
@@ -38,27 +38,23 @@ from qvi_contact.bracket.parts import (
     Bounds,
     CellFields,
     EdgeParts,
+    EdgeTractions,
     bulk,
     by_cell,
-    contact_tractions,
     edge_parts,
-    effective,
-    law_bound,
     strain_energy,
-    traction_coefficients,
+    tractions_on,
 )
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.space import degree_beside, triangle
-from qvi_contact.companion.traces import Trace
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, spanned
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
-from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_path import leads_one_way, turning_senses
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
@@ -96,8 +92,14 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
         for name, place, edges, field, most in _on_edges(discretization, degree)
         if callable(field) and not is_polynomial(problem, edges, name, field, most)
     ]
-    if callable(problem.body_potential) and not _cells_hold(discretization, problem.body_potential):
-        found.append(f"The body potential is not a polynomial of degree {_CELL_DEGREE} on every cell.")
+    if callable(problem.body_potential):
+        space = discretization.space
+        corners, parts = space.lattice(_DIVISIONS)
+        t = corners[parts].mean(axis=1)
+        x, y = physical(problem, discretization.scales, space.points(np.arange(problem.mesh.cell_count), t))
+        values = evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
+        if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
+            found.append(f"The body potential is not a polynomial of degree {_CELL_DEGREE} on every cell.")
     return tuple(dict.fromkeys(found))
 
 
@@ -120,26 +122,6 @@ def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str
                 yield *body, space.traction_degree
             if condition.shear_limit is not None:
                 yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, space.traction_degree
-
-
-def _cells_hold(discretization: Discretization, field: Field) -> bool:
-    """Whether a field is a polynomial of degree 5 on each triangle."""
-    problem, space = discretization.problem, discretization.space
-    corners, parts = space.lattice(_DIVISIONS)
-    t = corners[parts].mean(axis=1)
-    places = space.points(np.arange(problem.mesh.cell_count), t)
-    values = evaluate("ContactProblem.body_potential", field, *physical(problem, discretization.scales, places))
-    return spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:]))
-
-
-@dataclass(frozen=True)
-class _Datum:
-    """A prescribed value: the key of its force, the value, and whether a displacement can be bounded by it."""
-
-    name: str
-    value: Field
-    drives: bool
-    sign: float = 1.0
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
@@ -165,35 +147,30 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
 
     """
     problem = discretization.problem
-    if not frictionless or any(callable(datum.value) for datum in _data(problem)):
-        return {}
-    acting = [datum for datum in _data(problem) if datum.value != 0.0]
-    if len(acting) != 1 or not acting[0].drives or not np.isfinite([lower, upper]).all():
-        return {}
-    datum = acting[0]
-    assert not callable(datum.value)
-    ends = sorted(datum.sign * 2.0 * bound / datum.value for bound in (lower, upper))
-    return {datum.name: Bounds(*ends)}
-
-
-def _data(problem: ContactProblem) -> Iterator[_Datum]:
-    """All prescribed values."""
-    yield _Datum("body_potential", problem.body_potential, False)
+    data = [("body_potential", problem.body_potential, False, 1.0)]  # key of the force, value, whether it drives, sign
     for condition in problem.cartesian_conditions:
         if isinstance(condition, Contact):
-            yield _Datum(f"{condition.name}.normal_force", condition.gap, True, sign=-1.0)
-            yield _Datum(f"{condition.name}.pore_pressure", condition.pore_pressure, False)
-            tied = condition.law == "tied"
-            if tied:
+            name = condition.name
+            data += [(f"{name}.normal_force", condition.gap, True, -1.0)]
+            data += [(f"{name}.pore_pressure", condition.pore_pressure, False, 1.0)]
+            if condition.law == "tied":
                 straight = leads_one_way(problem.mesh.vertices, problem.mesh.edges(condition.edges))
-                yield _Datum(f"{condition.name}.tangential_force", condition.offset, straight)
+                data += [(f"{name}.tangential_force", condition.offset, straight, 1.0)]
             plate = condition.plate
             for force, motion in DRIVES.items() if plate is not None else ():
-                yield _Datum(f"{condition.name}.plate", getattr(plate, force) or 0.0, False)
-                yield _Datum(f"{condition.name}.{force}", getattr(plate, motion) or 0.0, True)
+                data += [(f"{name}.plate", getattr(plate, force) or 0.0, False, 1.0)]
+                data += [(f"{name}.{force}", getattr(plate, motion) or 0.0, True, 1.0)]
         elif isinstance(condition, (Traction, Displacement)):
-            for component, value in components(condition).items():
-                yield _Datum(f"{condition.edges}.{component}", value, isinstance(condition, Displacement))
+            drives = isinstance(condition, Displacement)
+            data += [(f"{condition.edges}.{key}", value, drives, 1.0) for key, value in components(condition).items()]
+    if not frictionless or any(callable(value) for _, value, *_ in data) or not np.isfinite([lower, upper]).all():
+        return {}
+    acting = [datum for datum in data if datum[1] != 0.0]
+    if len(acting) != 1 or not acting[0][2]:
+        return {}
+    name, value, _, sign = acting[0]
+    assert not callable(value)
+    return {name: Bounds(*sorted(sign * 2.0 * bound / value for bound in (lower, upper)))}
 
 
 def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, ForceDifference]:
@@ -209,7 +186,7 @@ def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, 
     for rows, trace in zip(known.contacts, contacts.traces, strict=True):
         chosen = slice(start, start + trace.count)
         senses = turning_senses(known.problem.mesh.vertices, trace.edges)
-        parts = traction_coefficients(known, effective(known, result.dofs, rows))
+        parts = tractions_on(known, result.dofs, rows)
         sums = []
         for part, theirs, live, sense in zip(
             parts,
@@ -218,19 +195,15 @@ def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, 
             (np.ones(len(senses)), senses),
             strict=True,
         ):
-            ours = _moments(sense[:, None] * part, trace) * known.scales.stress * known.scales.length
+            products = bernstein.product_integrals(part.shape[1] - 1, trace.columns.shape[1] - 1)
+            moments = trace.lengths[:, None] * (sense[:, None] * part @ products)  # ∫ τ B_i ds on each edge
+            sums_at = np.bincount(trace.columns.ravel(), moments.ravel(), minlength=trace.count)
+            ours = sums_at * known.scales.stress * known.scales.length
             difference = ours - trace.by_coefficient(sense) * theirs[chosen]
             sums.append(float(difference[live[chosen]].sum()))
         found[trace.name] = ForceDifference(abs(sums[0]), abs(sums[1]))
         start += trace.count
     return found
-
-
-def _moments(tractions: FloatArray, trace: Trace) -> FloatArray:
-    """∫ τ B_i ds (n,) at the coefficients of a contact, dimensionless, from those of τ (e, q)."""
-    products = bernstein.product_integrals(tractions.shape[1] - 1, trace.columns.shape[1] - 1)
-    on_edges = trace.lengths[:, None] * (tractions @ products)
-    return np.asarray(np.bincount(trace.columns.ravel(), on_edges.ravel(), minlength=trace.count))
 
 
 def bracket(
@@ -294,7 +267,7 @@ def bracket(
     Math. 5 (1947); P. Ladevèze, D. Leguillon, Error estimate procedure in the finite element method and applications,
     SIAM J. Numer. Anal. 20 (1983). Integrals are by Gauss quadrature, exact for polynomial data, the friction work by
     pieces between the zeros of the slip. "Guaranteed" holds up to rounding and the tolerance, and as far as the points
-    show at which data given as functions are looked at (`bracket.data`).
+    show at which data given as functions are looked at (`data_reasons`).
 
     """
     if not isinstance(result, ContactResult):
@@ -307,133 +280,107 @@ def bracket(
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
     _ = Settings.of(**options)
-    given = given_problem(result)
+    given = fixed_bound_problem(result)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
         story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance, **options)
-        rough = given.kind is BracketKind.GIVEN_BOUND
-        before = _obeying(result, tolerance, **options) if rough else None
-        shared = with_shares(before) if isinstance(before, ContactResult) else before
-        shares = shared.shares if isinstance(shared, SharedStress) else {}
-        senses = {name: share.slipping for name, share in shares.items()}
-        problem, laws = given.discretization.problem, [given.bounds, None, given.bounds] if rough else [given.bounds]
+        shared: SharedStress | str = ""
+        laws: list[Mapping[str, FloatArray] | None] = [given.bounds]
+        slip: list[Mapping[str, FloatArray]] = [{}]
+        if given.kind is BracketKind.GIVEN_BOUND:
+            shared = _with_shares(result, tolerance, **options)
+            shares = shared.shares if isinstance(shared, SharedStress) else {}
+            laws, slip = [*laws, None, given.bounds], [{}, {}, {name: s.slipping for name, s in shares.items()}]
+        problem = given.discretization.problem
         companions = solve_companions(
-            problem, laws, degree=degree, tolerance=tolerance, senses=({}, {}, senses)[: len(laws)], **options
+            problem, laws, degree=degree, tolerance=tolerance, slip_directions=slip, **options
         )
         found = _assemble(given, stress, companions[0])
-        if shared is not None:
-            reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companions[2].reasons))
-            bounds = _coulomb(shared, before, companions[2], tuple(reasons))
+        if given.kind is BracketKind.GIVEN_BOUND:
+            _, own, companion = companions
+            reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companion.reasons))
+            bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
+            if isinstance(shared, SharedStress) and companion.has_state:
+                try:
+                    bounds = coulomb_bounds(shared, companion, tuple(reasons))
+                except (FactorisationError, MemoryError) as error:
+                    bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
             found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
-        if len(companions) > 1:
-            own = companions[1]
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
         bounded = math.isfinite(found.gap)
         story.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found
 
 
-def _obeying(result: ContactResult, tolerance: float, **options: Any) -> ContactResult | str:
+def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
     reason, known = outside_scope(result.problem), result.discretization
-    if reason or known.rule.kind == "bernstein":
-        return reason or result
-    strict = posed_strictly(known, known.problem)
-    solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
-    found = ContactResult(strict, solution)
-    missing = f"No stress that obeys the contact law on whole edges was found: {solution.message}"
-    return found if found.has_state else missing
+    if reason:
+        return reason
+    strict = with_bernstein_rows(known)
+    if strict is not known:
+        solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
+        result = ContactResult(strict, solution)
+        if not result.has_state:
+            return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
+    found = with_shares(result)
+    if isinstance(found, str):  # a body that friction alone holds is the usual cause
+        try:
+            return found if np.isfinite(computed_norm(result.problem, {})) else UNHELD
+        except (FactorisationError, MemoryError) as error:
+            return f"The norm of friction was not computed: {error or 'out of memory'}."
+    return found
 
 
-def _coulomb(
-    shared: SharedStress | str, before: ContactResult | str | None, companion: CompanionResult, reasons: tuple[str, ...]
-) -> CoulombBounds | str:
-    """The bounds under Coulomb's law, or why there are none."""
-    if not isinstance(before, ContactResult):
-        return str(before)
-    if not companion.has_state:
-        return "No admissible displacement was found."
-    try:
-        if isinstance(shared, str):  # a body that friction alone holds is the usual cause
-            return shared if np.isfinite(computed_norm(before.problem, {})) else UNHELD
-        assert shared is not None
-        return coulomb_bounds(shared, companion, before, reasons)
-    except (FactorisationError, MemoryError) as error:
-        return f"The norm of friction was not computed: {error or 'out of memory'}."
-
-
-@dataclass(frozen=True, eq=False)
-class _Edges:
-    """What the contacts contribute: parts by contact, work of violations, and of the bound's own error."""
-
-    parts: Mapping[str, EdgeParts]
-    slack: float
-    outer: float
-
-
-def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:
-    """Energies, parts, reasons."""
-    discretization, u = given.discretization, stress.result.dofs
+def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:
+    """Energies, their parts by cell and contact, reasons."""
+    discretization, u, unit = given.discretization, stress.result.dofs, given.discretization.scales.stress
     problem, mesh = discretization.problem, discretization.problem.mesh
     fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
     complementary -= fluid_work(discretization)
-    inside = np.zeros(mesh.cell_count)
-    moved = companion.has_state
-    edges = _Edges({}, 0.0, 0.0)
+    inside, moved = np.zeros(mesh.cell_count), companion.has_state
+    contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-        edges = _edges(given, stress, companion)
-    lower = -complementary - edges.slack if stress.found else -np.inf
+        own, bound = EdgeTractions.of(discretization, u), unit * given.threshold
+        normal, shear = unit * own.normal, unit * own.shear
+        for rows in discretization.contacts:
+            if rows.law != "tied":
+                e = rows.edges
+                found = edge_parts(discretization, rows, normal[e], shear[e], bound[e], companion)
+                contacts[rows.name], opening, slip = found
+                left = stress.tension[e] @ opening + stress.excess[e] @ slip
+                slack += _OUTWARD * unit * float(left)
+                outer += float(np.abs(unit * own.bound - bound)[e].max(axis=1) @ slip)
+    lower = -complementary - slack if stress.found else -np.inf
     upper = companion.energy if moved else np.inf
-    parts = by_cell(discretization, inside, edges.parts)
-    total = float(parts.sum())
-    balance = abs(upper + complementary - total) / max(strain, abs(complementary), 1e-300) if moved else 0.0
-    frictionless = not given.threshold.any()
+    parts = by_cell(discretization, inside, contacts)
+    balance = (
+        abs(upper + complementary - float(parts.sum())) / max(strain, abs(complementary), 1e-300) if moved else 0.0
+    )
     return Bracket(
-        problem,
-        given.kind,
-        _reasons(given, stress, companion, balance, (upper - lower) / max(strain, 1e-300)),
-        lower,
-        upper,
-        strain,
-        inside,
-        edges.parts,
-        parts,
-        edges.outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
-        edges.slack,
-        force_bounds(discretization, frictionless, lower, upper),
-        stress.result,
-        companion,
-        np.maximum(parts, 0.0),
+        problem=problem,
+        kind=given.kind,
+        reasons=_reasons(given, stress, companion, balance, (upper - lower) / max(strain, 1e-300)),
+        lower=lower,
+        upper=upper,
+        strain=strain,
+        bulk=inside,
+        contacts=contacts,
+        cells=parts,
+        outer=outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
+        slack=slack,
+        driven=force_bounds(discretization, not given.threshold.any(), lower, upper),
+        result=stress.result,
+        companion=companion,
+        cell_gaps=np.maximum(parts, 0.0),
     )
 
 
-def _edges(given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult) -> _Edges:
-    """Contact and friction parts, contact by contact."""
-    discretization, qvi = given.discretization, given.discretization.qvi
-    if not qvi.m:
-        return _Edges({}, 0.0, 0.0)
-    unit = discretization.scales.stress
-    at_points = contact_tractions(discretization, stress.result.dofs)
-    normal, shear = (unit * part for part in traction_coefficients(discretization, at_points))
-    bound, own = unit * given.threshold, unit * law_bound(discretization, at_points[0])[0]
-    found, slack, outer = {}, 0.0, 0.0
-    for rows in discretization.contacts:
-        if rows.law == "tied":
-            continue
-        chosen = rows.edges
-        arguments = discretization, rows, normal[chosen], shear[chosen], bound[chosen]
-        found[rows.name], opening, slip = edge_parts(*arguments, companion)
-        left = stress.pull[chosen] @ opening + stress.excess[chosen] @ slip
-        slack += _OUTWARD * unit * float(left)
-        outer += float(np.abs(own - bound)[chosen].max(axis=1) @ slip)
-    return _Edges(found, slack, outer)
-
-
 def _reasons(
-    given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult, balance: float, apart: float
+    given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult, balance: float, apart: float
 ) -> tuple[str, ...]:
     """Why the bounds are not guaranteed."""
     data = data_reasons(given.discretization, companion.degree)

@@ -1,12 +1,9 @@
 """Several solutions of one discrete problem, and which of them displacements on the same mesh confirm.
 
 For large friction the discrete problem may have several certified solutions. They are compared with the displacement
-model on the same mesh, under the same friction law, by the energy of what the strains differ,
-
-    d² = ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / ∫ ε(v) : C : ε(v) dx.
-
-The one with the smallest d comes first. Displacements may have several solutions too: the comparison is an indication
-of the branch, and no proof.
+model on the same mesh, under the same friction law, by the energy of what the strains differ, see `other_solutions`.
+The one with the smallest difference comes first. Displacements may have several solutions too: the comparison is an
+indication of the branch, and no proof.
 """
 
 from __future__ import annotations
@@ -93,64 +90,46 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
     if len(found) == 1:
         return Branches((result,), (np.nan,), None, "No other solution was found by following the friction.")
     results = [ContactResult(result.discretization, solution) for solution in found]
-    companion, reason = _companion(result)
-    distances = np.array([np.nan if companion is None else _distance(each, companion) for each in results])
+    companion, unknown = None, "No displacement model on this mesh confirms one of them"
+    try:
+        model = solve_companion(result.problem)
+        companion = model if model.status is Status.SOLVED else None
+        unknown = f"{unknown}: {model.message}"
+    except InputError as error:
+        unknown = f"{unknown}: {error}."
+    distances = np.full(len(results), np.nan)
+    for i, each in enumerate(results if companion is not None else ()):
+        assert companion is not None
+        fields = CellFields.of(each.discretization, each.dofs, companion.degree)
+        strain: FloatArray = companion.cell_strain(*fields.t[:, -2:].T)
+        apart, own = bulk(fields, each.problem.compliances, strain).sum(), companion.parts.strain
+        distances[i] = np.sqrt(apart / own) if own > 0.0 else np.inf
     order = np.argsort(distances, kind="stable")  # as they are, without a companion
     results, distances = [results[i] for i in order], distances[order]
-    message = f"{_several(results)} {reason or _compared(distances)}"
-    told = [_with_remark(each, f"{message} {_place(i)}" if companion else message) for i, each in enumerate(results)]
+    message = f"{_several(results)} {unknown}"
+    if companion is not None:
+        shares = ", ".join(f"{100.0 * distance:.2g} %" for distance in distances)
+        message = (
+            f"{_several(results)} Their strains differ from those of the displacement model on the same mesh by "
+            f"{shares}, in the energy norm."
+        )
+    told = []
+    for i, each in enumerate(results):  # in place of what its own solve had suspected
+        place = f" This one is {'the' if i == 0 else 'not the'} nearest." if companion is not None else ""
+        solution = replace(each.solution, remarks=(f"{message}{place} {WHAT_TO_DO}",))
+        told.append(ContactResult(result.discretization, solution))
     return Branches(tuple(told), tuple(distances.tolist()), companion, message)
-
-
-def _companion(result: ContactResult) -> tuple[CompanionResult | None, str]:
-    """The displacement model under the laws of the contacts; or nothing, and why."""
-    reason = "No displacement model on this mesh confirms one of them"
-    try:
-        companion = solve_companion(result.problem)
-    except InputError as error:
-        return None, f"{reason}: {error}."
-    if companion.status is not Status.SOLVED:
-        return None, f"{reason}: {companion.message}"
-    return companion, ""
-
-
-def _distance(result: ContactResult, companion: CompanionResult) -> float:
-    """The d of a result."""
-    fields = CellFields.of(result.discretization, result.dofs, companion.degree)
-    strain: FloatArray = companion.cell_strain(*fields.t[:, -2:].T)
-    apart, own = bulk(fields, result.problem.compliances, strain).sum(), companion.parts.strain
-    return float(np.sqrt(apart / own)) if own > 0.0 else np.inf
 
 
 def _several(results: list[ContactResult]) -> str:
     """How many solutions there are, and how far their tractions and forces differ."""
     tractions = max(traction_difference(one.solution, other.solution) for one, other in combinations(results, 2))
-    forces = " and ".join(_force_range(results, name) for name in results[0].contacts)
+    ranges = []
+    for name in results[0].contacts:
+        forces = [result.contacts[name].tangential_force for result in results]
+        ranges.append(f"{min(forces):.5g} to {max(forces):.5g} [stress × length] on {name!r}")
     return (
         f"The discrete problem has several solutions: {len(results)} certified ones were found. Their contact "
-        f"tractions differ by up to {100.0 * tractions:.2g} % of the largest. The tangential force is {forces}."
+        f"tractions differ by up to {100.0 * tractions:.2g} % of the largest. The tangential force is "
+        f"{' and '.join(ranges)}."
     )
-
-
-def _force_range(results: list[ContactResult], name: str) -> str:
-    forces = [result.contacts[name].tangential_force for result in results]
-    return f"{min(forces):.5g} to {max(forces):.5g} [stress × length] on {name!r}"
-
-
-def _compared(distances: FloatArray) -> str:
-    """How far all are from the displacement model, the nearest first."""
-    shares = ", ".join(f"{100.0 * distance:.2g} %" for distance in distances)
-    return (
-        f"Their strains differ from those of the displacement model on the same mesh by {shares}, in the energy norm."
-    )
-
-
-def _place(index: int) -> str:
-    """Which of them a result is."""
-    return "This one is the nearest." if index == 0 else "This one is not the nearest."
-
-
-def _with_remark(result: ContactResult, remark: str) -> ContactResult:
-    """The result with what was found in place of what its own solve had suspected."""
-    remarks = (f"{remark} {WHAT_TO_DO}",)
-    return ContactResult(result.discretization, replace(result.solution, remarks=remarks))

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 
@@ -27,13 +26,11 @@ from qvi_contact.bracket.parts import (
     Bounds,
     CellFields,
     EdgeParts,
+    EdgeTractions,
     bulk,
     by_cell,
-    contact_tractions,
     edge_parts,
-    law_bound,
     strain_energy,
-    traction_coefficients,
 )
 from qvi_contact.bracket.share import Share, SharedStress
 from qvi_contact.companion import CompanionResult
@@ -45,9 +42,6 @@ ADMISSIBLE = 1e-6
 
 _BACKWARDS = 1e-12  # of the displacements: what is no slip against the share
 _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
-
-_Laws: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
-"""Coefficients (e, q) of τ_N, τ_T and the bound that τ_N itself gives."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,7 +146,7 @@ class CoulombBounds:
 
 
 def coulomb_bounds(
-    stress: SharedStress, companion: CompanionResult, before: ContactResult, reasons: tuple[str, ...] = ()
+    stress: SharedStress, companion: CompanionResult, reasons: tuple[str, ...] = ()
 ) -> CoulombBounds | str:
     """T5 with T2: the bounds from a stress and a displacement, or why these two say nothing.
 
@@ -162,32 +156,46 @@ def coulomb_bounds(
         τ + η, with Bernstein coefficients as rows.
     companion : CompanionResult
         v, of the same problem on the same mesh, which slips as the shares allow.
-    before : ContactResult
-        τ.
     reasons : tuple of str
         Why neither is exactly admissible.
 
     """
-    result, shares = stress.result, stress.shares
-    laws = _laws(result)
-    refusal = _stress_refused(result, laws) or _displacement_refused(companion, shares)
+    result, shares, known = stress.result, stress.shares, stress.result.discretization
+    tractions = EdgeTractions.of(known, result.dofs)
+    normal, shear, bound, unit = tractions.normal, tractions.shear, tractions.bound, known.scales.stress
+    size = max(float(np.abs(normal).max(initial=0.0)), float(np.abs(shear).max(initial=0.0)), 1e-300)
+    edges, slack = dict[str, EdgeParts](), 0.0
+    for rows in known.contacts:
+        if rows.law == "tied":
+            continue
+        e = rows.edges
+        excess = (np.abs(shear[e]) - bound[e]).max(axis=1)
+        tension = normal[e].max(axis=1) if rows.law == "unilateral" else 0.0 * excess
+        if max(excess.max(), tension.max()) > ADMISSIBLE * size:
+            return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
+        parts, opening, slip = edge_parts(known, rows, unit * normal[e], unit * shear[e], unit * bound[e], companion)
+        edges[rows.name] = EdgeParts(np.maximum(parts.contact, 0.0), np.maximum(parts.friction, 0.0))
+        left = np.maximum(tension, 0.0) @ opening + np.maximum(excess, 0.0) @ slip
+        slack += _OUTWARD * unit * float(left)
+    refusal = _displacement_refused(companion, shares)
     if refusal:
         return refusal
-    discretization = result.discretization
-    problem = discretization.problem
-    fields = CellFields.of(discretization, result.dofs, companion.degree)
-    own = CellFields.of(discretization, before.dofs, companion.degree)
-    change = CellFields(fields.weights, fields.stress - own.stress, fields.t)
+    problem = known.problem
+    fields = CellFields.of(known, result.dofs, companion.degree)
+    before = CellFields.of(known, stress.before.dofs, companion.degree)
+    change = CellFields(fields.weights, fields.stress - before.stress, fields.t)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-    edges, slack = _defects(result, laws, companion)
     norm = friction_norm(problem, shares)
-    residual, defect = float(np.sqrt(2.0 * inside.sum())) + _on_arcs(result), slack
-    defect += float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
-    s = norm.value
-    parts = 0.0 * inside
+    residual = float(np.sqrt(2.0 * inside.sum()))
+    arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
+    if arcs:  # an estimate of the energy norm of what is left there: a traction k on an edge h has k h √c
+        rest, soft = rest_on_arcs(known, result.dofs), float(problem.compliances[:, 0, 0].max())
+        residual += rest * float(np.sqrt(soft * (np.concatenate(arcs) ** 2).sum()))
+    defect = slack + float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
+    s, parts_of_cells = norm.value, 0.0 * inside
     if s < LARGEST:
-        on_edges = by_cell(discretization, 0.0 * inside, edges)
-        parts = 2.0 * amplification(s) ** 2 * inside + on_edges / coercivity(s)
+        on_edges = by_cell(known, 0.0 * inside, edges)
+        parts_of_cells = 2.0 * amplification(s) ** 2 * inside + on_edges / coercivity(s)
     return CoulombBounds(
         shares,
         norm,
@@ -196,30 +204,12 @@ def coulomb_bounds(
         error_bound(residual, defect, s),
         float(np.sqrt(2.0 * strain_energy(change, problem.compliances))),
         float(np.sqrt(2.0 * strain_energy(fields, problem.compliances))),
-        parts,
+        parts_of_cells,
         (*reasons, *(() if norm.proved else (norm.reason,))),
         stress.places,
         result,
         companion,
     )
-
-
-def _on_arcs(stress: ContactResult) -> float:
-    """An estimate of the energy norm of what is left of tractions on arcs: a traction k on an edge h has k h √c."""
-    mesh = stress.problem.mesh
-    arcs = [edges.take(edges.bent).length for edges in (mesh.boundary, mesh.interior) if edges.curved]
-    if not arcs:
-        return 0.0
-    rest, soft = rest_on_arcs(stress.discretization, stress.dofs), float(stress.problem.compliances[:, 0, 0].max())
-    return rest * float(np.sqrt(soft * (np.concatenate(arcs) ** 2).sum()))
-
-
-def _stress_refused(stress: ContactResult, laws: _Laws) -> str:
-    """Why a stress is not admissible; empty if it is."""
-    for name, (excess, pull) in _violations(stress, laws).items():
-        if excess > ADMISSIBLE or pull > ADMISSIBLE:
-            return f"The stress does not obey the law of contact {name!r} on whole edges."
-    return ""
 
 
 def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share]) -> str:
@@ -242,43 +232,3 @@ def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share
                 )
         start += trace.count
     return ""
-
-
-def _violations(stress: ContactResult, laws: _Laws) -> dict[str, tuple[float, float]]:
-    """By contact that is not tied the largest (|τ_T| − s)⁺ and τ_N⁺ of Bernstein coefficients, over all tractions."""
-    known = stress.discretization
-    normal, shear, bound = laws
-    unit = max(float(np.abs(normal).max(initial=0.0)), float(np.abs(shear).max(initial=0.0)), 1e-300)
-    found = {}
-    for rows in known.contacts:
-        if rows.law != "tied":
-            e = rows.edges
-            pull = float(normal[e].max()) if rows.law == "unilateral" else 0.0
-            found[rows.name] = (float((np.abs(shear[e]) - bound[e]).max()) / unit, pull / unit)
-    return found
-
-
-def _laws(stress: ContactResult) -> _Laws:
-    """Bernstein coefficients (e, q) of τ_N, τ_T and the bound that τ_N itself gives, on all edges with rows."""
-    known = stress.discretization
-    if not known.qvi.m:
-        return (np.zeros((0, 1)),) * 3
-    at_points = contact_tractions(known, stress.dofs)
-    return *traction_coefficients(known, at_points), law_bound(known, at_points[0])[0]
-
-
-def _defects(stress: ContactResult, laws: _Laws, companion: CompanionResult) -> tuple[dict[str, EdgeParts], float]:
-    """The parts of δ on edges, each ≥ 0, and what violations of the law that the solver left may add."""
-    known, unit = stress.discretization, stress.discretization.scales.stress
-    normal, shear, bound = laws
-    found, slack = {}, 0.0
-    for rows in known.contacts:
-        if rows.law == "tied":
-            continue
-        e = rows.edges
-        parts, opening, slip = edge_parts(known, rows, unit * normal[e], unit * shear[e], unit * bound[e], companion)
-        found[rows.name] = EdgeParts(np.maximum(parts.contact, 0.0), np.maximum(parts.friction, 0.0))
-        excess = np.maximum((np.abs(shear[e]) - bound[e]).max(axis=1), 0.0)
-        pull = np.maximum(normal[e].max(axis=1), 0.0) if rows.law == "unilateral" else 0.0 * excess
-        slack += _OUTWARD * unit * float(pull @ opening + excess @ slip)
-    return found, slack

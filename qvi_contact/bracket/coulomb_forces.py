@@ -22,11 +22,11 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.friction_norm import computed_norm, proved_norm
-from qvi_contact.bracket.parts import Bounds, CellFields, effective, traction_coefficients
+from qvi_contact.bracket.parts import Bounds, CellFields, tractions_on
 from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
-from qvi_contact.companion.traces import Trace
+from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
@@ -74,7 +74,7 @@ class _Line:
     """
 
     contact: Contact
-    trace: Trace
+    trace: DisplacementContact
     rows: ContactRows
     share: Share | None
     slipping: FloatArray
@@ -439,7 +439,7 @@ def _lines(
         if contact.law != "tied":
             share = shares.get(contact.name)
             slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
-            found = traction_coefficients(known, effective(known, stress.dofs, rows))
+            found = tractions_on(known, stress.dofs, rows)
             normal, shear = (known.scales.stress * part for part in found)
             opening = trace.gap * known.scales.displacement - c[0, here]
             slip = slipping * (c[1, here] - trace.offset * known.scales.displacement)

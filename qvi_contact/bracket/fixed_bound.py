@@ -8,11 +8,11 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.outcome import BracketKind
-from qvi_contact.bracket.parts import contact_tractions, largest, law_bound, traction_coefficients
+from qvi_contact.bracket.parts import EdgeTractions
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import has_coulomb
-from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import FrictionQVI, Status, solve_qvi
 
@@ -21,7 +21,7 @@ LOOSEST: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class GivenProblem:
+class FixedBoundProblem:
     """A problem whose friction bound s is data.
 
     Attributes
@@ -60,7 +60,7 @@ class GivenProblem:
         return {rows.name: physical[rows.edges] for rows in self.discretization.contacts if rows.law != "tied"}
 
 
-def given_problem(result: ContactResult) -> GivenProblem:
+def fixed_bound_problem(result: ContactResult) -> FixedBoundProblem:
     """Hold the friction bound of a result fixed.
 
     * Contacts without Coulomb friction keep their law: the bound s = min(c, t_max) is data already.
@@ -73,47 +73,29 @@ def given_problem(result: ContactResult) -> GivenProblem:
 
     """
     check_no_history(result)
-    sliding = [contact for contact in result.problem.contacts if has_coulomb(contact)]
-    discretization, kind, reasons = result.discretization, BracketKind.PROBLEM, list[str]()
-    if sliding:
-        kind = BracketKind.GIVEN_BOUND
-        names = ", ".join(repr(contact.name) for contact in sliding)
-        reasons.append(f"The friction bound on {names} was taken from the computed pressure.")
-    if discretization.rule.kind != "bernstein":
-        discretization = posed_strictly(discretization, discretization.problem)
-    threshold, exact = _threshold(discretization, result.dofs)
-    lowered = not exact and kind is not BracketKind.GIVEN_BOUND
-    return GivenProblem(discretization, kind, threshold, lowered, tuple(reasons))
+    names = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
+    discretization = with_bernstein_rows(result.discretization)
+    own = EdgeTractions.of(discretization, result.dofs)
+    if names:
+        reason = f"The friction bound on {names} was taken from the computed pressure."
+        return FixedBoundProblem(discretization, BracketKind.GIVEN_BOUND, own.bound, False, (reason,))
+    return FixedBoundProblem(discretization, BracketKind.PROBLEM, own.bound, not own.exact.all(), ())
 
 
-def posed_strictly(known: Discretization, problem: ContactProblem) -> Discretization:
-    """A problem on the elements and in the units of another one, with rows that hold the law on whole edges."""
-    space = known.space
-    return discretize(
-        problem,
-        degree=space.degree,
-        contact_rows="bernstein",
-        scales=known.scales,
-    )
+def with_bernstein_rows(known: Discretization) -> Discretization:
+    """The same problem on the same elements and in the same units, with rows that hold the law on whole edges."""
+    if known.rule.kind == "bernstein":
+        return known
+    return discretize(known.problem, degree=known.space.degree, contact_rows="bernstein", scales=known.scales)
 
 
 def check_no_history(result: ContactResult) -> None:
     """Refuse the result of a step of a history."""
     known = result.discretization
-    moved = any(
-        not np.array_equal(rows.offset, offset) for rows, offset in zip(known.contacts, known.offsets(), strict=True)
-    )
-    if moved:
+    pairs = zip(known.contacts, known.offsets(), strict=True)
+    if any(not np.array_equal(rows.offset, offset) for rows, offset in pairs):
         remedy = "bracket the result of one solve, with the earlier slip in `offset`"
         raise InputError("result", "a step of a history, after earlier slip", remedy)
-
-
-def _threshold(discretization: Discretization, u: FloatArray) -> tuple[FloatArray, bool]:
-    """Bernstein coefficients (e, q) of the bound from degrees of freedom u of Φ, and whether they are exact."""
-    if not discretization.qvi.m:
-        return np.zeros((0, discretization.space.traction_degree + 1)), True
-    found, exact = law_bound(discretization, contact_tractions(discretization, u)[0])
-    return found, bool(exact.all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +106,7 @@ class AdmissibleStress:
     ----------
     result : ContactResult
         It carries the stress; solved for the given bound if that of the bracketed result violates the law somewhere.
-    excess, pull : (e,) arrays
+    excess, tension : (e,) arrays
         What is left of violations on each contact edge, largest (|τ_T| − s)⁺ and (τ_N)⁺, dimensionless.
     found : bool
         Whether there is such a stress at all.
@@ -135,50 +117,53 @@ class AdmissibleStress:
 
     result: ContactResult
     excess: FloatArray
-    pull: FloatArray
+    tension: FloatArray
     found: bool = True
     message: str = ""
 
 
-def admissible_stress(given: GivenProblem, result: ContactResult, tolerance: float, **options: Any) -> AdmissibleStress:
+def admissible_stress(
+    given: FixedBoundProblem, result: ContactResult, tolerance: float, **options: Any
+) -> AdmissibleStress:
     """The stress of the result where it is admissible for the given problem up to the tolerance, else the best that is.
 
     The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`.
     """
-    excess, pull, size = _violations(given, result)
-    if max(excess.max(initial=0.0), pull.max(initial=0.0)) <= tolerance * size:
-        return AdmissibleStress(result, excess, pull)
+    discretization, bilateral = given.discretization, given.discretization.qvi.bilateral
+
+    def violations(result: ContactResult) -> tuple[FloatArray, FloatArray, float]:
+        """Largest (|τ_T| − s)⁺ and (τ_N)⁺ on each edge, and the larger of them all over the largest traction.
+
+        That is the certificate's unit of stress where the contact is open.
+        """
+        own = EdgeTractions.of(discretization, result.dofs)
+        if not len(own.shear):
+            return np.zeros(0), np.zeros(0), 0.0
+        excess = np.maximum(_largest(own.shear - given.threshold), _largest(-own.shear - given.threshold))
+        keeps = bilateral.reshape(len(own.shear), -1).any(axis=1)
+        excess, tension = np.maximum(excess, 0.0), np.maximum(np.where(keeps, 0.0, _largest(own.normal)), 0.0)
+        size = float(max(own.size, result.certificate.scales.get("stress", 0.0))) or 1.0
+        return excess, tension, float(max(excess.max(), tension.max())) / size
+
+    excess, tension, worst = violations(result)
+    if worst <= tolerance:
+        return AdmissibleStress(result, excess, tension)
     try:
         qvi = given.qvi
     except InputError as error:
-        return AdmissibleStress(result, excess, pull, False, f"No strictly admissible stress can be sought: {error}")
+        return AdmissibleStress(result, excess, tension, False, f"No strictly admissible stress can be sought: {error}")
     solution = solve_qvi(qvi, tolerance=tolerance, **options)
-    strict = ContactResult(given.discretization, solution)
+    strict = ContactResult(discretization, solution)
+    message = f"No strictly admissible stress was found: {solution.message}"
+    if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
+        message = "No stress on this mesh obeys the contact law on whole edges for that bound: refine the mesh."
     if not strict.has_state:
-        return AdmissibleStress(result, excess, pull, False, _why_not(solution.status, solution.message))
-    excess, pull, size = _violations(given, strict)
-    found = max(excess.max(initial=0.0), pull.max(initial=0.0)) <= LOOSEST * size
-    return AdmissibleStress(strict, excess, pull, found, "" if found else _why_not(solution.status, solution.message))
+        return AdmissibleStress(result, excess, tension, False, message)
+    excess, tension, worst = violations(strict)
+    found = worst <= LOOSEST
+    return AdmissibleStress(strict, excess, tension, found, "" if found else message)
 
 
-def _why_not(status: Status, message: str) -> str:
-    if status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
-        return "No stress on this mesh obeys the contact law on whole edges for that bound: refine the mesh."
-    return f"No strictly admissible stress was found: {message}"
-
-
-def _violations(given: GivenProblem, result: ContactResult) -> tuple[FloatArray, FloatArray, float]:
-    """Largest (|τ_T| − s)⁺ and (τ_N)⁺ on each contact edge (e,), and the largest stress they are compared with.
-
-    That is the contact's largest traction, or the certificate's unit of stress where the contact is open.
-    """
-    discretization, qvi = given.discretization, given.discretization.qvi
-    if not qvi.m:
-        return np.zeros(0), np.zeros(0), 1.0
-    at_points = contact_tractions(discretization, result.dofs)
-    normal, shear = traction_coefficients(discretization, at_points)
-    excess = np.maximum(largest(shear - given.threshold), largest(-shear - given.threshold))
-    bilateral = qvi.bilateral.reshape(len(shear), -1).any(axis=1)
-    pull = np.where(bilateral, 0.0, largest(normal))
-    size = max(*(np.abs(part).max() for part in at_points), result.certificate.scales.get("stress", 0.0))
-    return np.maximum(excess, 0.0), np.maximum(pull, 0.0), float(size) or 1.0
+def _largest(polynomials: FloatArray) -> FloatArray:
+    """The largest value (e,) of polynomials (e, q), or what is no less than that: exact up to degree 2."""
+    return bernstein.largest_quadratic(polynomials) if polynomials.shape[1] == 3 else polynomials.max(axis=1)

@@ -28,8 +28,8 @@ from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.share import Share, all_alike, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.data import PARALLEL
 from qvi_contact.companion.solver import MOST, SINGULAR, BodyAtRest
-from qvi_contact.companion.space import Space, triangle
-from qvi_contact.companion.traces import Trace
+from qvi_contact.companion.space import DisplacementSpace, triangle
+from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
@@ -170,7 +170,7 @@ class _Energies:
 
     Attributes
     ----------
-    traces : tuple of Trace
+    traces : tuple of DisplacementContact
         The contacts, n coefficients.
     slips, presses : (n,) bool arrays
         Coefficients along and across contacts with Coulomb friction that can change.
@@ -179,7 +179,7 @@ class _Energies:
 
     """
 
-    traces: tuple[Trace, ...]
+    traces: tuple[DisplacementContact, ...]
     slips: BoolArray
     presses: BoolArray
     below: FloatArray
@@ -514,7 +514,7 @@ def _inf_sup(problem: ContactProblem) -> float | None:
 
 def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
     """G of `star_constant`: by a field of mean divergence 1 where supports are, and β for what is left."""
-    space = Space.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
+    space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
     free = _free(problem, sides, space)
     laplace, squared, mean, area = _forms(space)
     matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
@@ -531,7 +531,7 @@ def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> f
     return float((size + left / inf_sup) ** 2 + inf_sup**-2)
 
 
-def _free(problem: ContactProblem, sides: list[FloatArray], space: Space) -> BoolArray:
+def _free(problem: ContactProblem, sides: list[FloatArray], space: DisplacementSpace) -> BoolArray:
     """Degrees of freedom of the field: components that are not zero on edges that leave displacements free."""
     numbers = space.along(problem.mesh.boundary)
     free = np.ones((space.size // 2, 2), dtype=bool)
@@ -542,7 +542,7 @@ def _free(problem: ContactProblem, sides: list[FloatArray], space: Space) -> Boo
     return free.ravel()
 
 
-def _forms(space: Space) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray, float]:
+def _forms(space: DisplacementSpace) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray, float]:
     """Matrices of ‖∇ψ‖² and ‖div ψ‖², the vector of ∫ div ψ, and the area."""
     cell = space.cell
     t, weights = cell.quadrature(space.degree + 1)

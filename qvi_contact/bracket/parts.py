@@ -55,19 +55,66 @@ class EdgeParts:
     friction: FloatArray
 
 
-def contact_tractions(discretization: Discretization, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Effective σ_N, as the law takes it, and σ_T (m,) of degrees of freedom u of Φ at contact points that have rows.
+@dataclass(frozen=True, eq=False)
+class EdgeTractions:
+    """Tractions on the edges of all contacts that have rows, and the bound the law makes of them; dimensionless.
 
-    Dimensionless.
+    Attributes
+    ----------
+    normal, shear : (e, q) arrays
+        Bernstein coefficients of σ_N, as the law takes it, the pressure of fluids added, and of σ_T.
+    bound : (e, q) array
+        Coefficients of a bound s ≥ 0 of |σ_T| for the pressure of σ_N, each of them min(c + μ|σ_N|, t_max) of the
+        coefficients: no more than the law's where t_max comes into play inside an edge. A bound below which no
+        polynomial has coefficients ≥ 0 is replaced by its least value.
+    exact : (e,) bool array
+        Where it is the law's own.
+    size : float
+        The largest traction at the contact points.
+
     """
-    pairs = [effective(discretization, u, rows) for rows in _limited(discretization)]
-    return joined([normal for normal, _ in pairs]), joined([shear for _, shear in pairs])
+
+    normal: FloatArray
+    shear: FloatArray
+    bound: FloatArray
+    exact: BoolArray
+    size: float
+
+    @classmethod
+    def of(cls, discretization: Discretization, u: FloatArray) -> "EdgeTractions":
+        """From degrees of freedom u of Φ."""
+        qvi, degree = discretization.qvi, discretization.space.traction_degree
+        if not qvi.m:
+            none = np.zeros((0, degree + 1))
+            return cls(none, none, none, np.ones(0, dtype=bool), 0.0)
+        limited = [rows for rows in discretization.contacts if rows.law != "tied"]
+        pairs = [normal_and_shear(discretization, u, rows.points) for rows in limited]
+        normal = joined([normal + rows.pore_pressure for (normal, _), rows in zip(pairs, limited, strict=True)])
+        shear = joined([shear for _, shear in pairs])
+        (cohesion, exact), (cap, cap_exact) = (
+            _polynomials(discretization, joined([getattr(rows, name) for rows in limited]))
+            for name in ("cohesion", "shear_limit")
+        )
+        pressure = qvi.law.pressed(discretization.rule.at_rows(normal))
+        law = cohesion + (qvi.mu * pressure).reshape(cohesion.shape)
+
+        def below(first: FloatArray, second: FloatArray) -> BoolArray:
+            """On which edges the first bound is the smaller one in all coefficients, rounding set aside."""
+            return np.asarray((first <= second * (1.0 + _BELOW_ZERO)).all(axis=1))
+
+        size = float(max(np.abs(normal).max(), np.abs(shear).max()))
+        normal, shear = (coefficients(discretization, part, degree) for part in (normal, shear))
+        exact = np.where(below(law, cap), exact, cap_exact & below(cap, law))
+        return cls(normal, shear, np.minimum(law, cap), exact, size)
 
 
-def effective(discretization: Discretization, u: FloatArray, rows: ContactRows) -> tuple[FloatArray, FloatArray]:
-    """The same of one contact."""
+def tractions_on(discretization: Discretization, u: FloatArray, rows: ContactRows) -> tuple[FloatArray, FloatArray]:
+    """The same coefficients of σ_N and σ_T on one contact, dimensionless."""
     normal, shear = normal_and_shear(discretization, u, rows.points)
-    return normal + rows.pore_pressure, shear
+    degree = discretization.space.traction_degree
+    return coefficients(discretization, normal + rows.pore_pressure, degree), coefficients(
+        discretization, shear, degree
+    )
 
 
 def coefficients(discretization: Discretization, values: FloatArray, degree: int) -> FloatArray:
@@ -84,52 +131,10 @@ def _nearest(degree: int, points: tuple[float, ...]) -> FloatArray:
     return matrix
 
 
-def traction_coefficients(
-    discretization: Discretization, tractions: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Those of σ_N and σ_T, (e, q) each, from their values at the contact points (m,)."""
-    normal, shear = tractions
-    space = discretization.space
-    return (
-        coefficients(discretization, normal, space.traction_degree),
-        coefficients(discretization, shear, space.traction_degree),
-    )
-
-
-def largest(polynomials: FloatArray) -> FloatArray:
-    """The largest value (e,) of polynomials (e, q), or what is no less than that: exact up to degree 2."""
-    return bernstein.largest_quadratic(polynomials) if polynomials.shape[1] == 3 else polynomials.max(axis=1)
-
-
-def law_bound(discretization: Discretization, normal: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """The bound s ≥ 0 of |σ_T| for the pressure of σ_N (m,) at the contact points, and where it is the law's own.
-
-    On triangles of degree p by p − 1 coefficients an edge, each of them min(c + μ|σ_N|, t_max) of the coefficients: no
-    more than the law's where t_max comes into play inside an edge. A bound below which no polynomial has coefficients
-    ≥ 0 is replaced by its least value.
-    """
-    qvi, rule = discretization.qvi, discretization.rule
-    pressure = qvi.law.pressed(rule.at_rows(normal))
-    law, exact = _data(discretization, "cohesion")
-    cap, cap_exact = _data(discretization, "shear_limit")
-    law = law + (qvi.mu * pressure).reshape(law.shape)
-    bound = np.minimum(law, cap)
-    return bound, np.where(_below(law, cap), exact, cap_exact & _below(cap, law))
-
-
-def _below(first: FloatArray, second: FloatArray) -> BoolArray:
-    """On which edges the first bound is the smaller one in all coefficients (e, q), rounding set aside."""
-    return np.asarray((first <= second * (1.0 + _BELOW_ZERO)).all(axis=1))
-
-
-def _limited(discretization: Discretization) -> list[ContactRows]:
-    return [rows for rows in discretization.contacts if rows.law != "tied"]
-
-
-def _data(discretization: Discretization, name: str) -> tuple[FloatArray, BoolArray]:
-    """Coefficients (e, q) ≥ 0 of a field of the law on all edges, and where they are those of the field."""
+def _polynomials(discretization: Discretization, values: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Coefficients (e, q) ≥ 0 of a field of the law from its values (m,), and where they are those of the field."""
     q = discretization.rule.count
-    values = joined([getattr(rows, name) for rows in _limited(discretization)]).reshape(-1, q)
+    values = values.reshape(-1, q)
     given: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
     found = coefficients(discretization, np.where(given[:, None], values, 0.0), q - 1)
     size = np.where(given, np.abs(values).max(axis=1), 0.0)

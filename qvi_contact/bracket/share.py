@@ -23,8 +23,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.bracket.parts import effective, traction_coefficients
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.bracket.parts import tractions_on
 from qvi_contact.companion.data import PARALLEL
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
@@ -40,6 +40,7 @@ from solvers import FrictionQVI
 _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
 _SLIPS = 1e-6  # of the bound: friction that is as near to it has reached it
+_TRIALS = 4  # of what may change inside edges; in the last one nothing
 _MET = 1e-8  # of the largest bound: what may be left of the shear that is wanted
 
 
@@ -220,12 +221,15 @@ class SharedStress:
         s, by contact with Coulomb friction.
     places : tuple of str
         Where a contact reaches its bound of friction, or is open, but s must vanish; a sentence for each.
+    before : ContactResult
+        It carries τ.
 
     """
 
     result: ContactResult
     shares: Mapping[str, Share]
     places: tuple[str, ...]
+    before: ContactResult
 
 
 def outside_scope(problem: ContactProblem) -> str:
@@ -262,14 +266,14 @@ def with_shares(result: ContactResult) -> SharedStress | str:
     found = {contact.name: _raw(result, contact) for contact in known.problem.contacts if has_coulomb(contact)}
     shares, places = _joined(known.problem, found)
     moved = _moved(result, shares)
-    return moved if isinstance(moved, str) else SharedStress(moved, shares, places)
+    return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
 
 
 def bound_and_shear(result: ContactResult, contact: Contact) -> tuple[FloatArray, FloatArray]:
     """Coefficients (edges, q) of the bound c + μ|τ_N| and of τ_T, dimensionless."""
     known = result.discretization
     rows = next(each for each in known.contacts if each.name == contact.name)
-    normal, shear = traction_coefficients(known, effective(known, result.dofs, rows))
+    normal, shear = tractions_on(known, result.dofs, rows)
     assert not callable(contact.friction)
     assert not callable(contact.cohesion)
     return contact.cohesion / known.scales.stress + contact.friction * np.maximum(-normal, 0.0), shear
@@ -363,24 +367,46 @@ def _common(ends: list[_End]) -> float:
     return float(np.average([end.value for end in ends], weights=weights))
 
 
-def _moved(result: ContactResult, shares: Mapping[str, Share]) -> ContactResult | str:
-    """The result with the shear that the shares say, by the least energy of a change."""
+def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactResult, dict[str, Share]] | str:
+    """The result with the shear that the shares say, by the least energy of a change, and these shares.
+
+    Inside edges that stick s may be any other: what the ends ask for is balanced there as far as |s| ≤ 1 allows.
+    """
     known, qvi = result.discretization, result.discretization.qvi
-    wanted = np.zeros(qvi.m)
-    for rows in known.contacts:
-        if rows.name in shares:
-            share = shares[rows.name]
-            bound, shear = bound_and_shear(result, share.contact)
-            wanted[rows.rows] = (-share.values * bound - shear).ravel()
-    if not np.abs(wanted).max(initial=0.0) > 0.0:
-        return result
-    changes, right = LeastChange.of(qvi), np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
-    change = changes.solved(right)
-    left = np.abs(changes.rows @ change - right)
+    wanted, bounds, shears, free = np.zeros(qvi.m), np.ones(qvi.m), np.zeros(qvi.m), np.zeros(qvi.m, dtype=bool)
+    contacts = [rows for rows in known.contacts if rows.name in shares]
+    for rows in contacts:
+        share, at = shares[rows.name], rows.rows
+        bound, shear = bound_and_shear(result, share.contact)
+        wanted[at], bounds[at], shears[at] = (part.ravel() for part in (-share.values * bound - shear, bound, shear))
+        inside = (share.slipping == 0.0)[:, None] & (share.weights > _BEARS * bound.max(axis=1, keepdims=True))
+        inside[:, [0, -1]] = False
+        free[at] = inside.ravel()
     size = max(float(np.abs(wanted).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
+    if not np.abs(wanted).max(initial=0.0) > 0.0:
+        return result, dict(shares)
+    free &= np.abs(wanted) <= _MET * size  # not what an end has asked for
+    for trial in range(_TRIALS):
+        free &= trial < _TRIALS - 1
+        kept = np.concatenate([np.ones(qvi.m, dtype=bool), ~free, np.ones(qvi.A.shape[0], dtype=bool)])
+        right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])[kept]
+        changes = LeastChange.of(qvi, kept)
+        change = changes.solved(right)
+        values = np.divide(-(shears + qvi.T @ change), bounds, out=np.zeros(qvi.m), where=free)
+        if not (np.abs(values) > 1.0).any():
+            break
+        free &= np.abs(values) <= 1.0
+    left = np.abs(changes.rows @ change - right)
     if left.max() > _MET * size:
-        return _where(known, int(left.argmax()) % qvi.m if left.argmax() < 2 * qvi.m else 0)
-    return ContactResult(known, replace(result.solution, z=result.solution.z + change))
+        row = int(np.flatnonzero(kept)[left.argmax()])
+        return _where(known, row % qvi.m if row < 2 * qvi.m else 0)
+    found = dict(shares)
+    for rows in contacts:
+        share, inside = shares[rows.name], free[rows.rows].reshape(shares[rows.name].values.shape)
+        own = np.where(inside, values[rows.rows].reshape(inside.shape), share.values)
+        room = np.where(inside & (share.room > 0.0), 1.0 - np.abs(own), share.room)
+        found[rows.name] = replace(share, values=own, room=room)
+    return ContactResult(known, replace(result.solution, z=result.solution.z + change)), found
 
 
 def _where(known: Discretization, row: int) -> str:
@@ -415,9 +441,10 @@ class LeastChange:
     factors: Any
 
     @classmethod
-    def of(cls, qvi: FrictionQVI) -> "LeastChange":
-        """Of all rows of a problem."""
+    def of(cls, qvi: FrictionQVI, kept: BoolArray | None = None) -> "LeastChange":
+        """Of all rows of a problem, or of those that are kept."""
         rows, K = sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])), sparse.csc_array(qvi.K)
+        rows = rows if kept is None else sparse.csr_array(rows[np.flatnonzero(kept)])
         scale = 1.0 / np.sqrt(K.diagonal())
         R = sparse.csr_array(rows @ sparse.diags_array(scale))
         lengths = np.sqrt(np.maximum(np.asarray(R.multiply(R).sum(axis=1)).ravel(), 1e-300))

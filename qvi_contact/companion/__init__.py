@@ -26,6 +26,6 @@ __getattr__ = front(
         "body": ("Elasticity",),
         "dual": ("DualProblem",),
         "solver": ("BodyAtRest", "moduli"),
-        "space": ("Space", "Triangle", "reference_matrices"),
+        "space": ("DisplacementSpace", "Triangle", "reference_matrices"),
     },
 )

@@ -17,11 +17,11 @@ from scipy.linalg import cho_factor, cho_solve
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.companion.data import MISFIT, Supports, load_points
-from qvi_contact.companion.space import Space, reference_matrices
+from qvi_contact.companion.space import DisplacementSpace, reference_matrices
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mesh.edges import Edges, vectors_along
+from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
@@ -42,14 +42,14 @@ class Elasticity:
 
     Attributes
     ----------
-    space : Space
+    space : DisplacementSpace
         Displacements.
     moduli : (cells, 3, 3) array
         Stiffness C with σ = C ε, times the unit of compliance.
 
     """
 
-    space: Space
+    space: DisplacementSpace
     moduli: FloatArray
 
     def stiffness(self) -> sparse.csr_array:
@@ -164,7 +164,9 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     return second, (changed, *remarks)
 
 
-def _traction_load(problem: ContactProblem, space: Space, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
+def _traction_load(
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales
+) -> tuple[FloatArray, tuple[str, ...]]:
     """∫_{Γσ} T·v ds as a vector (size,), and which tractions no quadrature follows."""
     load, remarks = np.zeros(space.size), list[str]()
     for given in problem.prescribed(Traction):
@@ -210,7 +212,14 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)
     t, w = gauss_legendre(count)
     shape = bernstein.basis(space.degree, t) * w[:, None]
-    for edges, numbers, outward in _outlines(problem, space):
+    outlines = [
+        (mesh.boundary, space.along(mesh.boundary), mesh.boundary.normal)
+    ]  # edges, coefficients, outward normals
+    for joint in problem.joints:
+        edges = mesh.edges(joint.edges)
+        outlines.append((edges, space.along(edges), edges.normal))
+        outlines.append((edges, space.along(edges, other=True), -edges.normal))
+    for edges, numbers, outward in outlines:
         values = (evaluate(name, field, *mesh.points_along(edges, t)) - base) / scales.stress
         lengths = edges.length / scales.length
         if edges.curved:
@@ -221,17 +230,6 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
         else:
             _add(load, numbers, -lengths[:, None] * (values @ shape), outward)
     return load
-
-
-def _outlines(problem: ContactProblem, space: Space) -> list[tuple[Edges, IntArray, FloatArray]]:
-    """The blocks' outlines: (edges, their coefficients, outward normals)."""
-    mesh = problem.mesh
-    found = [(mesh.boundary, space.along(mesh.boundary), mesh.boundary.normal)]
-    for joint in problem.joints:
-        edges = mesh.edges(joint.edges)
-        found.append((edges, space.along(edges), edges.normal))
-        found.append((edges, space.along(edges, other=True), -edges.normal))
-    return found
 
 
 @dataclass(eq=False)
@@ -268,7 +266,7 @@ class CondensedBody:
     S: FloatArray
     r: FloatArray
     R: FloatArray
-    _cholesky: tuple[FloatArray, bool]
+    cholesky: tuple[FloatArray, bool]
 
     @classmethod
     def of(cls, body: Elasticity, load: FloatArray, supports: Supports, rows: sparse.csr_array) -> "CondensedBody":
@@ -296,12 +294,21 @@ class CondensedBody:
         fixed = np.zeros(size)
         fixed[supports.index] = supports.values
         r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
-        R = _orthonormal((rigid @ _null_space(rigid[supports.index]))[interface])
-        return cls(body, load, supports, free, interface, factor, S, np.asarray(r), R, _stiffened(S, R))
+        motions = (rigid @ _null_space(rigid[supports.index]))[interface]
+        R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
+        stiffened = S, True
+        if len(S):
+            rho = float(np.trace(S)) / len(S)
+            try:
+                stiffened = cho_factor(S + rho * R @ R.T, lower=True)
+            except np.linalg.LinAlgError as error:
+                message = "the condensed stiffness is not positive definite"
+                raise FactorisationError("singular", "lapack", message) from error
+        return cls(body, load, supports, free, interface, factor, S, np.asarray(r), R, stiffened)
 
     def relieve(self, forces: FloatArray) -> FloatArray:
         """G times forces on Γ, (k,) or (k, j)."""
-        return np.asarray(cho_solve(self._cholesky, forces)) if forces.size else forces
+        return np.asarray(cho_solve(self.cholesky, forces)) if forces.size else forces
 
     def expand(self, values: FloatArray) -> FloatArray:
         """V (size,) from w_Γ, the rest in equilibrium: defect corrections remove rounding."""
@@ -318,17 +325,6 @@ class CondensedBody:
         w = np.zeros(self.body.space.size)
         w[self.supports.index] = self.supports.values
         return w
-
-
-def _stiffened(S: FloatArray, R: FloatArray) -> tuple[FloatArray, bool]:
-    if not len(S):
-        return S, True
-    rho = float(np.trace(S)) / len(S)
-    try:
-        factor, lower = cho_factor(S + rho * R @ R.T, lower=True)
-    except np.linalg.LinAlgError as error:
-        raise FactorisationError("singular", "lapack", "the condensed stiffness is not positive definite") from error
-    return factor, bool(lower)
 
 
 def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray) -> IntArray:
@@ -353,9 +349,3 @@ def _null_space(matrix: FloatArray) -> FloatArray:
     triangle = np.linalg.qr(np.vstack([matrix, np.zeros_like(matrix, shape=(matrix.shape[1],) * 2)]), mode="r")
     _, values, vectors = np.linalg.svd(triangle)
     return np.asarray(vectors[values <= _FREE * max(1.0, float(values[0]))].T)
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    if not columns.size:
-        return np.zeros((len(columns), 0))
-    return np.asarray(np.linalg.qr(columns)[0])

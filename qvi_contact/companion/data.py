@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
-from qvi_contact.companion.space import Space
+from qvi_contact.companion.space import DisplacementSpace
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
@@ -194,7 +194,7 @@ class _OnArcs:
         return np.ravel(self.data[:, 1:-1] * self._alike.sum(axis=1)[:, None])
 
 
-def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
+def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) -> Supports:
     """Prescribed displacements; where two disagree in a corner their mean."""
     given, arcs, reasons = _given(problem, space, scales)
     allowed = MISFIT * max(1.0, float(np.abs(given.value).max(initial=0.0)))
@@ -221,7 +221,9 @@ def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
     return Supports(index[order], values[order], Q, R, bool(axes or arcs), tuple(reasons))
 
 
-def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Given, list[_OnArcs], list[str]]:
+def _given(
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales
+) -> tuple[_Given, list[_OnArcs], list[str]]:
     """All conditions, in the order of the problem: those at coefficients, and those inside arcs along their frames."""
     arcs: list[_OnArcs] = []
     coefficients: list[IntArray] = [np.empty(0, dtype=np.int64)]
@@ -231,7 +233,10 @@ def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Give
         data = edge_data(problem, edges, given.name, given.value, space.degree, scales.displacement)
         size = max(1.0, float(np.abs(data.coefficients).max(initial=0.0)))
         if data.misfit > MISFIT * size:
-            reasons.append(_interpolated(given.name, data.misfit * scales.displacement, space.degree))
+            reasons.append(
+                f"{given.name} is not a polynomial of degree {space.degree} on each edge. It is interpolated, with an "
+                f"error of up to {data.misfit * scales.displacement:.2g} [length]."
+            )
         numbers = space.along(edges)
         turning = edges.bent & given.turns
         if turning.any():
@@ -247,13 +252,6 @@ def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Give
         directions.append(vectors_along(edges, given.direction, places, turns=given.turns)[here])
         values.append(data.coefficients[here])
     return _Given(np.concatenate(coefficients), np.concatenate(directions), np.concatenate(values)), arcs, reasons
-
-
-def _interpolated(name: str, misfit: float, degree: int) -> str:
-    return (
-        f"{name} is not a polynomial of degree {degree} on each edge. It is interpolated, with an error of up to "
-        f"{misfit:.2g} [length]."
-    )
 
 
 def _along_axes(given: _Given, allowed: float) -> tuple[IntArray, FloatArray, list[int]]:

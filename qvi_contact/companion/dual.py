@@ -32,7 +32,7 @@ from scipy.sparse.csgraph import connected_components
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.body import CondensedBody
 from qvi_contact.companion.data import PARALLEL
-from qvi_contact.companion.traces import Trace
+from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.errors import InputError
 from solvers import FrictionQVI, QVISolution
 
@@ -50,7 +50,7 @@ class Contacts:
 
     Attributes
     ----------
-    traces : tuple of Trace
+    traces : tuple of DisplacementContact
         The contacts.
     rows : (2 n, size) sparse array
         c from the degrees of freedom of the body.
@@ -69,7 +69,7 @@ class Contacts:
 
     """
 
-    traces: tuple[Trace, ...]
+    traces: tuple[DisplacementContact, ...]
     rows: sparse.csr_array
     weights: FloatArray
     obstacle: FloatArray
@@ -79,7 +79,7 @@ class Contacts:
     fluid: FloatArray
 
     @classmethod
-    def of(cls, traces: tuple[Trace, ...], size: int) -> "Contacts":
+    def of(cls, traces: tuple[DisplacementContact, ...], size: int) -> "Contacts":
         """Stack the traces."""
         n = sum(trace.count for trace in traces)
         empty = sparse.csr_array((0, size))
@@ -236,17 +236,13 @@ def groups(B: sparse.csr_array) -> list[IntArray]:
     """Rows that hang together over columns, two or more of them, in ascending order."""
     if not B.nnz:
         return []
-    group = connected_components(_links(B), directed=False)[1][: B.shape[0]]
+    nodes = sum(B.shape)  # rows, and after them the columns where they have entries
+    starts = np.concatenate([B.indptr, np.full(B.shape[1], B.nnz)])
+    links = sparse.csr_array((np.ones(B.nnz), B.indices + B.shape[0], starts), shape=(nodes, nodes))
+    group = connected_components(links, directed=False)[1][: B.shape[0]]
     order = np.argsort(group, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
     return [part for part in parts if len(part) > 1]
-
-
-def _links(B: sparse.csr_array) -> sparse.csr_array:
-    """The graph that joins each row to the columns where it has entries, columns numbered after rows."""
-    nodes = sum(B.shape)
-    starts = np.concatenate([B.indptr, np.full(B.shape[1], B.nnz)])
-    return sparse.csr_array((np.ones(B.nnz), B.indices + B.shape[0], starts), shape=(nodes, nodes))
 
 
 def _dependent(B: FloatArray, rows: IntArray) -> list[int]:
@@ -277,19 +273,17 @@ def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
             continue
         contradiction = float(b[index] - combination @ b[kept])
         if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
-            _refuse(contradiction, index >= rigid)
+            if index >= rigid:
+                remedy = (
+                    "contradicts equilibrium with the other loads by this, dimensionless: correct it, or leave it out"
+                )
+                raise InputError("RigidPlate", contradiction, remedy)
+            remedy = (
+                "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, or "
+                "support the body by a Displacement or Contact"
+            )
+            raise InputError("ContactProblem.conditions", contradiction, remedy)
     return np.array(kept, dtype=np.int64)
-
-
-def _refuse(contradiction: float, plate: bool) -> None:
-    if plate:
-        remedy = "contradicts equilibrium with the other loads by this, dimensionless: correct it, or leave it out"
-        raise InputError("RigidPlate", contradiction, remedy)
-    remedy = (
-        "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, or support "
-        "the body by a Displacement or Contact"
-    )
-    raise InputError("ContactProblem.conditions", contradiction, remedy)
 
 
 def targets(
@@ -345,7 +339,7 @@ def admissible(
     held[contacts.count :] &= problem.live[contacts.count :] | contacts.gathered("tied").astype(bool)
     for _ in range(3):  # a correction in a corner may push another contact line over its gap
         c = rows @ values + beyond
-        values = moved(_chosen(rows, held), values, (wanted - c)[held])
+        values = moved(sparse.csr_array(rows[np.flatnonzero(held)]), values, (wanted - c)[held])
         over = np.flatnonzero(_excess(problem, rows @ values + beyond) > 0.0)
         over = over[problem.movable[over] & ~held[over]]
         if not len(over):
@@ -354,11 +348,6 @@ def admissible(
     v = problem.body.expand(values)
     c = contacts.rows @ v - contacts.plates(plates)
     return v, c, _reasons(problem, c)
-
-
-def _chosen(rows: sparse.csr_array, held: BoolArray) -> sparse.csr_array:
-    index: IntArray = np.flatnonzero(held)
-    return sparse.csr_array(rows[index])
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:

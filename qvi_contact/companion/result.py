@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.dual import Contacts
-from qvi_contact.companion.space import Space
-from qvi_contact.companion.traces import Trace, plate_centre
+from qvi_contact.companion.space import DisplacementSpace
+from qvi_contact.companion.traces import DisplacementContact, plate_centre
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -180,7 +180,7 @@ class CompanionResult(Stated):
     problem: ContactProblem
     degree: int
     scales: Scales
-    space: Space
+    space: DisplacementSpace
     body: Elasticity
     status: Status
     certificate: Certificate
@@ -328,14 +328,14 @@ class CompanionResult(Stated):
     def _v(self) -> FloatArray:
         return self._state.v
 
-    def _trace(self, name: str) -> tuple[Trace, slice]:
+    def _trace(self, name: str) -> tuple[DisplacementContact, slice]:
         traces = self._state.contacts.traces
         names = [trace.name for trace in traces]
         number = names.index(known_name("name", name, {"contacts": names}))
         start = sum(trace.count for trace in traces[:number])
         return traces[number], slice(start, start + traces[number].count)
 
-    def _friction(self, trace: Trace) -> float:
+    def _friction(self, trace: DisplacementContact) -> float:
         """∫ s |v_T − w| ds, dimensionless; under Coulomb's law the sum over coefficients that was minimised."""
         _, chosen = self._trace(trace.name)
         state, n = self._state, self._state.contacts.count
@@ -347,7 +347,7 @@ class CompanionResult(Stated):
         along = trace.on_edges(slip, slip)[1]
         return float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
 
-    def _contact(self, trace: Trace) -> CompanionContact:
+    def _contact(self, trace: DisplacementContact) -> CompanionContact:
         _, chosen = self._trace(trace.name)
         state, scales = self._state, self.scales
         n = state.contacts.count

@@ -16,8 +16,8 @@ from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.data import PARALLEL, Supports, supports
 from qvi_contact.companion.dual import Contacts, DualProblem, admissible, dual_problem
 from qvi_contact.companion.result import CompanionResult, CompanionState
-from qvi_contact.companion.space import Space, Triangle, triangle
-from qvi_contact.companion.traces import Trace, traces
+from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
+from qvi_contact.companion.traces import DisplacementContact, traces
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -121,18 +121,18 @@ def solve_companions(
     *,
     degree: int | None = None,
     tolerance: float = 1e-8,
-    senses: Sequence[Mapping[str, FloatArray]] = (),
+    slip_directions: Sequence[Mapping[str, FloatArray]] = (),
     **options: Any,
 ) -> tuple[CompanionResult, ...]:
     """The same under several friction laws, each like `bounds` of `solve_companion`, with one factorisation.
 
-    Options are those of `solve_qvi`, for each of them. On contacts named in the law's entry of `senses`, if it has one,
+    Options are those of `solve_qvi`, for each of them. On contacts named in the law's entry of `slip_directions`
     displacements slip along the tangent of an edge where that says 1, against it where −1, and not at all where 0.
     """
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
     nothing = MappingProxyType[str, FloatArray]({})
-    lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, senses, fillvalue=nothing)]
+    lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, slip_directions, fillvalue=nothing)]
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
@@ -207,18 +207,20 @@ class _Model:
     def of(cls, problem: ContactProblem, cell: Triangle) -> _Model:
         """Loads and supports."""
         scales = Scales.of(problem)
-        space = Space.of(problem, cell, scales.length)
+        space = DisplacementSpace.of(problem, cell, scales.length)
         body = Elasticity(space, moduli(problem, scales))
         return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
 
     def traces(
-        self, bounds: Mapping[str, ArrayLike] | None, senses: Mapping[str, FloatArray]
-    ) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
-        """Contacts under a law, with the senses of their slip, and why the energy is not exact."""
+        self, bounds: Mapping[str, ArrayLike] | None, slip_direction: Mapping[str, FloatArray]
+    ) -> tuple[tuple[DisplacementContact, ...], tuple[str, ...]]:
+        """Contacts under a law, with the directions of their slip, and why the energy is not exact."""
         problem = self.problem
         lines, reasons = traces(problem, self.body.space, self.scales, bounds)
         lines = tuple(
-            replace(trace, slipping=trace.slipping_on(senses[trace.name])) if trace.name in senses else trace
+            replace(trace, slipping=trace.slipping_on(slip_direction[trace.name]))
+            if trace.name in slip_direction
+            else trace
             for trace in lines
         )
         reasons = self.held.reasons + self.remarks + reasons
@@ -230,7 +232,8 @@ class _Model:
 
     def result(self, dual: DualProblem, solution: QVISolution, reasons: tuple[str, ...]) -> CompanionResult:
         """What a solution of the contact problem says."""
-        state = _state(dual, solution) if _usable(solution) else None
+        usable = solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all()
+        state = _state(dual, solution) if usable else None
         return CompanionResult(
             self.problem, self.body.space.degree, self.scales, self.body.space, self.body, solution.status,
             solution.certificate, solution.message, state, reasons + (state.reasons if state else ()), solution,
@@ -253,17 +256,13 @@ def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
     return np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)
 
 
-def _moves(problem: ContactProblem, trace: Trace, contact: Contact) -> bool:
+def _moves(problem: ContactProblem, trace: DisplacementContact, contact: Contact) -> bool:
     """Whether there is friction at a coefficient, or at a sample between them."""
     found = bool((trace.friction > 0.0).any())
     if found or not callable(contact.friction):
         return found
     x, y = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
     return bool((evaluate("Contact.friction", contact.friction, x, y, minimum=0.0) > 0.0).any())
-
-
-def _usable(solution: QVISolution) -> bool:
-    return solution.status is not Status.INFEASIBLE and bool(np.isfinite(solution.z).all())
 
 
 def _state(dual: DualProblem, solution: QVISolution) -> CompanionState:

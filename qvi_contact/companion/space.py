@@ -289,7 +289,7 @@ def _sum(coefficients: FloatArray, at: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Space:
+class DisplacementSpace:
     """Displacements of degree p on the cells of a mesh; lengths divided by L, places relative to the mesh's origin.
 
     Attributes
@@ -320,7 +320,7 @@ class Space:
     curved: CurvedCells
 
     @classmethod
-    def of(cls, problem: ContactProblem, cell: Triangle, length: float) -> "Space":
+    def of(cls, problem: ContactProblem, cell: Triangle, length: float) -> "DisplacementSpace":
         """The space of a problem."""
         mesh = problem.mesh
         corners = mesh.vertices[mesh.cells]

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, real_array
 from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, edge_moments
-from qvi_contact.companion.space import Space
+from qvi_contact.companion.space import DisplacementSpace
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
@@ -36,15 +36,12 @@ from solvers.basics.names import known_name
 _PLACES: FloatArray = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
 
 
-_Frames: TypeAlias = tuple[FloatArray, FloatArray]
-"""Normals and tangents at coefficients, (n, 2) each."""
-
 _OnEdges: TypeAlias = tuple[FloatArray, FloatArray]
 """Normal and tangential coefficients on edges."""
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class DisplacementContact:
     """One contact; dimensionless, arrays over its n coefficients unless said otherwise.
 
     Attributes
@@ -139,8 +136,8 @@ class Trace:
 
 
 def traces(
-    problem: ContactProblem, space: Space, scales: Scales, bounds: Mapping[str, ArrayLike] | None
-) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, bounds: Mapping[str, ArrayLike] | None
+) -> tuple[tuple[DisplacementContact, ...], tuple[str, ...]]:
     """The traces of all contacts in the order of the problem, and why their laws are not met exactly."""
     given = checked_bounds(problem, bounds)
     found, reasons = [], list[str]()
@@ -189,65 +186,139 @@ def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) 
         raise InputError(field, f"shape {values.shape}", remedy)
     if not np.isfinite(values).all():
         raise InputError(field, "NaN or infinity", "give finite numbers")
-    if _least(values) < -1e-12 * np.abs(values).max(initial=0.0):
+    if values.shape[1] == 3:
+        least = -bernstein.largest_quadratic(-values)
+    else:
+        least = (values @ bernstein.basis(values.shape[1] - 1, _PLACES).T).min(axis=1)
+    if least.min(initial=0.0) < -1e-12 * np.abs(values).max(initial=0.0):
         raise InputError(field, float(values.min()), "give a bound that is ≥ 0 all along each edge")
     return values
 
 
-def _least(values: FloatArray) -> float:
-    """The smallest value of polynomials (edges, q): exact up to degree 2, of others at points."""
-    quadratic = values.shape[1] == 3
-    at_places = (
-        -bernstein.largest_quadratic(-values) if quadratic else values @ bernstein.basis(values.shape[1] - 1, _PLACES).T
-    )
-    return float(at_places.min(initial=0.0))
-
-
 def _trace(
-    problem: ContactProblem, space: Space, scales: Scales, contact: Contact, bound: FloatArray | None
-) -> tuple[Trace, list[str]]:
-    mesh, p = problem.mesh, space.degree
-    edges = mesh.edges(contact.edges)
-    joint = contact in problem.joints
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, bound: FloatArray | None
+) -> tuple[DisplacementContact, list[str]]:
+    """The trace of one contact, and why its law is not met exactly."""
+    mesh, p, reasons = problem.mesh, space.degree, list[str]()
+    edges, joint = mesh.edges(contact.edges), contact in problem.joints
     near = space.along(edges)
     far = space.along(edges, other=True) if joint else near
     sides = np.where(near > far, -1.0, 1.0)
     frames = [sides[..., None] * vectors for vectors in frames_along(edges, np.linspace(0.0, 1.0, p + 1))]
-    pairs, columns = _numbered(near, far, frames[0])
-    n, lengths = len(pairs), edges.length / scales.length
-    normals, tangents = (_by_coefficient(columns, n, vectors) for vectors in frames)
+    # pairs (n, 3) of coefficients of the body, the smaller number first, with the number of a direction last: where the
+    # normals of a joint turn back the sides of its edges change, normals that lead from the first of a pair do not
+    facing = _directions(frames[0].reshape(-1, 2))
+    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), facing], axis=1)
+    pairs, columns = np.unique(pairs, axis=0, return_inverse=True)
+    columns, n, lengths = columns.reshape(near.shape), len(pairs), edges.length / scales.length
+    normals, tangents = np.zeros((2, n, 2))
+    normals[columns], tangents[columns] = frames
     turned = np.where((frames[1] * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
     normal, tangential = (_rows(pairs, vectors, space.size, joint) for vectors in (normals, tangents))
     if edges.curved:
-        bend = _Bend(edges, columns, sides, pairs, p)
-        normal, tangential = bend.rows(normal, edges.normal, joint), bend.rows(tangential, edges.tangent, joint)
-    weights = _sums(columns, n, np.repeat(lengths[:, None] / (p + 1), p + 1, axis=1))
-    reasons: list[str] = []
-    gap = _obstacle(problem, space, scales, contact, edges, columns, np.ones_like(turned), "gap", reasons)
-    offset = _obstacle(problem, space, scales, contact, edges, columns, turned, "offset", reasons)
+        normal, tangential = (
+            _bent_rows(edges, columns, sides, pairs, straight, chords, joint)
+            for straight, chords in ((normal, edges.normal), (tangential, edges.tangent))
+        )
+
     places = space.places[pairs[:, 0]]
-    law = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound, reasons)
-    friction, cohesion, limit = law
-    fluid = _fluid(problem, scales, contact, edges, columns, lengths, p, reasons)
-    motions = _motions(problem, scales, contact, columns, places, (normals, tangents))
-    moved = _moved(problem, scales, contact, columns, places, (normals, tangents))
-    trace = Trace(
-        contact.name, contact.law, edges, columns, turned, places, weights, normal, tangential,
-        friction, cohesion, limit, gap, offset, fluid, bound, motions, moved, lengths, np.full(n, np.nan),
+    line = _OnLine(problem, scales, contact, edges, columns, (normals, tangents), places, reasons)
+    weights = line.summed(np.repeat(lengths[:, None] / (p + 1), p + 1, axis=1))
+    gap, offset = line.obstacle("gap", np.ones_like(turned)), line.obstacle("offset", turned)
+    # The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper bound if
+    # the means are exact. A given bound takes the place of both, and of friction.
+    friction, limit = np.zeros(n), np.full(n, np.inf)
+    if bound is not None:
+        mean = bound @ bernstein.product_integrals(bound.shape[1] - 1, p) * lengths[:, None]
+        cohesion = np.maximum(line.summed(mean) / weights, 0.0)
+    else:
+        x, y = (mesh.origin + scales.length * places).T
+        friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
+        cohesion = line.moments("cohesion") / weights
+        if contact.shear_limit is not None:
+            limit = line.moments("shear_limit") / weights
+    fluid, motions = line.moments("pore_pressure"), line.motions()
+    moved = np.zeros((2, n)) if contact.plate is None else line.moved(contact.plate) / scales.displacement
+    trace = DisplacementContact(
+        contact.name, contact.law, edges, columns, turned, places, weights, normal, tangential, friction, cohesion,
+        limit, gap, offset, fluid, bound, motions, moved, lengths, np.full(n, np.nan),
     )  # fmt: skip
     return trace, reasons
 
 
-def _numbered(near: IntArray, far: IntArray, normals: FloatArray) -> tuple[IntArray, IntArray]:
-    """Coefficients of the body that make one of the contact, and where they are on edges: pairs (n, 3), (e, p + 1).
+@dataclass(frozen=True, eq=False)
+class _OnLine:
+    """Data of a contact at its n coefficients, with normals and tangents there, and what is not exact of them."""
 
-    A pair has the smaller number first, and the number of a direction last. Where the normals of a joint turn back the
-    sides of its edges change: normals (e, p + 1, 2) that lead from the first of each pair do not.
-    """
-    facing = _directions(normals.reshape(-1, 2))
-    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), facing], axis=1)
-    found, columns = np.unique(pairs, axis=0, return_inverse=True)
-    return found, columns.reshape(near.shape)
+    problem: ContactProblem
+    scales: Scales
+    contact: Contact
+    edges: Edges
+    columns: IntArray
+    frames: tuple[FloatArray, FloatArray]
+    places: FloatArray
+    reasons: list[str]
+
+    @property
+    def degree(self) -> int:
+        return int(self.columns.shape[1]) - 1
+
+    def summed(self, values: FloatArray) -> FloatArray:
+        """Sums (n,) at coefficients of values (e, p + 1) on edges."""
+        found = np.bincount(self.columns.ravel(), values.ravel(), minlength=len(self.places))
+        return np.asarray(found, dtype=np.float64)
+
+    def moments(self, kind: str) -> FloatArray:
+        """∫ f B_i ds (n,) of a datum over S, dimensionless; 99 points of an edge show whether it is exact."""
+        field, p, stress = getattr(self.contact, kind), self.degree, self.scales.stress
+        lengths = (self.edges.length / self.scales.length)[:, None]
+        if not callable(field):
+            return self.summed(np.repeat(lengths, p + 1, axis=1)) * (float(field) / stress / (p + 1))
+        found = edge_moments(self.problem, self.edges, f"Contact.{kind}", field, p, stress, minimum=0.0)
+        what = "pore pressure" if kind == "pore_pressure" else kind
+        self.reasons.extend(found.reason(f"The {what} of {self.contact.name!r}", self.scales))
+        return self.summed(lengths * found.values)
+
+    def obstacle(self, kind: str, signs: FloatArray) -> FloatArray:
+        """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between them the smaller one."""
+        p, unit, contact = self.degree, self.scales.displacement, self.contact
+        data = edge_data(self.problem, self.edges, f"Contact.{kind}", getattr(contact, kind), p, unit)
+        own, least = signs * data.coefficients, np.full(len(self.places), np.inf)
+        np.minimum.at(least, self.columns, own)
+        misfit = data.misfit
+        if contact.law != "unilateral" or kind == "offset":
+            misfit = max(misfit, float(np.abs(least[self.columns] - own).max(initial=0.0)))
+        if misfit > MISFIT * max(1.0, float(np.abs(least).max(initial=0.0))):
+            self.reasons.append(
+                f"The {kind} of {contact.name!r} is not a continuous polynomial of degree {p} on each edge. "
+                f"It is interpolated, with an error of up to {misfit * unit:.2g} [length]."
+            )
+        return least
+
+    def moved(self, plate: RigidPlate) -> FloatArray:
+        """Coefficients (2, n) of the given motion of a plate along normals and tangents [length]."""
+        mesh, edges = self.problem.mesh, self.edges
+        field = plate.displacement(*(mesh.origin + self.scales.length * self.places).T).T
+        found = np.stack([(vectors * field).sum(axis=1) for vectors in self.frames])
+        if edges.curved:
+            t, back = bernstein.nodes(self.degree), bernstein.from_values(self.degree)
+            on_arcs = np.moveaxis(plate.displacement(*mesh.points_along(edges, t)), 0, -1)
+            for values, vectors in zip(found, frames_along(edges, t), strict=True):
+                values[self.columns] = (vectors * on_arcs).sum(axis=-1) @ back.T
+        return found
+
+    def motions(self) -> tuple[tuple[str, FloatArray, FloatArray, float], ...]:
+        """What each force or moment on a plate drives; moments count from `RigidPlate.reference`."""
+        plate, found = self.contact.plate, []
+        for component in COMPONENTS if plate is not None else ():
+            if plate is not None and getattr(plate, component) is not None:
+                centre, moment = plate_centre(self.problem, self.edges), component == "moment"
+                given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
+                motion = {DRIVES[component]: 1.0 / self.scales.length if moment else 1.0}
+                normal, tangential = self.moved(RigidPlate(pivot=plate.reference(*centre), **motion))
+                size = self.scales.stress * self.scales.length ** (2 if moment else 1)
+                found.append((component, normal, tangential, given / size))
+        return tuple(found)
 
 
 def _directions(vectors: FloatArray) -> IntArray:
@@ -259,54 +330,6 @@ def _directions(vectors: FloatArray) -> IntArray:
     number: IntArray = np.empty(len(angle), dtype=np.int64)
     number[order] = (np.cumsum(apart) - apart[0]) % max(int(apart.sum()), 1)
     return number
-
-
-def _by_coefficient(columns: IntArray, n: int, vectors: FloatArray) -> FloatArray:
-    """Vectors at the coefficients of edges (e, p + 1, 2) as those of the coefficients (n, 2)."""
-    found = np.zeros((n, 2))
-    found[columns] = vectors
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Bend:
-    """Components along arcs, see `along_arcs`.
-
-    Attributes
-    ----------
-    edges, columns, degree
-        The edges, their coefficients (e, p + 1), and p.
-    sides : (e, p + 1) array
-        1 where the body's side of the edge is the first of a pair, −1 where it is the second.
-    pairs : (n, 3) int array
-        Coefficients of the body on both sides, see `_rows`.
-
-    """
-
-    edges: Edges
-    columns: IntArray
-    sides: FloatArray
-    pairs: IntArray
-    degree: int
-
-    def rows(self, straight: sparse.csr_array, vectors: FloatArray, joint: bool) -> sparse.csr_array:
-        """Rows (n, size) along vectors (e, 2) of the chords, those inside arcs in the place of the given ones."""
-        bent = np.flatnonzero(self.edges.bent)
-        factors = self.sides[bent, None, :, None] * along_arcs(self.edges.take(bent), vectors[bent], self.degree)
-        columns = self.columns[bent]
-        row = np.broadcast_to(columns[:, 1:-1, None, None], factors.shape)
-        whole = np.ones(straight.shape[0])
-        whole[columns[:, 1:-1]] = 0.0
-        found = sparse.diags_array(whole) @ straight
-        for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
-            dofs = 2 * self.pairs[columns, side][:, None, :, None] + np.arange(2)
-            at = (row.ravel(), np.broadcast_to(dofs, factors.shape).ravel())
-            found = found + sign * sparse.csr_array((factors.ravel(), at), shape=straight.shape)
-        return sparse.csr_array(found)
-
-
-def _sums(columns: IntArray, n: int, values: FloatArray) -> FloatArray:
-    return np.asarray(np.bincount(columns.ravel(), values.ravel(), minlength=n), dtype=np.float64)
 
 
 def _rows(pairs: IntArray, vectors: FloatArray, size: int, joint: bool) -> sparse.csr_array:
@@ -322,146 +345,31 @@ def _rows(pairs: IntArray, vectors: FloatArray, size: int, joint: bool) -> spars
     return rows
 
 
-def _obstacle(
-    problem: ContactProblem,
-    space: Space,
-    scales: Scales,
-    contact: Contact,
+def _bent_rows(
     edges: Edges,
     columns: IntArray,
-    signs: FloatArray,
-    kind: str,
-    reasons: list[str],
-) -> FloatArray:
-    """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between edges the smaller one."""
-    field: Field = getattr(contact, kind)
-    data = edge_data(problem, edges, f"Contact.{kind}", field, space.degree, scales.displacement)
-    coefficients = signs * data.coefficients
-    least = np.full(int(columns.max()) + 1, np.inf)
-    np.minimum.at(least, columns, coefficients)
-    size = max(1.0, float(np.abs(least).max(initial=0.0)))
-    misfit = data.misfit
-    if contact.law != "unilateral" or kind == "offset":
-        misfit = max(misfit, float(np.abs(least[columns] - coefficients).max(initial=0.0)))
-    if misfit > MISFIT * size:
-        reasons.append(
-            f"The {kind} of {contact.name!r} is not a continuous polynomial of degree {space.degree} on each edge. "
-            f"It is interpolated, with an error of up to {misfit * scales.displacement:.2g} [length]."
-        )
-    return least
+    sides: FloatArray,
+    pairs: IntArray,
+    straight: sparse.csr_array,
+    chords: FloatArray,
+    joint: bool,
+) -> sparse.csr_array:
+    """The rows with those inside arcs replaced by components along vectors (e, 2) of the chords, see `along_arcs`.
 
-
-def _law(
-    problem: ContactProblem,
-    scales: Scales,
-    contact: Contact,
-    edges: Edges,
-    columns: IntArray,
-    places: FloatArray,
-    weights: FloatArray,
-    lengths: FloatArray,
-    degree: int,
-    bound: FloatArray | None,
-    reasons: list[str],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """μ, cohesion and cap at the coefficients; a given bound takes the place of all three.
-
-    The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper bound if
-    the means are exact. Data of which 99 points of an edge show that they are not are named in `reasons`.
+    Sides (e, p + 1) are 1 where the body's side of the edge is the first of a pair, −1 where it is the second.
     """
-    n, mesh = len(weights), problem.mesh
-    none = np.full(n, np.inf)
-    if bound is not None:
-        mean = bound @ bernstein.product_integrals(bound.shape[1] - 1, degree) * lengths[:, None]
-        return np.zeros(n), np.maximum(_sums(columns, n, mean) / weights, 0.0), none
-    x, y = (mesh.origin + scales.length * places).T
-    friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
-
-    def mean_of(kind: str, field: Field) -> FloatArray:
-        if not callable(field):
-            return np.full(n, float(field) / scales.stress)
-        moments = edge_moments(problem, edges, f"Contact.{kind}", field, degree, scales.stress, minimum=0.0)
-        reasons.extend(moments.reason(f"The {kind} of {contact.name!r}", scales))
-        return _sums(columns, n, lengths[:, None] * moments.values) / weights
-
-    cohesion = mean_of("cohesion", contact.cohesion)
-    limit = none if contact.shear_limit is None else mean_of("shear_limit", contact.shear_limit)
-    return friction, cohesion, limit
-
-
-def _fluid(
-    problem: ContactProblem,
-    scales: Scales,
-    contact: Contact,
-    edges: Edges,
-    columns: IntArray,
-    lengths: FloatArray,
-    degree: int,
-    reasons: list[str],
-) -> FloatArray:
-    """∫ p_w B_i ds (n,) of the pressure of a fluid."""
-    field = contact.pore_pressure
-    n = int(columns.max()) + 1
-    if not callable(field):
-        return _sums(columns, n, np.repeat(lengths[:, None], degree + 1, axis=1)) * (
-            float(field) / scales.stress / (degree + 1)
-        )
-    moments = edge_moments(problem, edges, "Contact.pore_pressure", field, degree, scales.stress, minimum=0.0)
-    reasons.extend(moments.reason(f"The pore pressure of {contact.name!r}", scales))
-    return _sums(columns, n, lengths[:, None] * moments.values)
-
-
-def _motions(
-    problem: ContactProblem, scales: Scales, contact: Contact, columns: IntArray, places: FloatArray, frames: _Frames
-) -> tuple[tuple[str, FloatArray, FloatArray, float], ...]:
-    """What each force or moment on a plate drives; moments count from `RigidPlate.reference`."""
-    plate = contact.plate
-    if plate is None:
-        return ()
-    edges = problem.mesh.edges(contact.edges)
-    centre = plate_centre(problem, edges)
-    middle = plate.reference(*centre)
-    found = []
-    for component in COMPONENTS:
-        if getattr(plate, component) is None:
-            continue
-        moment = component == "moment"
-        given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
-        size = scales.stress * scales.length ** (2 if moment else 1)
-        unit = RigidPlate(pivot=middle, **{DRIVES[component]: 1.0 / scales.length if moment else 1.0})
-        normal, tangential = _along_edges(problem, scales, edges, columns, places, frames, unit)
-        found.append((component, normal, tangential, given / size))
-    return tuple(found)
-
-
-def _moved(
-    problem: ContactProblem, scales: Scales, contact: Contact, columns: IntArray, places: FloatArray, frames: _Frames
-) -> FloatArray:
-    """What c of a plate is under its given motion (2, n)."""
-    if contact.plate is None:
-        return np.zeros((2, len(places)))
-    edges = problem.mesh.edges(contact.edges)
-    return _along_edges(problem, scales, edges, columns, places, frames, contact.plate) / scales.displacement
-
-
-def _along_edges(
-    problem: ContactProblem,
-    scales: Scales,
-    edges: Edges,
-    columns: IntArray,
-    places: FloatArray,
-    frames: _Frames,
-    plate: RigidPlate,
-) -> FloatArray:
-    """Coefficients (2, n) of the given motion of a plate along normals and tangents [length]."""
-    field = plate.displacement(*(problem.mesh.origin + scales.length * places).T).T
-    found = np.stack([(vectors * field).sum(axis=1) for vectors in frames])
-    if edges.curved:
-        p = columns.shape[1] - 1
-        on_arcs = np.moveaxis(plate.displacement(*problem.mesh.points_along(edges, bernstein.nodes(p))), 0, -1)
-        for values, vectors in zip(found, frames_along(edges, bernstein.nodes(p)), strict=True):
-            values[columns] = (vectors * on_arcs).sum(axis=-1) @ bernstein.from_values(p).T
-    return found
+    bent = np.flatnonzero(edges.bent)
+    factors = sides[bent, None, :, None] * along_arcs(edges.take(bent), chords[bent], columns.shape[1] - 1)
+    chosen = columns[bent]
+    row = np.broadcast_to(chosen[:, 1:-1, None, None], factors.shape)
+    whole = np.ones(straight.shape[0])
+    whole[chosen[:, 1:-1]] = 0.0
+    found = sparse.diags_array(whole) @ straight
+    for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
+        dofs = 2 * pairs[chosen, side][:, None, :, None] + np.arange(2)
+        at = (row.ravel(), np.broadcast_to(dofs, factors.shape).ravel())
+        found = found + sign * sparse.csr_array((factors.ravel(), at), shape=straight.shape)
+    return sparse.csr_array(found)
 
 
 def plate_centre(problem: ContactProblem, edges: Edges) -> tuple[float, float]:

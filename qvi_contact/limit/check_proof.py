@@ -8,7 +8,8 @@ part; loads, strengths and contact laws. With the potential φ of the body force
 
 in equilibrium whatever Φ is. They carry the loads if (1) tractions agree across every edge between two parts, (2) they
 are the prescribed ones, (3) every Bernstein ordinate of the stress is in the cones of the strength, and (4) those of
-tractions on contacts keep the contact law: at every point stresses are convex combinations of their ordinates.
+tractions on contacts, with one degree more, keep the contact law: at every point stresses are convex combinations of
+their ordinates.
 """
 
 import json
@@ -45,7 +46,7 @@ def check(proof: dict[str, Any]) -> tuple[Fraction, dict[str, int]]:
     for contact in proof["contacts"]:
         for edge in contact["edges"]:
             (found, _, normal), *_ = _at(tractions, edge)[0]
-            for value in found:
+            for value in _elevated(found):
                 _demand(_admissible(contact, value, normal), f"contact {contact['name']!r} is beyond its law")
             counted["contact edges"] += 1
     return factor, counted
@@ -103,6 +104,13 @@ def _agree(edge: Any, sides: list[Any]) -> bool:
         _demand(sides[0][0] == sides[1][0], f"tractions across edge {edge} differ")
         _demand(sides[0][1] != sides[1][1], f"triangles overlap at edge {edge}")
     return len(sides) == 2
+
+
+def _elevated(values: list[Any]) -> list[Any]:
+    """The ordinates of the same polynomials with one degree more; where these keep a law, all points do."""
+    k = len(values)
+    ends = [values[0], *values, values[-1]]
+    return [tuple((m * a + (k - m) * b) / k for a, b in zip(ends[m], ends[m + 1], strict=True)) for m in range(k + 1)]
 
 
 def _admissible(contact: dict[str, Any], traction: Any, normal: Any) -> bool:

@@ -27,6 +27,7 @@ _REFINED: Final = 30  # steps of its iterative refinement, at most
 _DAMPED: Final = 1e-14  # added to the normal equations of E, whose rows may depend on each other
 _SWEEPS: Final = 4  # of the projection on E x = e
 _ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
+_TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
 
 INFEASIBLE: Final = "infeasible"
@@ -133,12 +134,15 @@ class ConicProgram:
         largest = float(np.abs(square.diagonal()).max())
         return linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(square.shape[0])))
 
+    def size(self, x: FloatArray) -> float:
+        """The largest number that stands in inequalities and cones."""
+        sizes = [cone.sizes(x).max(initial=0.0) for cone in self.cones]
+        return float(max([1e-300, np.abs(self.h).max(initial=0.0), *sizes]))
+
     def margins(self, x: FloatArray) -> FloatArray:
         """How far inside all inequalities and cones x is, relative to what stands in them."""
-        slack = self.h - self.L @ x
-        size = max([1e-300, np.abs(self.h).max(initial=0.0), *(cone.sizes(x).max(initial=0.0) for cone in self.cones)])
-        found = np.concatenate([slack, *(cone.margins(x) for cone in self.cones)])
-        return np.asarray(found / size)
+        found = np.concatenate([self.h - self.L @ x, *(cone.margins(x) for cone in self.cones)])
+        return np.asarray(found / self.size(x))
 
     def repaired(self, x: FloatArray, least: float = 0.0) -> tuple[FloatArray, float]:
         """A point near x that holds everything, and what it still violates, relative: rows that leave no room.
@@ -148,6 +152,13 @@ class ConicProgram:
         """
         x = self.projected(x)
         margins = self.margins(x)
+        if (
+            not least and margins.min(initial=0.0) < -_ROUNDING
+        ):  # once more, from rows that are tighter by what is missed
+            found = self._shrunk(_TIGHTER * float(-margins.min()) * self.size(x)).solve()
+            nearby = x if isinstance(found, str) else self.projected(found)
+            if self.margins(nearby).min(initial=0.0) > margins.min():
+                x, margins = nearby, self.margins(nearby)
         if least or margins.min(initial=0.0) < -_ROUNDING:
             inside = self._inside()
             if inside is not None:
@@ -194,6 +205,15 @@ class ConicProgram:
         q = np.concatenate([np.zeros(n), -np.ones(count) / count])
         E = sparse.csr_array(sparse.hstack([self.E, sparse.csr_array((len(self.e), count))]))
         return ConicProgram(q, E, self.e, sparse.csr_array(bounds), limits, cones, self.dependent)
+
+    def _shrunk(self, room: float) -> ConicProgram:
+        """The program with that much room asked for in all inequalities and cones."""
+        cones = []
+        for cone in self.cones:
+            g = cone.g.copy()
+            g[:, 0] -= room
+            cones.append(Cones(cone.G, g))
+        return replace(self, h=self.h - room, cones=cones)
 
     def tightened(self, share: float) -> ConicProgram:
         """The program with positive constants of inequalities and cones less by a share."""

@@ -9,7 +9,7 @@ __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "R
 __getattr__ = front(
     __name__,
     {
-        "reference_solution": ("closer_problem", "energies_between", "places"),
+        "reference_solution": ("energies_between", "places", "reference_problem"),
         "rounds": ("bulk",),
         "outcome": ("unit_of",),
     },

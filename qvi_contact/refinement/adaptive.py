@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeAlias, overload
+from collections.abc import Callable, Sequence
+from itertools import count
+from typing import Any, Final, TypeAlias, overload
 
 import numpy as np
 
 from qvi_contact.basics.checks import positive_number, whole_number
-from qvi_contact.basics.shown import Certainty
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.limits import limit_strategy
@@ -22,20 +22,21 @@ from qvi_contact.refinement.outcome import (
     RefinementRound,
     RefinementStatus,
 )
-from qvi_contact.refinement.rounds import ROUNDS, THINNEST, K, Loop, Settings, Strategy
+from qvi_contact.refinement.rounds import Round, Settings, StopError, in_rounds
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import check_options
 from qvi_contact.version import __version__
 from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.progress import Narration, narrated, watched
+from solvers.basics.progress import narrated, watched
 
 _COLUMNS = {
     "round": ">5", "cells": ">8", "unknowns": ">9", "value": ">16.9g", "estimate": ">9.1e", "guaranteed": ">10",
     "seconds": ">9.2f",
 }  # fmt: skip
 
-_YES = {Certainty.ESTIMATE: "no", Certainty.GUARANTEED: "yes"}
+_ROUNDS: Final = 60
+_THINNEST: Final = 1e-9
 _OF_SPACES = ("degree", "contact_rows")  # options that are not the solver's
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
@@ -97,9 +98,9 @@ def refine(
 
     Each round solves the problem on a mesh, which gives the answer. Where the contact laws allow it (no friction,
     Tresca's, or tied contacts) a displacement companion bounds the energy, and the force of one prescribed
-    displacement: the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a closer look: one
-    degree more, on a mesh bisected where contact states change and at the corners where stresses may be singular (see
-    `closer`). Triangles that hold most of the difference are bisected.
+    displacement: the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a reference
+    solution: one degree more, on a mesh bisected where contact states change and at corners where stresses may be
+    singular (see `reference_solution`). Triangles that hold most of the difference are bisected.
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
@@ -122,7 +123,7 @@ def refine(
         also "NAME.force_x", "NAME.force_y", "NAME.moment", what it does to the body, and "NAME.x", "NAME.y",
         "NAME.rotation", how far it moves. Or any function that gives one number, relative to itself.
     max_unknowns : int
-        Largest number of unknowns of an answer. The closer look has up to about three times as many.
+        Largest number of unknowns of an answer. The reference solution has up to about three times as many.
     max_rounds : int, optional
         Largest number of rounds; 60 by default.
     thinnest : float, optional
@@ -157,72 +158,15 @@ def refine(
 
     Notes
     -----
-    The error told is 1.5 |q − q(closer look)| where `Refinement.certainty` is "estimate", and no less than
-    1.5 times the step from the closer look of the round before, nor than solves are accurate. It is an estimate, not a
-    bound. The closer look is off to the same side as the answer, mostly by a few per cent of their difference: the
-    difference alone would be too small in five of six runs. With the factor, which allows for a look that is off by a
-    third as much as the answer, the error was within what is told in 97 % of the generated problems of ``python -m
+    The error told is 1.5 |q − q(reference solution)| where `Refinement.certainty` is "estimate", and no less than 1.5
+    times the step from the reference of the round before, nor than solves are accurate. It is an estimate, not a
+    bound. The reference is off to the same side as the answer, mostly by a few per cent of their difference: the
+    difference alone would be too small in five of six runs. With the factor, which allows for a reference that is off
+    by a third as much as the answer, the error was within what is told in 97 % of the generated problems of ``python -m
     comparisons estimates``. Later rounds do not start from the answer of the round before: the condensed method, the
     default, has no use for a start.
 
     """
-    _check(problem, result, options)
-    settings = Settings(
-        _relative(target),
-        whole_number("max_unknowns", max_unknowns),
-        ROUNDS if max_rounds is None else whole_number("max_rounds", max_rounds),
-        positive_number("thinnest", THINNEST if thinnest is None else thinnest) * problem.mesh.length,
-        options,
-        true_or_false("guaranteed", guaranteed),
-    )
-    function_or_none("callback", callback)
-    title = f"qvi_contact {__version__}: refine"
-    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
-        story.begin({"target": f"{settings.target:g}", "cells at first": problem.mesh.cell_count})
-        found = _refined_for(problem, result, quantity, settings, _Told(story, callback))
-        story.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
-        return found
-
-
-def _relative(target: object) -> float:
-    """The target as a float, or say that a relative error is at most 1."""
-    number = positive_number("target", target)
-    if number > 1.0:
-        raise InputError("target", target, "give a relative error up to 1, such as 1e-3")
-    return number
-
-
-def _refined_for(
-    problem: ContactProblem,
-    result: ContactResult | None,
-    quantity: Quantity | LimitFactor,
-    settings: Settings,
-    told: _Told,
-) -> Refinement | LimitRefinement:
-    """By quantity."""
-    if isinstance(quantity, LimitFactor):
-        return _limit_refined(problem, result, quantity, settings, told)
-    check_options({name: value for name, value in settings.options.items() if name not in _OF_SPACES})
-    measure = Measure.of(problem, quantity)
-    return _refined(TriangleRefinement(settings, measure), problem, result, measure, told)
-
-
-class _Told:
-    """Who hears of a round: the narration, and the caller."""
-
-    def __init__(self, story: Narration, callback: RoundCallback | None) -> None:
-        self._story, self._callback, self._count = story, callback, 0
-
-    def __call__(self, record: RefinementRound) -> None:
-        self._count += 1
-        numbers = (record.unknowns, record.value, record.estimate, _YES[record.certainty])
-        self._story.line(self._count, record.cells, *numbers, self._story.seconds)
-        if self._callback is not None:
-            self._callback(record)
-
-
-def _check(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> None:
-    """`InputError` unless problem, result and options are what `refine` takes."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if result is not None and not isinstance(result, ContactResult):
@@ -230,54 +174,61 @@ def _check(problem: ContactProblem, result: ContactResult | None, options: dict[
     for name in ("initial", "throw"):
         if name in options:
             raise InputError(name, options[name], "is not for refine: meshes change, and failures are in the status")
-
-
-def _refined(
-    strategy: Strategy[ContactResult, K],
-    problem: ContactProblem,
-    result: ContactResult | None,
-    measure: Measure,
-    callback: RoundCallback | None,
-) -> Refinement:
-    """The refinement for a quantity of results."""
-    ended = Loop(strategy, callback).run(problem, result)
-    last = ended.rounds[-1] if ended.rounds else None
-    known = ended.first if last is None else last.result
-    return Refinement(
-        result=known,
-        status=ended.stop.status,
-        quantity=measure.name,
-        target=strategy.settings.target,
-        value=float("nan") if last is None else last.accuracy.value,
-        estimate=float("inf") if last is None else last.estimate,
-        unit=float("nan") if last is None else last.accuracy.unit,
-        indicator=np.zeros(known.problem.mesh.cell_count) if last is None else last.indicator,
-        rounds=tuple(each.record for each in ended.rounds),
-        reason=ended.stop.reason,
+    if positive_number("target", target) > 1.0:
+        raise InputError("target", target, "give a relative error up to 1, such as 1e-3")
+    settings = Settings(
+        float(target),
+        whole_number("max_unknowns", max_unknowns),
+        _ROUNDS if max_rounds is None else whole_number("max_rounds", max_rounds),
+        positive_number("thinnest", _THINNEST if thinnest is None else thinnest) * problem.mesh.length,
+        options,
+        true_or_false("guaranteed", guaranteed),
     )
+    function_or_none("callback", callback)
+    title = f"qvi_contact {__version__}: refine"
+    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
+        story.begin({"target": f"{settings.target:g}", "cells at first": problem.mesh.cell_count})
+        numbers = count(1)
+
+        def told(record: RefinementRound) -> None:
+            sure = "yes" if record.guaranteed else "no"
+            known = (record.cells, record.unknowns, record.value, record.estimate, sure)
+            story.line(next(numbers), *known, story.seconds)
+            if callback is not None:
+                callback(record)
+
+        found: Refinement | LimitRefinement
+        if isinstance(quantity, LimitFactor):
+            strategy = limit_strategy(problem, settings, checked_loads(problem, quantity.loads))
+            _, limits, stop = in_rounds(strategy, problem, result, told)
+            if not limits:
+                raise SolveError(f"limit load: {stop.reason}: use a coarser or less graded mesh")
+            limit = limits[-1].answer.limit
+            name = f"limit load factor of {', '.join(strategy.names)}"
+            found = LimitRefinement(limit=limit, problem=limits[-1].problem, **_said(name, settings, limits, stop))
+        else:
+            check_options({name: value for name, value in options.items() if name not in _OF_SPACES})
+            measure = Measure.of(problem, quantity)
+            first, rounds, stop = in_rounds(TriangleRefinement(settings, measure), problem, result, told)
+            last = rounds[-1].answer if rounds else first
+            found = Refinement(result=last, **_said(measure.name, settings, rounds, stop, last.problem.mesh.cell_count))
+        story.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
+        return found
 
 
-def _limit_refined(
-    problem: ContactProblem,
-    result: ContactResult | None,
-    quantity: LimitFactor,
-    settings: Settings,
-    callback: RoundCallback | None,
-) -> LimitRefinement:
-    """The refinement for a limit load."""
-    strategy = limit_strategy(problem, settings, checked_loads(problem, quantity.loads))
-    ended = Loop(strategy, callback).run(problem, result)
-    last = ended.rounds[-1]  # a limit load that fails on the first mesh raises
-    return LimitRefinement(
-        limit=last.limit,
-        problem=last.problem,
-        status=ended.stop.status,
-        quantity=f"limit load factor of {', '.join(strategy.names)}",
-        target=settings.target,
-        value=last.accuracy.value,
-        estimate=last.estimate,
-        unit=last.accuracy.unit,
-        indicator=last.indicator,
-        rounds=tuple(each.record for each in ended.rounds),
-        reason=ended.stop.reason,
-    )
+def _said(
+    name: str, settings: Settings, rounds: Sequence[Round[Any]], stop: StopError, cells: int = 0
+) -> dict[str, Any]:
+    """What every `Outcome` says."""
+    last = rounds[-1] if rounds else None
+    return {
+        "status": stop.status,
+        "quantity": name,
+        "target": settings.target,
+        "value": np.nan if last is None else last.value,
+        "estimate": np.inf if last is None else last.estimate,
+        "unit": np.nan if last is None else last.unit,
+        "indicator": np.zeros(cells) if last is None else last.indicator,
+        "rounds": tuple(each.record for each in rounds),
+        "reason": stop.reason,
+    }

@@ -24,14 +24,13 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.shown import Certainty
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.errors import InputError
-from qvi_contact.limit.load_factor import LimitAnalysis, LimitLoad, LimitProblem
+from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.reference_solution import at_contacts
-from qvi_contact.refinement.rounds import Accuracy, Round, Settings, StopError, TooLargeError, bulk
-from qvi_contact.solution.result import ContactResult
+from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError, bulk
 from qvi_contact.solution.work import loads_followed
 
 _SPACE: Final = ("degree", "contact_rows")  # options of a limit load
@@ -72,19 +71,16 @@ def law_gap(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LimitRound(Round):
+class LimitRound(Round[LimitAnalysis]):
     """A limit load on one mesh.
 
     Attributes
     ----------
-    limit : LimitLoad
-        Both sides.
     parts : tuple of (n,) arrays
-        What each edge of each contact that limits tractions falls short of; 1 if that is not known.
+        What each edge of each contact that limits tractions falls short of, or each triangle of a body that yields.
 
     """
 
-    limit: LimitLoad
     parts: tuple[FloatArray, ...]
 
 
@@ -103,10 +99,6 @@ class LimitStrategy:
     settings: Settings
     names: tuple[str, ...]
 
-    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh of a result."""
-        return replace(problem, mesh=result.problem.mesh)
-
     def answer(self, problem: ContactProblem) -> LimitAnalysis:
         """Both sides on the mesh."""
         posed = LimitProblem.of(problem, self.names, **self.settings.options)
@@ -124,7 +116,11 @@ class LimitStrategy:
         unit = max(abs(limit.upper), _SMALL) if np.isfinite(limit.upper) else 1.0
         estimate = 0.0 if same else max(limit.upper - limit.lower, 0.0) / unit
         parts = tuple(_edge_gaps(answer))
-        shares = _by_cell(problem, parts)
+        shares = np.zeros(mesh.cell_count)
+        for edges, part in zip(_limited_edges(problem), parts, strict=True):
+            inside = edges.cells >= 0
+            for side in (0, 1):  # in equal shares for the cells beside an edge
+                np.add.at(shares, edges.cells[inside[:, side], side], (part / inside.sum(axis=1))[inside[:, side]])
         total = float(shares.sum())
         known = total > 0.0 and np.isfinite(estimate)
         indicator = shares * (estimate / total) if known else np.zeros(mesh.cell_count)
@@ -132,10 +128,12 @@ class LimitStrategy:
         return LimitRound(
             problem=problem,
             unknowns=answer.posed.unknowns,
-            accuracy=Accuracy(limit.lower, unit, estimate, Certainty.GUARANTEED if exact else Certainty.ESTIMATE),
-            cells=mesh.cell_count,
+            answer=answer,
+            value=limit.lower,
+            unit=unit,
+            estimate=estimate,
+            certainty=Certainty.GUARANTEED if exact else Certainty.ESTIMATE,
             indicator=indicator,
-            limit=limit,
             parts=parts,
         )
 
@@ -169,13 +167,11 @@ class LimitOfYielding(LimitStrategy):
         found = super().assessed(problem, answer, earlier)
         collapse, mesh = answer.limit.collapse, problem.mesh
         parts = np.ones(mesh.cell_count) if collapse is None else collapse.gap
-        estimate = found.accuracy.estimate
+        estimate, certainty = found.estimate, found.certainty
         shares = parts * (estimate / parts.sum()) if np.isfinite(estimate) and parts.sum() > 0.0 else 0.0 * parts
-        certainty = found.accuracy.certainty
         if mesh.curved.any():  # strengths hold on the straight triangles
             certainty = Certainty.ESTIMATE
-        accuracy = replace(found.accuracy, certainty=certainty)
-        return replace(found, indicator=shares, parts=(parts,), accuracy=accuracy)
+        return replace(found, indicator=shares, parts=(parts,), certainty=certainty)
 
     def next(self, rounds: Sequence[LimitRound]) -> ContactProblem:
         """Triangles with most of the gap divided; where they meet a singular vertex its fan becomes finer."""
@@ -185,13 +181,16 @@ class LimitOfYielding(LimitStrategy):
         singular = singular_vertices(last.problem)
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
         around = np.isin(mesh.cells, at).any(axis=1)
-        long = np.sqrt(np.abs(_areas(mesh))) >= 2.0 * self.settings.thinnest
+        one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
+        areas = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) / 2.0
+        long = np.sqrt(areas) >= 2.0 * self.settings.thinnest
         chosen = np.flatnonzero(marked & ~around & long)
         if not len(chosen) and not len(at):
             raise StopError(RefinementStatus.THIN_CELLS)
         fine = mesh.refined(chosen) if len(chosen) else mesh
         for vertex in at.tolist():
-            fine = fine.fanned(np.array([vertex]), max(_widest(fine, vertex) / 2.0, _SECTOR))
+            widest = float(_angles(fine)[fine.cells == vertex].max())
+            fine = fine.fanned(np.array([vertex]), max(widest / 2.0, _SECTOR))
         return replace(last.problem, mesh=fine)
 
 
@@ -222,17 +221,6 @@ def _angles(mesh: TriangleMesh) -> FloatArray:
     return np.asarray(np.abs(np.arctan2(turn, (one * other).sum(axis=-1))))
 
 
-def _widest(mesh: TriangleMesh, vertex: int) -> float:
-    """The largest angle of a triangle at a vertex [rad]."""
-    return float(_angles(mesh)[mesh.cells == vertex].max())
-
-
-def _areas(mesh: TriangleMesh) -> FloatArray:
-    """Areas of all triangles (m,) [length²]."""
-    one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
-    return np.asarray(np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) / 2.0)
-
-
 def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
     """Edges of each contact that limits tractions, in the order of the problem."""
     for contact in problem.contacts:
@@ -254,14 +242,3 @@ def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
             held = rows.rows
             parts = law_gap(rows, normal[held], shear[held], opening[held], slip[held])
             yield parts.reshape(-1, rule.count).sum(axis=1)
-
-
-def _by_cell(problem: ContactProblem, parts: Sequence[FloatArray]) -> FloatArray:
-    """The parts of edges (cells,), in equal shares for the cells beside them."""
-    found = np.zeros(problem.mesh.cell_count)
-    for edges, part in zip(_limited_edges(problem), parts, strict=True):
-        inside = edges.cells >= 0
-        share = part / inside.sum(axis=1)
-        for side in (0, 1):
-            np.add.at(found, edges.cells[inside[:, side], side], share[inside[:, side]])
-    return found

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from functools import partial
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.shown import Certainty
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.problem.problem import ContactProblem
@@ -78,12 +76,27 @@ class Measure:
             return cls(name, lambda result: float(function(result)), lambda result: abs(float(function(result))), False)
         if quantity == "energy":
             return cls(quantity, lambda result: result.energies.complementary, lambda result: result.energies.strain)
-        known = dict(_known(problem))
-        known_name("quantity", quantity, {"numbers": ["energy", *known]})
-        value, kind = known[quantity], quantity.rpartition(".")[2]
+        known = ["energy"]
+        for contact in problem.contacts:
+            kinds = [*_FORCES, *(() if contact.plate is None else (*_PLATE_FORCES, *_MOTIONS))]
+            known += [f"{contact.name}.{kind}" for kind in kinds]
+        known_name("quantity", quantity, {"numbers": known})
+        own, _, kind = quantity.rpartition(".")
+
+        def value(result: ContactResult) -> float:
+            if kind in _FORCES:
+                return float(getattr(result.contacts[own], kind))
+            if kind in _PLATE_FORCES:
+                return float(getattr(result.plate_force(own), _PLATE_FORCES[kind]))
+            return float(getattr(result.plates[own], kind))
 
         def unit(result: ContactResult) -> float:
-            return max(abs(value(result)), _SMALL * _size(kind, result.discretization.scales))
+            scales = result.discretization.scales
+            if kind in _MOTIONS:
+                size = scales.displacement / (scales.length if kind == "rotation" else 1.0)
+            else:
+                size = scales.stress * scales.length ** (2 if kind == "moment" else 1)
+            return max(abs(value(result)), _SMALL * size)
 
         return cls(quantity, value, unit)
 
@@ -92,35 +105,6 @@ def unit_of(quantity: str, units: Units) -> str:
     """The unit of a quantity of a refinement by its name, that of forces for a function."""
     chosen = _UNITS.get(quantity.rpartition(".")[2], "engineering_force")
     return str(getattr(units, chosen)) if chosen else "rad"
-
-
-def _known(problem: ContactProblem) -> Iterator[tuple[str, Callable[[ContactResult], float]]]:
-    """Name → how it is read from a result, of the numbers of contacts and plates."""
-    for contact in problem.contacts:
-        own = contact.name
-        yield from ((f"{own}.{kind}", partial(_of_contact, own, kind)) for kind in _FORCES)
-        if contact.plate is not None:
-            yield from ((f"{own}.{kind}", partial(_plate_force, own, part)) for kind, part in _PLATE_FORCES.items())
-            yield from ((f"{own}.{kind}", partial(_plate_motion, own, kind)) for kind in _MOTIONS)
-
-
-def _of_contact(name: str, kind: str, result: ContactResult) -> float:
-    return float(getattr(result.contacts[name], kind))
-
-
-def _plate_force(name: str, part: str, result: ContactResult) -> float:
-    return float(getattr(result.plate_force(name), part))
-
-
-def _plate_motion(name: str, part: str, result: ContactResult) -> float:
-    return float(getattr(result.plates[name], part))
-
-
-def _size(kind: str, scales: Scales) -> float:
-    """The problem's unit of a force, moment, displacement or rotation."""
-    if kind in _MOTIONS:
-        return scales.displacement / (scales.length if kind == "rotation" else 1.0)
-    return scales.stress * scales.length ** (2 if kind == "moment" else 1)
 
 
 class RefinementStatus(StrEnum):

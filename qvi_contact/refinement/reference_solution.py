@@ -1,9 +1,8 @@
-"""How far off an answer is, by what it is compared with: bounds where the contact laws allow them, else a closer look.
+"""How far off an answer is, by what it is compared with: bounds where the laws allow them, else a reference solution.
 
-A closer look at an answer is one degree more, on a mesh bisected where one degree more says little.
-
-The difference of the two is what an answer of degree p is off by, as far as the closer look is better by a factor. For
-smooth stresses a degree is enough. It is not
+The reference is one degree more, on a mesh bisected where one degree more says little. The difference of the two is
+what an answer of degree p is off by, as far as the reference is better by a factor. For smooth stresses a degree is
+enough. It is not
 
 * where a contact changes its state inside an edge. The law binds tractions between stick and slip only as far as
   polynomials on one edge can follow both, with any degree: edges that hold a change, and the two that meet in one, are
@@ -15,7 +14,6 @@ smooth stresses a degree is enough. It is not
 In `docs/theory.md`: (D22).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -23,12 +21,11 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.shown import Certainty
-from qvi_contact.mesh.edges import Edges, frames_along
+from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import Measure
-from qvi_contact.solution.contact_line import ContactLine, ContactState
+from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import ContactResult
 
 _CROSSED: Final = 1e-9  # of the strain energy: lower − upper that is more than rounding
@@ -54,43 +51,37 @@ class Comparison:
         Whether it is a bound.
     parts : (cells,) array
         What each cell has of the distance between the two [stress × length²], ≥ 0.
-    looked : float
-        The quantity in a closer look; NaN where there was none.
+    reference : float
+        The quantity of a reference solution; NaN where there was none.
 
     """
 
     error: float
     certainty: Certainty
     parts: FloatArray
-    looked: float = np.nan
-
-
-def coulomb_contacts(problem: ContactProblem) -> list[Contact]:
-    """The contacts whose friction bound depends on the pressure."""
-    return [contact for contact in problem.contacts if has_coulomb(contact)]
+    reference: float = np.nan
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
     """The value of an answer beside bounds of it, if they are guaranteed: under Coulomb friction those of forces."""
     bracket = result.bracket
-    coulomb = bracket.coulomb
+    coulomb, certainty, parts = bracket.coulomb, bracket.certainty, bracket.cell_gaps
     if coulomb is not None and coulomb.guaranteed and measure.name in coulomb.forces:
-        lower, upper = coulomb.forces[measure.name]
-        return Comparison(max(upper - value, value - lower, 0.0), Certainty.GUARANTEED, coulomb.cells)
-    if bracket.reasons or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
+        (lower, upper), certainty, parts = coulomb.forces[measure.name], Certainty.GUARANTEED, coulomb.cells
+    elif bracket.reasons or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
         return None
-    if measure.name == "energy":
+    elif measure.name == "energy":
         lower, upper = -bracket.upper, -bracket.lower
     elif measure.name in bracket.forces:
-        lower, upper = bracket.forces[measure.name].lower, bracket.forces[measure.name].upper
+        lower, upper = bracket.forces[measure.name]
     else:
         return None
-    return Comparison(max(upper - value, value - lower, 0.0), bracket.certainty, bracket.cell_gaps)
+    return Comparison(max(upper - value, value - lower, 0.0), certainty, parts)
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where a mesh is bisected for a closer look.
+    """Where a mesh is bisected for a reference solution.
 
     Attributes
     ----------
@@ -106,12 +97,46 @@ class Places:
 
 
 def places(problem: ContactProblem, mesh: TriangleMesh, result: ContactResult) -> Places:
-    """Where an answer on a mesh is looked at more closely."""
-    return Places(_changing_cells(mesh, result), _corners(problem))
+    """Where a reference solution for an answer on a mesh is refined.
+
+    Slip to either side is a state of its own. Corners are vertices where conditions change or the boundary turns
+    inwards, and where joints end or meet.
+    """
+    cells, unit = [np.empty(0, dtype=np.int64)], result.discretization.scales.stress
+    for contact in result.problem.contacts:
+        edges, line = mesh.edges(contact.edges), result.contacts[contact.name]
+        leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
+        state = np.where(leftward, _LEFTWARD, line.state).reshape(len(edges), -1)
+        at_ends = np.concatenate([state[:, 0], state[:, -1]])
+        vertex, inverse = np.unique(np.concatenate([edges.first, edges.second]), return_inverse=True)
+        lowest, highest = np.full(len(vertex), _LEFTWARD), np.zeros(len(vertex), dtype=np.int64)
+        np.minimum.at(lowest, inverse, at_ends)
+        np.maximum.at(highest, inverse, at_ends)
+        meets = (lowest != highest)[inverse].reshape(2, -1).any(axis=0)
+        chosen = edges.cells[(state != state[:, :1]).any(axis=1) | meets]
+        cells.append(chosen[chosen >= 0])
+    boundary, owners = problem.mesh.boundary, problem.owners
+    vertex = np.concatenate([boundary.first, boundary.second])
+    order = np.argsort(vertex, kind="stable")
+    here = vertex[order][::2]
+    one, other = np.tile(np.arange(len(boundary)), 2)[order].reshape(-1, 2).T  # a body of one piece: two edges a vertex
+    middles = np.stack(problem.mesh.points_along(boundary, np.array([0.5])), axis=-1)[:, 0]
+    differ = (owners[:, one] != owners[:, other]).any(axis=0)
+    inwards = ((middles[other] - middles[one]) * boundary.normal[one]).sum(axis=1) > 0.0
+    normals = frames_along(boundary, np.array([0.0, 1.0]))[0]
+    first, second = (normals[each, np.where(boundary.first[each] == here, 0, 1)] for each in (one, other))
+    turn = np.arccos(np.clip((first * second).sum(axis=1), -1.0, 1.0))
+    corners = [here[differ | (inwards & (turn > _TURN))]]
+    if problem.joints:
+        lines = [problem.mesh.edges(contact.edges) for contact in problem.joints]
+        ends = np.concatenate([np.concatenate([each.first, each.second]) for each in lines])
+        vertex, times = np.unique(ends, return_counts=True)
+        corners.append(vertex[times != 2])
+    return Places(np.unique(np.concatenate(cells)), np.unique(np.concatenate(corners)))
 
 
-def closer_problem(problem: ContactProblem, mesh: TriangleMesh, at: Places) -> ContactProblem:
-    """The problem on the mesh bisected for a closer look."""
+def reference_problem(problem: ContactProblem, mesh: TriangleMesh, at: Places) -> ContactProblem:
+    """The problem on the mesh bisected for a reference solution."""
     fine = mesh
     for level in range(_IN_CORNERS):
         chosen = at_contacts(problem, mesh, fine, at.cells if level < _AT_CHANGES else at.cells[:0])
@@ -133,75 +158,20 @@ def at_contacts(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh,
     return found
 
 
-def _changing_cells(mesh: TriangleMesh, result: ContactResult) -> IntArray:
-    """Triangles at contact edges that hold, or meet in, a change of state."""
-    found = [np.empty(0, dtype=np.int64)]
-    unit = result.discretization.scales.stress
-    for contact in result.problem.contacts:
-        edges = mesh.edges(contact.edges)
-        chosen = edges.cells[_changing(edges, result.contacts[contact.name], unit)]
-        found.append(chosen[chosen >= 0])
-    return np.unique(np.concatenate(found))
-
-
-def _changing(edges: Edges, line: ContactLine, unit: float) -> BoolArray:
-    """Which edges (n,) of a contact hold, or meet in, a change of state; slip to either side is a state of its own."""
-    leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
-    state = np.where(leftward, _LEFTWARD, line.state).reshape(len(edges), -1)
-    at_ends = np.concatenate([state[:, 0], state[:, -1]])
-    vertex, inverse = np.unique(np.concatenate([edges.first, edges.second]), return_inverse=True)
-    lowest, highest = np.full(len(vertex), _LEFTWARD), np.zeros(len(vertex), dtype=np.int64)
-    np.minimum.at(lowest, inverse, at_ends)
-    np.maximum.at(highest, inverse, at_ends)
-    meets = (lowest != highest)[inverse].reshape(2, -1).any(axis=0)
-    return np.asarray((state != state[:, :1]).any(axis=1) | meets)
-
-
-def _corners(problem: ContactProblem) -> IntArray:
-    """Vertices where conditions change or the boundary turns inwards, and where joints end or meet."""
-    return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *_boundary_corners(problem), *_joint_ends(problem)]))
-
-
-def _boundary_corners(problem: ContactProblem) -> Iterator[IntArray]:
-    """Vertices of the boundary between two edges with different conditions, or where it turns inwards."""
-    boundary, owners = problem.mesh.boundary, problem.owners
-    vertex = np.concatenate([boundary.first, boundary.second])
-    order = np.argsort(vertex, kind="stable")
-    edge = np.tile(np.arange(len(boundary)), 2)[order].reshape(-1, 2)  # a body of one piece: two edges a vertex
-    middles = np.stack(problem.mesh.points_along(boundary, np.array([0.5])), axis=-1)[:, 0]
-    one, other = edge.T
-    differ = (owners[:, one] != owners[:, other]).any(axis=0)
-    across = middles[other] - middles[one]
-    inwards = (across * boundary.normal[one]).sum(axis=1) > 0.0
-    normals = frames_along(boundary, np.array([0.0, 1.0]))[0]
-    here = vertex[order][::2]
-    first, second = (normals[each, np.where(boundary.first[each] == here, 0, 1)] for each in (one, other))
-    turn = np.arccos(np.clip((first * second).sum(axis=1), -1.0, 1.0))
-    yield vertex[order][::2][differ | (inwards & (turn > _TURN))]
-
-
-def _joint_ends(problem: ContactProblem) -> Iterator[IntArray]:
-    """Vertices where edges of joints do not go on as one line."""
-    edges = [problem.mesh.edges(contact.edges) for contact in problem.joints]
-    if edges:
-        ends = np.concatenate([np.concatenate([each.first, each.second]) for each in edges])
-        vertex, count = np.unique(ends, return_counts=True)
-        yield vertex[count != 2]
-
-
-def energies_between(answer: ContactResult, look: ContactResult, mesh: TriangleMesh, fine: TriangleMesh) -> FloatArray:
-    """½ ∫ c(σ − τ):(σ − τ) over each triangle of the answer's mesh, τ from the closer look [stress × length²]."""
-    space, scales = look.discretization.space, look.discretization.scales
+def energies_between(
+    answer: ContactResult, reference: ContactResult, mesh: TriangleMesh, fine: TriangleMesh
+) -> FloatArray:
+    """½ ∫ c(σ − τ):(σ − τ) over each triangle of the answer's mesh, τ of the reference solution [stress × length²]."""
+    space, scales = reference.discretization.space, reference.discretization.scales
     cells, t = np.arange(len(fine.cells)), space.cell_points
     parents = fine.parents(mesh)
     points = fine.corners.swapaxes(1, 2)[:, None] @ fine.placed(cells, t)[..., None]
-    flat = mesh.reference(np.repeat(parents, len(t)), points.reshape(-1, 2))
-    apart = _stress(look, cells, t) - _stress(answer, parents, flat.reshape(len(cells), len(t), 3))
-    work = ((apart @ look.problem.compliances) * apart).sum(axis=2) * space.cell_measures(t, space.cell_weights)
+    flat = mesh.reference(np.repeat(parents, len(t)), points.reshape(-1, 2)).reshape(len(cells), len(t), 3)
+    own, other = (  # without body potential
+        each.discretization.scales.stress
+        * each.discretization.space.stress(each.discretization.coefficients(each.dofs), within, at)
+        for each, within, at in ((reference, cells, t), (answer, parents, flat))
+    )
+    work = (((own - other) @ reference.problem.compliances) * (own - other)).sum(axis=2)
+    work = work * space.cell_measures(t, space.cell_weights)
     return np.asarray(np.bincount(parents, 0.5 * scales.length**2 * work.sum(axis=1), len(mesh.cells)), float)
-
-
-def _stress(result: ContactResult, cells: IntArray, t: FloatArray) -> FloatArray:
-    """Stress without body potential at reference points in cells [stress]."""
-    known = result.discretization
-    return known.scales.stress * known.space.stress(known.coefficients(result.dofs), cells, t)

@@ -1,7 +1,7 @@
 """The rounds of one refinement, whatever is refined: answer, assess, refine, until the target or a limit is reached."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -12,19 +12,10 @@ from qvi_contact.errors import InputError, QVIError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
 from qvi_contact.solution.result import ContactResult
-from solvers import Status
 from solvers.basics.progress import expired
 
 _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
 
-ROUNDS: Final = 60
-"""Largest number of rounds, unless another is asked for."""
-THINNEST: Final = 1e-9
-"""Smallest edge over the body's length, unless another is asked for."""
-_STOPS: Final = {
-    Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
-    Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
-}  # what a status on the way means for the refinement
 A = TypeVar("A")
 
 
@@ -39,22 +30,12 @@ def bulk(parts: FloatArray, share: float = _BULK) -> BoolArray:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is asked for: the target, what must not be exceeded, options of all solves.
+    """What is asked for: the target, what must not be exceeded, options of all solves; see `refine`.
 
     Attributes
     ----------
-    target : float
-        Relative error.
-    max_unknowns : int
-        Of an answer.
-    max_rounds : int
-        Rounds.
     thinnest : float
         Smallest edge that is made [length].
-    options : mapping
-        Of `solve`.
-    guaranteed : bool
-        Whether bounds under slip are wanted rather than estimates.
 
     """
 
@@ -66,99 +47,54 @@ class Settings:
     guaranteed: bool = False
 
 
-@dataclass(frozen=True)
-class Accuracy:
-    """The quantity of a round, and how far off it is.
-
-    Attributes
-    ----------
-    value, unit : float
-        The quantity, and what its error is relative to.
-    estimate : float
-        Relative error; infinity if there is none.
-    certainty : Certainty
-        Whether the estimate is a bound.
-
-    """
-
-    value: float
-    unit: float
-    estimate: float
-    certainty: Certainty = Certainty.ESTIMATE
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Round:
+class Round(Generic[A]):
     """An answer and how far it is off.
 
     Attributes
     ----------
     problem : ContactProblem
         What the next round's mesh is made from.
+    answer : A
+        The answer.
     unknowns : int
-        Unknowns of the answer.
-    accuracy : Accuracy
-        The quantity of the answer, and how far off it is.
-    cells : int
-        Number of triangles.
-    indicator : array
+        Its unknowns.
+    value, unit : float
+        The quantity, and what its error is relative to.
+    estimate : float
+        Relative error; infinity if there is none.
+    certainty : Certainty
+        Whether the estimate is a bound.
+    indicator : (cells,) array
         Contribution of each cell to the estimate.
 
     """
 
     problem: ContactProblem
+    answer: A
     unknowns: int
-    accuracy: Accuracy
-    cells: int
+    value: float
+    unit: float
+    estimate: float
+    certainty: Certainty
     indicator: FloatArray
-
-    @property
-    def estimate(self) -> float:
-        """Relative error; infinity if there is none."""
-        return self.accuracy.estimate
 
     @property
     def record(self) -> RefinementRound:
         """What is kept of the round."""
-        known = self.accuracy
-        return RefinementRound(self.cells, self.unknowns, known.value, known.estimate, known.certainty)
+        cells = self.problem.mesh.cell_count
+        return RefinementRound(cells, self.unknowns, self.value, self.estimate, self.certainty)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ResultRound(Round):
-    """A round that solves the problem.
-
-    Attributes
-    ----------
-    result : ContactResult
-        The answer.
-
-    """
-
-    result: ContactResult
-
-
-R = TypeVar("R", bound=Round)
-K = TypeVar("K", bound=ResultRound)
+R = TypeVar("R", bound=Round[Any])
 
 
 class Strategy(Protocol[A, R]):
-    """How meshes are refined for one kind of answer.
-
-    Attributes
-    ----------
-    settings : Settings
-        What is asked for.
-
-    """
+    """How meshes are refined for one kind of answer."""
 
     @property
     def settings(self) -> Settings:
         """What is asked for."""
-        ...
-
-    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh that goes on from an earlier result, if there is one."""
         ...
 
     def answer(self, problem: ContactProblem) -> A:
@@ -190,98 +126,40 @@ class TooLargeError(Exception):
         self.unknowns = unknowns
 
 
-def check_solved(result: ContactResult) -> None:
-    """`StopError` unless the result is solved."""
-    if result.status is not Status.SOLVED:
-        status = _STOPS.get(result.status, RefinementStatus.UNSOLVED)
-        if result.status is Status.INACCURATE and _rounded(result):
-            status = RefinementStatus.THIN_CELLS
-        raise StopError(status, f"the mesh with {unknowns_of(result)} unknowns: {result.message}")
-
-
-def _rounded(result: ContactResult) -> bool:
-    """Whether rounding alone does more to stresses in the smallest cells than the certificate allows."""
-    certificate = result.certificate
-    unit = certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
-    return result.has_state and result.stress_rounding > certificate.tolerance * unit
-
-
-def unknowns_of(result: ContactResult) -> int:
-    """Unknowns of the algebraic problem."""
-    return int(result.discretization.qvi.n)
-
-
-@dataclass(frozen=True, eq=False)
-class Ended(Generic[A, R]):
-    """What a loop leaves.
-
-    Attributes
-    ----------
-    first : A
-        The first answer.
-    rounds : list of R
-        Those that were assessed.
-    stop : StopError
-        The end, and why.
-
-    """
-
-    first: A
-    rounds: list[R]
-    stop: StopError
-
-
-@dataclass(frozen=True, eq=False)
-class Loop(Generic[A, R]):
-    """A strategy, and who is told of its rounds."""
-
-    strategy: Strategy[A, R]
-    callback: Callable[[RefinementRound], object] | None
-
-    def run(self, problem: ContactProblem, earlier: ContactResult | None) -> Ended[A, R]:
-        """Answer, assess, refine, until the target or a limit is reached."""
-        rounds: list[R] = []
-        if earlier is not None:
-            problem = self.strategy.start(problem, earlier)
-        first = answer = self._first(problem)
-        try:
-            while True:
-                rounds.append(self.strategy.assessed(problem, answer, rounds))
-                if self.callback is not None:
-                    self.callback(rounds[-1].record)
-                self._check_limits(rounds)
-                problem = self.strategy.next(rounds)
-                answer = self._answered(problem)
-        except StopError as stop:
-            return Ended(first, rounds, stop)
-
-    def _first(self, problem: ContactProblem) -> A:
-        """The answer on the first mesh, which may raise."""
-        try:
-            return self.strategy.answer(problem)
-        except TooLargeError as error:
-            remedy = f"the first mesh has {error.unknowns} unknowns: allow more, or start coarser"
-            raise InputError("max_unknowns", self.strategy.settings.max_unknowns, remedy) from error
-
-    def _answered(self, problem: ContactProblem) -> A:
-        """The answer on a later mesh."""
-        try:
-            return self.strategy.answer(problem)
-        except TooLargeError as error:
-            raise StopError(RefinementStatus.UNKNOWNS) from error
-        except QVIError as error:  # the same data were taken on the mesh before
-            late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.THIN_CELLS
-            raise StopError(late, str(error)) from error
-
-    def _check_limits(self, rounds: Sequence[R]) -> None:
-        """`StopError` where the target or a limit is reached."""
-        settings = self.strategy.settings
-        if rounds[-1].estimate <= settings.target:
-            sure = rounds[-1].accuracy.certainty is Certainty.GUARANTEED
-            raise StopError(
-                RefinementStatus.REACHED if sure or not settings.guaranteed else RefinementStatus.NO_GUARANTEE
-            )
-        if expired():
-            raise StopError(RefinementStatus.TIME_LIMIT)
-        if len(rounds) >= settings.max_rounds:
-            raise StopError(RefinementStatus.ROUNDS)
+def in_rounds(
+    strategy: Strategy[A, R],
+    problem: ContactProblem,
+    earlier: ContactResult | None,
+    callback: Callable[[RefinementRound], object],
+) -> tuple[A, list[R], StopError]:
+    """The first answer, all rounds that were assessed, and why they ended; what the first mesh raises is raised."""
+    settings, rounds = strategy.settings, list[R]()
+    if earlier is not None:
+        problem = replace(problem, mesh=earlier.problem.mesh)
+    try:
+        first = answer = strategy.answer(problem)
+    except TooLargeError as error:
+        remedy = f"the first mesh has {error.unknowns} unknowns: allow more, or start coarser"
+        raise InputError("max_unknowns", settings.max_unknowns, remedy) from error
+    try:
+        while True:
+            last = strategy.assessed(problem, answer, rounds)
+            rounds.append(last)
+            callback(last.record)
+            if last.estimate <= settings.target:
+                enough = last.certainty is Certainty.GUARANTEED or not settings.guaranteed
+                raise StopError(RefinementStatus.REACHED if enough else RefinementStatus.NO_GUARANTEE)
+            if expired():
+                raise StopError(RefinementStatus.TIME_LIMIT)
+            if len(rounds) >= settings.max_rounds:
+                raise StopError(RefinementStatus.ROUNDS)
+            problem = strategy.next(rounds)
+            try:
+                answer = strategy.answer(problem)
+            except TooLargeError as error:
+                raise StopError(RefinementStatus.UNKNOWNS) from error
+            except QVIError as error:  # the same data were taken on the mesh before
+                late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.THIN_CELLS
+                raise StopError(late, str(error)) from error
+    except StopError as stop:
+        return first, rounds, stop

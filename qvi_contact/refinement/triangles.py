@@ -1,4 +1,4 @@
-"""Refinement of triangle meshes: bisection where the answer differs from a companion or from a closer look.
+"""Refinement of triangle meshes: bisection where the answer differs from a companion or from a reference solution.
 
 In `docs/theory.md`: (D22).
 """
@@ -14,81 +14,67 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_num
 from qvi_contact.basics.shown import Certainty
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import Measure, RefinementStatus
 from qvi_contact.refinement.reference_solution import (
     Comparison,
     Places,
     bounded,
-    closer_problem,
-    coulomb_contacts,
     energies_between,
     places,
+    reference_problem,
 )
 from qvi_contact.refinement.rounds import (
-    Accuracy,
-    ResultRound,
+    Round,
     Settings,
     StopError,
     TooLargeError,
     bulk,
-    check_solved,
-    unknowns_of,
 )
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import posed, solve
 from solvers import Status
 from solvers.basics.progress import expired
 
-DEGREE: Final = 5
-"""Degree where none is given."""
+_DEGREE: Final = 5  # where none is given
 
-_HIGHEST: Final = 11  # degree that leaves one more for the closer look
+_HIGHEST: Final = 11  # degree that leaves one more for the reference solution
 _FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−2λ): λ is 0.66 or less where it matters
 _MARGIN: Final = 0.9  # share of the target below which a corner need not be bisected again
 _ABOVE: Final = 4.0  # what a triangle in a corner may hold, over the least that is bisected elsewhere
 _DEEPEST: Final = 3  # bisections in a corner in one round
-_SAFETY: Final = 1.5  # by which an estimate is more than a difference: the look may be off by a third of the answer
-_NEAR: Final = 0.1  # accuracy of a look over the error that is told from it
+_SAFETY: Final = 1.5  # by which an estimate is more than a difference: the reference may be off by a third as much
+_NEAR: Final = 0.1  # accuracy of a reference solution over the error that is told from it
 _QUICK: Final = MappingProxyType({"method": "condensed"})  # no other methods, no second opinion: it is no answer
+_STOPS: Final = {
+    Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
+    Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
+}  # what a status on the way means for the refinement
 _POSING: Final = ("degree", "contact_rows")  # options of the discretisation, not of its solve
 
 
-@dataclass(frozen=True, eq=False)
-class Marks:
-    """What to bisect next.
-
-    Attributes
-    ----------
-    cells : (m,) bool array
-        Triangles.
-    deeper : tuple of int arrays
-        Vertices at which triangles are bisected once more, twice more and so on.
-
-    """
-
-    cells: BoolArray
-    deeper: tuple[IntArray, ...] = ()
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TriangleRound(ResultRound):
+class TriangleRound(Round[ContactResult]):
     """A round of a contact problem.
 
     Attributes
     ----------
-    marks : Marks
-        What to bisect next.
+    marked : (m,) bool array
+        Triangles to bisect next.
+    deeper : tuple of int arrays
+        Vertices at which triangles are then bisected once more, twice more and so on.
     tried : bool
         Whether bounds were computed.
-    looked : float
-        The quantity in the closer look; NaN where there was none.
+    reference : float
+        The quantity of the reference solution; NaN where there was none.
 
     """
 
-    marks: Marks
+    marked: BoolArray
+    deeper: tuple[IntArray, ...]
     tried: bool
-    looked: float = np.nan
+    reference: float
 
 
 @dataclass(frozen=True)
@@ -103,15 +89,11 @@ class TriangleRefinement:
         """Degree of the answers."""
         degree = self.settings.options.get("degree")
         if degree is None:
-            return DEGREE
+            return _DEGREE
         if whole_number("degree", degree) > _HIGHEST:
             remedy = f"give at most {_HIGHEST}: answers are compared with those of one degree more"
             raise InputError("degree", degree, remedy)
         return int(degree)
-
-    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh of a result."""
-        return replace(problem, mesh=result.problem.mesh)
 
     def answer(self, problem: ContactProblem) -> ContactResult:
         """The result on the mesh."""
@@ -120,48 +102,62 @@ class TriangleRefinement:
     def assessed(
         self, problem: ContactProblem, result: ContactResult, earlier: Sequence[TriangleRound]
     ) -> TriangleRound:
-        """What bounds say about an answer, where there are any, else a closer look."""
-        check_solved(result)
-        mesh, measure = problem.mesh, self.measure
+        """What bounds say about an answer, where there are any, else a reference solution."""
+        unknowns = result.discretization.qvi.n
+        if result.status is not Status.SOLVED:
+            status = _STOPS.get(result.status, RefinementStatus.UNSOLVED)
+            if result.status is Status.INACCURATE and result.has_state:
+                unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
+                if result.stress_rounding > result.certificate.tolerance * unit:  # rounding alone is more than allowed
+                    status = RefinementStatus.THIN_CELLS
+            raise StopError(status, f"the mesh with {unknowns} unknowns: {result.message}")
+        mesh, measure, target = problem.mesh, self.measure, self.settings.target
         value, unit = measure.value(result), measure.unit(result)
         at = places(problem, mesh, result)
-        hopeless = any(each.tried and each.accuracy.certainty is Certainty.ESTIMATE for each in earlier)
-        asked = not coulomb_contacts(problem) or (self.settings.guaranteed and measure.of_a_force)
-        tried = measure.bounded and not hopeless and asked
+        hopeless = any(each.tried and each.certainty is Certainty.ESTIMATE for each in earlier)
+        rough = any(map(has_coulomb, problem.contacts))
+        tried = measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.of_a_force))
         found = bounded(measure, value, result) if tried else None
         if found is None:
-            found = self._looked(problem, result, value, at)
-        found = _settled(found, result, earlier)
+            found = self._compared(problem, result, value, at)
+        if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
+            late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
+            raise StopError(late, f"the accuracy of the answer with {unknowns} unknowns could not be determined")
+        if found is None:
+            found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(len(mesh.cells)))
+        if earlier and found.certainty is Certainty.ESTIMATE:
+            step = abs(found.reference - earlier[-1].reference)  # while that moves the error is no less
+            found = replace(found, error=float(np.fmax(found.error, _SAFETY * step)))
         estimate = found.error / unit if unit > 0.0 else 0.0
+        parts, total = found.parts, float(found.parts.sum())
+        known = np.isfinite(estimate)
+        marked, deeper = bulk(parts) if known else np.ones(len(mesh.cells), dtype=bool), tuple[IntArray, ...]()
+        if known and found.certainty is Certainty.ESTIMATE and len(at.cells):
+            marked[at.cells] = True  # changes of state matter more for a force than their share says
+        elif known:
+            deeper = _deeper(mesh, at.corners, parts, target / (estimate or 1.0))
         return TriangleRound(
             problem=problem,
-            unknowns=unknowns_of(result),
-            accuracy=Accuracy(value, unit, estimate, found.certainty),
-            cells=len(mesh.cells),
-            indicator=_shared(found.parts, estimate),
-            result=result,
-            marks=self._marks(mesh, at, found, estimate),
+            answer=result,
+            unknowns=unknowns,
+            value=value,
+            unit=unit,
+            estimate=estimate,
+            certainty=found.certainty,
+            indicator=parts * (estimate / total) if total > 0.0 and known else np.zeros_like(parts),
+            marked=marked,
+            deeper=deeper,
             tried=tried,
-            looked=found.looked,
+            reference=found.reference,
         )
-
-    def _marks(self, mesh: TriangleMesh, at: Places, found: Comparison, estimate: float) -> Marks:
-        """Triangles to bisect, and vertices where to go on."""
-        if not np.isfinite(estimate):
-            return Marks(np.ones(len(mesh.cells), dtype=bool))
-        marked = bulk(found.parts)
-        if found.certainty is not Certainty.ESTIMATE or not len(at.cells):
-            return Marks(marked, _deeper(mesh, at.corners, found.parts, self.settings.target / (estimate or 1.0)))
-        marked[at.cells] = True  # changes of state matter more for a force than their share says
-        return Marks(marked)
 
     def next(self, rounds: Sequence[TriangleRound]) -> ContactProblem:
         """The problem with marked triangles bisected, but for those that are as small as allowed."""
         last = rounds[-1]
-        mesh = self._bisected(last.problem.mesh, last.marks.cells)
+        mesh = self._bisected(last.problem.mesh, last.marked)
         if mesh is None:
             raise StopError(RefinementStatus.THIN_CELLS)
-        for vertices in last.marks.deeper:  # old vertices keep their numbers
+        for vertices in last.deeper:  # old vertices keep their numbers
             mesh = self._bisected(mesh, np.asarray(np.isin(mesh.cells, vertices).any(axis=1))) or mesh
         return replace(last.problem, mesh=mesh)
 
@@ -170,21 +166,25 @@ class TriangleRefinement:
         chosen = marked & (mesh.finest[mesh.cells].min(axis=1) >= 2.0 * self.settings.thinnest)
         return mesh.refined(chosen) if chosen.any() else None
 
-    def _looked(self, problem: ContactProblem, result: ContactResult, value: float, at: Places) -> Comparison | None:
-        """The answer beside a closer look; where that fails, beside one degree more on the same mesh."""
-        mesh, measure, options = problem.mesh, self.measure, self.settings.options
+    def _compared(self, problem: ContactProblem, result: ContactResult, value: float, at: Places) -> Comparison | None:
+        """The answer beside a reference solution; where that fails, beside one degree more on the same mesh."""
+        measure, options, unit = self.measure, self.settings.options, self.measure.unit(result)
         by_default = options.get("method") is None and options.get("inner") is None
-        for closer, more in ((closer_problem(problem, mesh, at), _QUICK if by_default else {}), (problem, {})):
+        for finer, more in (
+            (reference_problem(problem, problem.mesh, at), _QUICK if by_default else {}),
+            (problem, {}),
+        ):
             try:
-                look = self._solved(closer, self.degree + 1, np.inf, more)
+                found = self._solved(finer, self.degree + 1, np.inf, more)
             except QVIError:
                 continue
-            looked = measure.value(look) if look.has_state else np.nan
-            apart, unit = abs(looked - value), measure.unit(result)
-            if _usable(look, apart, unit):
+            reference = measure.value(found) if found.has_state else np.nan
+            apart = abs(reference - value)
+            near = found.status is Status.INACCURATE and found.certificate.accuracy * unit <= _NEAR * apart
+            if np.isfinite(apart) and (found.status is Status.SOLVED or near):
                 error = max(_SAFETY * apart, result.certificate.accuracy * unit)  # no less than solves are accurate
-                parts = energies_between(result, look, mesh, closer.mesh)
-                return Comparison(error, Certainty.ESTIMATE, parts, looked)
+                parts = energies_between(result, found, problem.mesh, finer.mesh)
+                return Comparison(error, Certainty.ESTIMATE, parts, reference)
         return None
 
     def _solved(
@@ -196,25 +196,6 @@ class TriangleRefinement:
         if discretization.qvi.n > most:
             raise TooLargeError(discretization.qvi.n)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
-
-
-def _settled(found: Comparison | None, result: ContactResult, earlier: Sequence[TriangleRound]) -> Comparison:
-    """What is known of the error of an answer, once the rounds before are looked at; `StopError` if that is over."""
-    if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
-        late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
-        raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be determined")
-    if found is None:
-        found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(len(result.problem.mesh.cells)))
-    if earlier and found.certainty is Certainty.ESTIMATE:
-        step = abs(found.looked - earlier[-1].looked)  # looks that still move are no measure of an error below that
-        found = replace(found, error=float(np.fmax(found.error, _SAFETY * step)))
-    return found
-
-
-def _usable(look: ContactResult, error: float, unit: float) -> bool:
-    """Whether an error may be told from a look: solved, or nearer to that than the error is large."""
-    near = look.status is Status.INACCURATE and look.certificate.accuracy * unit <= _NEAR * error
-    return bool(np.isfinite(error)) and (look.status is Status.SOLVED or near)
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:
@@ -231,9 +212,3 @@ def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: floa
     shares = [_FACTOR**level for level in range(1, _DEEPEST)]
     levels = [corners[(held * share > left) | (largest * share > enough)] for share in shares]
     return tuple(vertices for vertices in levels if len(vertices))
-
-
-def _shared(parts: FloatArray, estimate: float) -> FloatArray:
-    """The estimate by cell, in the shares of the parts."""
-    total = float(parts.sum())
-    return parts * (estimate / total) if total > 0.0 and np.isfinite(estimate) else np.zeros_like(parts)

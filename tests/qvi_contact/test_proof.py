@@ -28,6 +28,7 @@ from qvi_contact import (
     save_problem,
 )
 from qvi_contact.limit import check
+from tests.qvi_contact.test_limit_yielding import random_body
 
 
 def stretched(strength, plane="strain"):
@@ -61,6 +62,7 @@ def heavy_wall(strength=None):
         (stretched(MohrCoulomb(0.5, 0.3, 0.2)), "top"),
         (heavy_wall(), "push"),
         (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
+        (random_body(14), "push"),  # shear beyond its bound in one ordinate, but nowhere
     ],
 )
 def test_proofs_hold_and_lose_next_to_nothing(problem, load):

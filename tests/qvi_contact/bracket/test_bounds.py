@@ -22,7 +22,7 @@ from qvi_contact import (
     solve,
     solve_history,
 )
-from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, given_problem
+from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from tests.covering import every_pair
 from tests.effort import thinned
@@ -98,7 +98,7 @@ def test_hypercircle_bounds_the_true_error():
 def test_a_bound_between_two_laws_is_lowered():
     """Cohesion 40 x and limit 35: on the edge that holds x = 7/8 the smaller coefficient counts."""
     problem = with_contact(CONVEX["capped"], TriangleMesh.rectangle((2, 2)))
-    given = given_problem(solve(problem, degree=4))
+    given = fixed_bound_problem(solve(problem, degree=4))
     x = np.array([0.0, 0.25, 0.5])
     edges = problem.mesh.edges("top")
     starts = problem.mesh.vertices[edges.first, 0]

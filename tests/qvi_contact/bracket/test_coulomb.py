@@ -45,7 +45,7 @@ def shared(problem, s):
     return found
 
 
-@pytest.mark.parametrize("s", [0.0, 0.19, 0.375, 0.75, 1.5, 1.95])
+@pytest.mark.parametrize("s", [0.0, 0.75, 1.95])
 def test_constants_of_square_zero_operators(s):
     """α, f, |I + S| and the constant of Σ are never passed by operators of norm s with SS = 0, and are met by some."""
     random = np.random.default_rng(0)
@@ -143,7 +143,7 @@ class TestNorms:
         assert 0.1 * quotient(problem, degree=4) < proved
         assert friction_norm(problem, shares).proved
 
-    @pytest.mark.parametrize("seed", range(4))
+    @pytest.mark.parametrize("seed", range(2))
     def test_of_a_share_that_varies(self, seed):
         """A quotient of polynomials: its steepness by differences, and both norms of it."""
         problem, random = compressed_plate(0.3, (3, 3)), np.random.default_rng(seed)
@@ -267,12 +267,6 @@ def with_law(problem, **law):
 class TestScope:
     """What has bounds under friction."""
 
-    def test_much_friction_is_no_harder(self):
-        """All sticks, and s is small where much friction is unused."""
-        found = solve(compressed_plate(1.5, (2, 2))).bracket.coulomb
-        assert computed_norm(found.stress.problem, found.shares) < 0.4
-        assert found.relative_error < 0.1
-
     def test_the_stress_of_more_friction(self):
         """What is beyond the bound of friction is taken off it, and counts."""
         more, result = chain(0.2)[1], solve(with_law(chain(0.2)[1].problem, friction=0.15), degree=4)
@@ -293,13 +287,6 @@ class TestForces:
             assert force.lower < limit < force.upper
             widths.append(force.upper - force.lower)
         assert widths[-1] < 0.25 * widths[0]
-
-    def test_another_problem_is_outside(self):
-        """Bounds for μ = 0.05 hold its force, and not that of μ = 0.2."""
-        other = solve(with_law(chain(0.2)[-1].problem, friction=0.05), degree=4).bracket.coulomb
-        force = other.forces["plate.normal_force"]
-        assert force.upper < 214.23323205
-        assert force.lower < 210.606417984 < force.upper
 
     def test_cohesion(self):
         """Bounds hold the force of a finer mesh, and not that without cohesion."""
@@ -364,12 +351,6 @@ class TestOtherBodies:
             force = found.forces[f"crown.{name}"]
             assert force.lower < getattr(fine, name) < force.upper
 
-    def test_a_body_that_only_friction_holds(self):
-        """It can slip without strain: nothing bounds the error."""
-        problem = half_disc(0.3, held=False)
-        assert friction_norm(problem, shared(problem, 1.0)).value == np.inf
-        assert "without straining" in friction_norm(problem, shared(problem, 1.0)).reason
-
     @pytest.mark.parametrize("change", ["kink", "held end"])
     def test_where_the_share_must_vanish(self, change):
         """At a kink, and where the normal displacement is held at an end: it costs little where the contact sticks."""
@@ -401,27 +382,6 @@ class TestOtherBodies:
         bent = np.column_stack([x, y - 0.1 * (1.0 - y) * np.minimum(x, 4.0 - x)])
         found = solve(replace(layer, mesh=replace(layer.mesh, vertices=bent)), degree=4).bracket.coulomb
         assert "At (2, -0.2) 'base' has a kink" in found.message
-
-    def test_the_norm_has_no_limit_at_a_held_end(self):
-        """It grows by as much with each halving of the triangles there; at a free end, or a clamped one, it settles."""
-        ends = {
-            "free": [Traction("left", x=0.0, y=0.0)],
-            "clamped": [Displacement("left", x=0.0, y=0.0)],
-            "held": [Displacement("left", y=0.0), Traction("left", x=0.0)],
-        }
-        found = {name: [layer_norm(left, depth) for depth in (8, 12, 16)] for name, left in ends.items()}
-        for name in ("free", "clamped"):
-            assert found[name] == pytest.approx([found[name][0]] * 3, rel=1e-3)
-        assert np.diff(found["held"]) == pytest.approx(1.19, abs=0.02)
-
-
-def layer_norm(left, depth):
-    """The norm by finite elements on a sheared layer, its triangles halved so often towards one end of its contact."""
-    layer = sheared_layer(1.0)
-    conditions = [*layer.conditions[:2], *left, layer.conditions[3]]
-    mesh = layer.mesh.graded([(0.0, 0.0)], depth)
-    layer = replace(layer, mesh=mesh, conditions=conditions)
-    return computed_norm(layer, shared(layer, 1.0))
 
 
 def pressed_block(friction, cells=(8, 4), **law):
@@ -462,7 +422,7 @@ class TestPlates:
 class TestBlock:
     """A block that slips outwards at both ends, or sticks, has bounds at any friction."""
 
-    @pytest.mark.parametrize("friction", [0.1, 0.2, 0.3, 0.5, 0.8])
+    @pytest.mark.parametrize("friction", [0.1, 0.3, 0.8])
     def test_true_errors_and_forces(self, friction):
         result = solve(pressed_block(friction), degree=4)
         mesh = result.problem.mesh.refined(np.ones(result.problem.mesh.cell_count, dtype=bool))

@@ -41,11 +41,6 @@ class TestBodies:
         assert (other.lower, other.upper) == pytest.approx((one.lower, one.upper), rel=1e-6)
         assert other.coulomb.error == pytest.approx(one.coulomb.error, rel=1e-4)
 
-    def test_a_tied_joint_parts_nothing(self):
-        problem = half_discs()
-        bonded = replace(problem.contacts[0], law="tied", friction=0.0)
-        assert len(bodies_of(replace(problem, conditions=[bonded, *problem.conditions[1:]]))) == 1
-
     def test_what_a_tied_joint_bonds_is_one_body_beside_another_joint(self):
         mesh = TriangleMesh.rectangle((2, 3), 2.0, 3.0).with_joint("bond", lambda x, y: (y == 2.0) & (x > -1.0))
         mesh = mesh.with_joint("bed", lambda x, y: (y == 1.0) & (x > -1.0))

@@ -18,8 +18,8 @@ from qvi_contact import (
     TriangleMesh,
 )
 from qvi_contact.companion import (
+    DisplacementSpace,
     Elasticity,
-    Space,
     Triangle,
     moduli,
     reference_matrices,
@@ -44,7 +44,7 @@ def notched():
 
 def body_of(problem, degree):
     scales = Scales.of(problem)
-    space = Space.of(problem, Triangle(degree), scales.length)
+    space = DisplacementSpace.of(problem, Triangle(degree), scales.length)
     return Elasticity(space, moduli(problem, scales))
 
 
@@ -125,7 +125,7 @@ class TestStiffness:
 
 def test_places_of_the_joint_are_doubled():
     problem = notched()
-    space = Space.of(problem, Triangle(3), 1.0)
+    space = DisplacementSpace.of(problem, Triangle(3), 1.0)
     edges = problem.mesh.edges("cut")
     below, above = space.along(edges), space.along(edges, other=True)
     assert not np.intersect1d(below, above).size

@@ -14,6 +14,7 @@ from qvi_contact.plots import deformed_figure, save_figure
 from qvi_contact.solution import von_mises
 from qvi_contact.units import Units
 from solvers import Status
+from tests.covering import every_pair
 
 STEEL = Material(1000.0, 0.3)
 PLATE = compressed_plate(0.1, (3, 2))
@@ -88,9 +89,7 @@ class TestReasons:
         assert len(solve_companion(PLATE).reasons) == 1
         assert solve_companion(PLATE, bounds={"plate": np.ones((3, 3))}).reasons == ()
 
-    @pytest.mark.parametrize("power", [2, 3, 5])
-    @pytest.mark.parametrize("degree", [2, 3])
-    @pytest.mark.parametrize("kind", ["gap", "offset", "support"])
+    @pytest.mark.parametrize(("kind", "power", "degree"), every_pair(["gap", "offset", "support"], [2, 3, 5], [2, 3]))
     def test_degree_of_the_data(self, kind, degree, power):
         def field(x, y):
             return 1e-3 * (x**power + 0 * y)
@@ -124,16 +123,15 @@ class TestReasons:
         (reason,) = solve_companion(rough).reasons
         assert reason.startswith("Traction.y")
 
-    @pytest.mark.parametrize("kind", ["cohesion", "shear_limit"])
     @pytest.mark.parametrize(
-        ("field", "exact"),
+        ("kind", "field", "exact"),
         [
-            (lambda x, y: 0.1 + x**15 + 0 * y, True),
-            (lambda x, y: np.where(x < 0.5, 0.1, 0.3 * x) + 0 * y, True),  # the step is on a grid line
-            (lambda x, y: np.where(x < 0.47, 0.1, 0.3) + 0 * y, False),
-            (lambda x, y: np.sqrt(x) + 0 * y, False),
-            (lambda x, y: 0.1 + peak(x, PEAK, 5e-4) + 0 * y, False),
-            (lambda x, y: 0.1 + peak(x, 0.5, 3e-4) + 0 * y, False),
+            ("cohesion", lambda x, y: 0.1 + x**15 + 0 * y, True),
+            ("shear_limit", lambda x, y: np.where(x < 0.5, 0.1, 0.3 * x) + 0 * y, True),  # the step is on a grid line
+            ("cohesion", lambda x, y: np.where(x < 0.47, 0.1, 0.3) + 0 * y, False),
+            ("shear_limit", lambda x, y: np.sqrt(x) + 0 * y, False),
+            ("cohesion", lambda x, y: 0.1 + peak(x, PEAK, 5e-4) + 0 * y, False),
+            ("shear_limit", lambda x, y: 0.1 + peak(x, 0.5, 3e-4) + 0 * y, False),
         ],
         ids=["polynomial", "step on a line", "step", "root", "peak", "peak on a line"],
     )
