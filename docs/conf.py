@@ -59,7 +59,7 @@ nitpick_ignore_regex = [
     (r"py:class", r"(ContactRows|EdgeRule|Parameter|PlateRows|Root|Scales|StressSpace|Supports)"),
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
-    (r"py:class", r"qvi_contact\.companion\.((elasticity|space)\.\w+|result\.CompanionState)"),
-    (r"py:class", r"qvi_contact\.(bracket\.bodies\.Body|mesh\.(edges|topology)\.\w+|plots\.figures\.LoadHistory)"),
+    (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|result\.CompanionState)"),
+    (r"py:class", r"qvi_contact\.(bracket\.share\.Body|mesh\.(edges|topology)\.\w+|plots\.figures\.LoadHistory)"),
     (r"py:class", r"solvers\.inequality\.(energy|linear|problem|stiffness)\.\w+"),
 ]

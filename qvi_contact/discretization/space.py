@@ -572,7 +572,7 @@ class StressSpace(Stated):
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of u (N,) at the points t (q,) along each of n edges, edge by edge, (n q,) each."""
         values = legendre.basis(self.traction_degree, t)
-        found = self.traces(edges).apply(u).reshape(len(edges), 2, -1) @ values.T
+        found = self.traces(edges).apply(u).reshape(len(edges), 2, self.traction_degree + 1) @ values.T
         return found[:, 0].ravel(), found[:, 1].ravel()
 
     def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:

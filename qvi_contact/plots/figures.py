@@ -166,11 +166,8 @@ def history_figure(
     if isinstance(history, Mapping):
         loops: Mapping[str, tuple[ArrayLike, ArrayLike]] = history
     else:
-        steps = [step for step in history.steps if step.has_state]
-        for step in steps:
-            for name, line in step.contacts.items():
-                forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
-        loops = _loops(history, steps[0].problem) if steps else {}
+        first = _read(history, forces)
+        loops = {} if first is None else _loops(history, first)
     contacts, shown = list(forces)[:_PANELS], list(loops)[:_PANELS]
     if not contacts and not shown:
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
@@ -226,6 +223,17 @@ def hysteresis_loop(axes: "Axes", displacement: ArrayLike, force: ArrayLike, uni
     axes.plot(moved[:1], carried[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
     axes.set_xlabel(f"displacement [{units.displacement}]")
     axes.set_ylabel(f"force [{units.engineering_force}]")
+
+
+def _read(history: LoadHistory, forces: dict[str, list[tuple[float, float]]]) -> ContactProblem | None:
+    """Add the forces of all steps by contact, and return the problem of the first; no step is kept in memory."""
+    first = None
+    for step in history.steps:
+        if step.has_state:
+            first = first or step.problem
+            for name, line in step.contacts.items():
+                forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
+    return first
 
 
 def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[ArrayLike, ArrayLike]]:
