@@ -43,7 +43,7 @@ Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], Arra
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
 
 _EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
-_OF_NAMES: Final = ("edge_names", "joint_names", "_places", "_taken")  # computed from the names of a mesh
+_OF_NAMES: Final = ("edge_names", "joint_names", "kept", "_places", "_taken")  # computed from the names of a mesh too
 _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
