@@ -57,7 +57,7 @@ nitpick_ignore_regex = [
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.basics\.shown\.Rounding"),
     (r"py:class", r"(ContactRows|EdgeRule|Parameter|PlateRows|Root|Scales|StressSpace|Supports)"),
-    (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
+    (r"py:class", r"qvi_contact\.(discretization|element)\.(\w+\.)?\w+"),
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
     (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|result\.CompanionState)"),
     (r"py:class", r"qvi_contact\.(bracket\.share\.Body|mesh\.(edges|topology)\.\w+|plots\.figures\.LoadHistory)"),

@@ -70,8 +70,7 @@ def plain(value: object) -> str:
         return repr(value)
 
 
-def _shorten(value: object, limit: int = 120) -> str:
-    """`plain` on one line, in at most `limit` characters: of a path its end says more than its middle."""
+def _shorten(value: object) -> str:
+    """`plain` on one line, in at most 120 characters: of a path its end says more than its middle."""
     text = " ".join(plain(value).split())
-    half = (limit - 1) // 2
-    return text if len(text) <= limit else f"{text[:half]}…{text[-half:]}"
+    return text if len(text) <= 120 else f"{text[:59]}…{text[-59:]}"

@@ -12,6 +12,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeVar
 import numpy as np
 
 from solvers.basics.checks import function_or_none, true_or_false
+from solvers.basics.names import closest
 from solvers.basics.progress import Progress, expired, narrated, tell, watched
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
@@ -34,6 +35,8 @@ _TOLERANCE = 1e-8
 _STARTED = ("condensed", "fixed-point")  # methods that take a start
 _START = "initial"
 """Option that chooses no method: a state is for the condensed method and the fixed point, a pressure for the latter."""
+
+_OF_ALL_METHODS = ("method", "inner", "tolerance", "throw", "factorisation", "threads", "time_limit", "verbose")
 
 DEFAULT_INNER = "qp:clarabel"
 
@@ -134,23 +137,17 @@ class Settings:
         """Whether a state may be added as `initial`; it changes no method."""
         return self.method in _STARTED
 
-    @property
-    def takes_initial(self) -> bool:
-        """Whether a pressure may be added as `initial`."""
-        return self.method == "fixed-point" or self.by_default
-
     def starting(self, initial: object) -> Settings:
         """The same from another start."""
         return dataclasses.replace(self, options=MappingProxyType({**self.options, _START: initial}))
 
 
 def _method_with(inner: str | None, given: set[str]) -> str:
-    """The method that an inner solver or the names of options ask for."""
-    if inner is None:
-        for method, kind in _OPTIONS.items():
-            if given <= {field.name for field in dataclasses.fields(kind)}:
-                return method
-    return "fixed-point"
+    """The method that an inner solver asks for, or the first of those that have most of the options given."""
+    if inner is not None:
+        return "fixed-point"
+    has = {method: len(given & {field.name for field in dataclasses.fields(kind)}) for method, kind in _OPTIONS.items()}
+    return max(has, key=has.__getitem__)
 
 
 def solve_qvi(
@@ -366,7 +363,9 @@ def _options(kind: type[_Options], method: str, given: dict[str, Any]) -> _Optio
     names = [field.name for field in dataclasses.fields(kind)]
     for name, value in given.items():
         if name not in names:
-            raise InputError(name, value, f"method {method!r} has the options {', '.join(names)}")
+            near = closest(name, [*names, *_OF_ALL_METHODS])
+            listed = f"method {method!r} has the options {', '.join(names)}"
+            raise InputError(name, value, listed if near is None else f"did you mean {near!r}? Otherwise: {listed}")
     return kind(**given)
 
 

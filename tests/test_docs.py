@@ -25,6 +25,7 @@ from solvers.certificate import MEASURES
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
+FOLDERS = ("qvi_contact", "solvers", "comparisons", "tests", "docs", "examples")
 TEXTS = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 
 GROUPS = {"qvi-contact": qvi_contact, "python -m comparisons": comparisons}
@@ -268,6 +269,16 @@ def test_formulas_lead_to_the_code_and_back():
     defined = re.findall(r"^    .+  (\(D\d+\))$", text(DOCS / "theory.md"), re.M)
     assert listed == told
     assert {formula for formula, _ in listed} == set(defined)
+
+
+def test_files_and_modules_that_texts_name_exist():
+    """Paths on pages, and modules in the tables that docstrings of rooms have."""
+    named = {ROOT / path for page in TEXTS for path in re.findall(rf"`((?:{'|'.join(FOLDERS)})/[\w/.]+)`", text(page))}
+    for room in (path.parent for folder in FOLDERS for path in (ROOT / folder).rglob("__init__.py")):
+        modules = re.findall(r"^\| `(\w+)` +\|", text(room / "__init__.py"), re.M)
+        named |= {room / name if (room / name).is_dir() else room / f"{name}.py" for name in modules}
+    assert len(named) > 50
+    assert not [path for path in named if not path.exists()]
 
 
 def test_the_tree_of_errors_is_the_one_of_the_page():

@@ -69,6 +69,6 @@ __getattr__ = front(
         "local": (
             "ContactState", "LocalProblem", "local_problem", "project", "siconos_error", "solve_local", "state_of",
         ),
-        "quadratic_programs": ("programs_of", "standard_problems"),
+        "quadratic_programs": ("programs_of",),
     },
 )  # fmt: skip

@@ -34,7 +34,7 @@ from solvers.basics.files import replacing
 from solvers.basics.types import Matrix, Module, Sparse, SparseRows, Vector, load
 from solvers.errors import InputError
 
-_KIND = "an FCLIB file (HDF5)"
+_KIND = "an FCLIB file (HDF5, .hdf5), or an archive (.npz)"
 _OWN = "qvi_contact"
 _MATH = (
     "Plane Coulomb friction u = W r + V l + q, V' r + R l + s = 0, R = 0 (V, R only if present; without them "

@@ -128,12 +128,12 @@ def _done(plan: Plan, out: Path, again: bool, store: Path, **limits: Any) -> int
     from comparisons.lab.studies import read_csv, read_rows, run_study, write_csv
     from qvi_contact.basics.writing import writable_folder
 
-    folder = writable_folder(out)
+    folder = writable_folder(out, "--out")
     tables = {study: folder / f"{study.name}.csv.gz" for study in plan.studies}
     if again:
         kept = [read_csv(table) for table in tables.values()]
     else:
-        writable_folder(store.parent, "store")
+        writable_folder(store.parent, "--store")
         for study in plan.studies:
             read_rows(study, store)
         try:

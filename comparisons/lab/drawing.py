@@ -32,9 +32,9 @@ def drawn(name: str, draw: "Callable[[], Figure | None]") -> str:
         return "" if figure is None else svg_text(figure, name)
 
 
-def panelled(number: int, width: float, height: float, beside: float, columns: int = 2) -> "tuple[Figure, list[Axes]]":
-    """A figure with so many panels in rows of so many; it is `beside` higher than its rows of this height [inch]."""
-    columns = max(min(columns, number), 1)
+def panelled(number: int, width: float, height: float, beside: float) -> "tuple[Figure, list[Axes]]":
+    """A figure with so many panels in rows of two; it is `beside` higher than its rows of this height [inch]."""
+    columns = max(min(2, number), 1)
     rows = max(1, -(-number // columns))
     figure = new_figure(width, beside + height * rows)
     panels = figure.subplots(rows, columns, squeeze=False).ravel().tolist()

@@ -85,10 +85,10 @@ def span(values: Iterable[float | None], text: Callable[[Any], str] = significan
     return " to ".join(dict.fromkeys(text(end) for end in (min(known), max(known)))) if known else NOTHING
 
 
-def listing(words: Sequence[str], conjunction: str = "and") -> str:
+def listing(words: Sequence[str]) -> str:
     """The words in a row: "a", "a and b", "a, b and c"; `NOTHING` if there are none."""
     *before, last = words or (NOTHING,)
-    return f"{', '.join(before)} {conjunction} {last}" if before else last
+    return f"{', '.join(before)} and {last}" if before else last
 
 
 def spread(values: Sequence[float]) -> float | None:

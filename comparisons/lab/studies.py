@@ -303,7 +303,8 @@ def read_csv(path: str | Path) -> tuple[Row, ...]:
         value, lines = cache(_value), csv.DictReader(io.StringIO(text, newline=""))
         return tuple(_unflat({name: value(cell) for name, cell in line.items() if cell}) for line in lines)
     except (OSError, UnicodeDecodeError, TypeError) as error:
-        raise InputError("rows", str(path), f"cannot be read: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise InputError("rows", str(path), f"cannot be read ({reason}): give the folder of a report") from error
 
 
 def _value(cell: str) -> Any:

@@ -21,7 +21,7 @@ def paper(out: Path) -> None:
     from comparisons.paper import report, study
     from qvi_contact.basics.writing import writable_folder
 
-    folder = writable_folder(out)
+    folder = writable_folder(out, "--out")
     with progress("paper", study.step_count()) as advance:
         result = study.run(advance)
     made, written = report.write(result, folder)

@@ -12,7 +12,7 @@ __getattr__ = front(
     __name__,
     {
         "meshes": ("FAMILIES", "TRANSITIONS", "plain_mesh", "ratio"),
-        "pin": ("MODELS_OF_PIN", "OWN", "pin_report", "pin_study", "plain_pin", "run_pin"),
+        "pin": ("OWN", "pin_report", "pin_study", "plain_pin", "run_pin"),
         "report": (
             "FORMS", "RESOLUTION", "TARGETS", "compared_of", "contradictory", "costs_of", "figures_of",
             "intervals_of", "known_of", "reference", "runs_of", "tables_of", "values_of",

@@ -159,9 +159,9 @@ def area(ratios: DataFrame, until: float) -> "Series[float]":
     return (1.0 - np.log(ratios.clip(lower=1.0)) / math.log(until)).clip(lower=0.0).mean()
 
 
-def shifted_mean(times: "Series[float]", shift: float = SHIFT) -> float:
-    """exp(mean log(t + shift)) − shift [s]; NaN of no times, and if one is unknown."""
-    return math.exp(np.log(times + shift).mean(skipna=False)) - shift
+def shifted_mean(times: "Series[float]") -> float:
+    """exp(mean log(t + SHIFT)) − SHIFT [s]; NaN of no times, and if one is unknown."""
+    return math.exp(np.log(times + SHIFT).mean(skipna=False)) - SHIFT
 
 
 def geometric_mean(values: "Series[float]") -> float:

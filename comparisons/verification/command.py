@@ -29,7 +29,7 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     from qvi_contact.basics.writing import writable_folder
 
     chapters = manual.choose(only)
-    folder = None if out is None else writable_folder(out)
+    folder = None if out is None else writable_folder(out, "--out")
     # drawn first, so that a picture that fails costs no rows
     drawings = manual.drawings([name for problems in chapters.values() for name in problems], quick) if folder else {}
     with progress("verify", sum(map(len, chapters.values()))) as advance:

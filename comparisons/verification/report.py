@@ -16,6 +16,7 @@ from comparisons.verification.pictures import EXHIBITS, conservation, overview
 from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Problem, Row, crash
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.errors import InputError
+from solvers.basics.names import closest
 
 Document = dict[str, Any]
 
@@ -46,7 +47,10 @@ def choose(names: Sequence[str], chapters: Chapters = CHAPTERS) -> Chapters:
     known = [*chapters, *(name for problems in chapters.values() for name in problems)]
     for name in names:
         if name not in known:
-            raise InputError("--only", name, f"choose from {', '.join(known)}")
+            near = closest(name, known)
+            meant = "" if near is None else f"did you mean {near!r}? Otherwise "
+            remedy = f"{meant}choose a chapter ({', '.join(chapters)}), or the name of a problem in the manual"
+            raise InputError("--only", name, remedy)
     if not names:
         return chapters
     chosen = {

@@ -10,9 +10,9 @@
 | open       | any other status                                                                                     |
 | foreign    | an exception that is not the package's own                                                           |
 
-An open problem counts as solvable where another method has a certified answer, or `enumeration` finds that there is a
-solution. Whether any traction is admissible is asked as well: without one there is no solution, with one there need not
-be any, as friction takes the pressure that the body has and not the one it would need.
+An open problem counts as solvable where another method has a certified answer, or `judge.enumerated` finds that there
+is a solution. Whether any traction is admissible is asked as well: without one there is no solution, with one there
+need not be any, as friction takes the pressure that the body has and not the one it would need.
 """
 
 import time

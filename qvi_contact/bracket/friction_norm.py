@@ -150,7 +150,7 @@ def _proved(body: ContactProblem, shares: Mapping[str, Share]) -> tuple[float, s
     return min(known, default=(np.inf, "body"))
 
 
-def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], degree: int = _DEGREE) -> float:
+def computed_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     """The norm of the R whose images have the least energy, max |Rv|/|v|, among finite elements on the mesh.
 
     With x the slip on contacts with Coulomb friction, A x·x the least energy of displacements that slip by x, and
@@ -158,10 +158,9 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], degree: 
     largest λ of D x = λ A x; infinity where contacts can slip without strain, NaN where there are too many
     coefficients.
     """
-    kept = _ENERGIES.setdefault(problem, {})
-    if degree not in kept:
-        kept[degree] = _Energies.of(problem, degree)
-    return kept[degree].norm(shares)
+    if problem not in _ENERGIES:
+        _ENERGIES[problem] = _Energies.of(problem)
+    return _ENERGIES[problem].norm(shares)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,9 +185,9 @@ class _Energies:
     part: FloatArray
 
     @classmethod
-    def of(cls, problem: ContactProblem, degree: int) -> _Energies:
-        """By displacements of a degree on the mesh."""
-        known = BodyAtRest.of(problem, degree)
+    def of(cls, problem: ContactProblem) -> _Energies:
+        """By displacements on the mesh."""
+        known = BodyAtRest.of(problem, _DEGREE)
         n, traces = known.contacts.count, known.contacts.traces
         coulomb, tied, rough = (
             np.concatenate(
@@ -227,8 +226,8 @@ class _Energies:
         return float(np.sqrt(max(float(eigh(image.T @ self.part @ image, self.below, eigvals_only=True)[-1]), 0.0)))
 
 
-_ENERGIES: WeakKeyDictionary[ContactProblem, dict[int, _Energies]] = WeakKeyDictionary()
-"""Those of problems, by degree, as long as these are there: one bracket asks for several norms."""
+_ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()
+"""Those of problems, as long as these are there: one bracket asks for several norms."""
 
 
 def _is_tied(contact: Contact) -> bool:

@@ -170,8 +170,8 @@ class Share:
         weights = np.maximum(self.weights, least)  # an open edge has the mean of the s_i, which are one number there
         return np.asarray((self.values * weights) @ shapes.T / (weights @ shapes.T))
 
-    def steepest(self, halvings: int = 4) -> FloatArray:
-        """No less than |ds/dt| on each of 2^halvings equal parts of the edges, t from 0 to 1 on the part.
+    def steepest(self) -> FloatArray:
+        """No less than |ds/dt| on each of 16 equal parts of the edges, t from 0 to 1 on the part.
 
         With the points P_i = s_i and weights ω_i of a part of degree n, s is a quotient of convex combinations, and
         |ds/dt| ≤ n (max ω/min ω) (max |P_{i+1} − P_i| + ½ (r − 1) (max P − min P)), r the largest over the smallest
@@ -180,7 +180,7 @@ class Share:
         n = self.values.shape[1] - 1
         parts = np.stack([self.values * self.weights, self.weights])[:, :, None]  # (2, edges, parts, n + 1)
         left = np.array([[comb(i, j) / 2.0**i for j in range(n + 1)] for i in range(n + 1)])
-        for _ in range(halvings):
+        for _ in range(4):
             halves = np.stack([parts @ left.T, parts @ left[::-1, ::-1].T], axis=3)
             parts = halves.reshape(2, len(self.values), -1, n + 1)
         work, weights = parts

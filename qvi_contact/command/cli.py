@@ -610,10 +610,10 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
         upper = found.upper if found.upper < float("inf") else None
         _show(problem_file, {"of": list(of), "lower": found.lower, "upper": upper})
     else:
-        click.echo(
-            f"strengths divided by {found.lower:.6g} carry the loads on this mesh; divided by {found.upper:.6g} they "
-            "do not on any mesh"
+        above = (
+            f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < float("inf") else "no bound above"
         )
+        click.echo(f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}")
     return 0 if found.lower >= 1.0 else 1
 
 

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from qvi_contact.problem.problem import ContactProblem
     from qvi_contact.refinement import LimitRefinement
 
+_REMEDY = "give a file written by qvi-contact limit --proof"
+
 
 def checked_proof(path: str) -> tuple[bool, str]:
     """Whether a proof file holds, and what people read of it.
@@ -31,11 +33,11 @@ def checked_proof(path: str) -> tuple[bool, str]:
         proof = json.loads(Path(path).read_text(encoding="utf-8"))
         factor, counted = check(proof)
     except OSError as error:
-        raise InputError("file", path, f"cannot be read ({error.strerror})") from error
+        raise InputError("file", path, f"cannot be read ({error.strerror}): {_REMEDY}") from error
     except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
-        raise InputError("file", path, "is no proof file, as qvi-contact limit --proof writes them") from error
+        raise InputError("file", path, f"is no proof file: {_REMEDY}") from error
     except json.JSONDecodeError as error:
-        raise InputError("file", path, f"is no JSON: {error}") from error
+        raise InputError("file", path, f"is no JSON ({error}): {_REMEDY}") from error
     except ValueError as error:
         return False, f"not proved: {error}"
     checked = ", ".join(f"{count} {name}" for name, count in counted.items())

@@ -8,12 +8,12 @@ __all__ = ["Discretization", "discretize"]
 __getattr__ = front(
     __name__,
     {
-        "energy": ("BodyStiffness", "Root", "TriangleEnergy"),
+        "energy": ("BodyStiffness", "Root"),
         "frames": ("shortest_cuts",),
-        "loads": ("EdgePoints", "physical"),
+        "loads": ("physical",),
         "plates": ("misplaced_pins", "pressed_pins"),
         "scaling": ("REACH", "Scales"),
-        "space": ("FAMILY", "Rows", "StressSpace", "edge_rule"),
+        "space": ("Rows", "StressSpace", "edge_rule"),
         "supports": ("Elimination", "PrescribedTraction", "Supports", "walk"),
     },
 )

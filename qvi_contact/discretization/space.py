@@ -13,7 +13,7 @@ small cells in places far from each other, Φ counts from an affine function in 
 several values, see `Cuts`. Three families of linear functionals make up (D2):
 
     σ_N = Φ_tt + φ and σ_T = −Φ_nt on edges                      `StressSpace.traces`
-    prescribed tractions d·σn = T on edges  →  u = B z + u₀      `eliminate_tractions`
+    prescribed tractions d·σn = T on edges  →  u = B z + u₀      `Supports`
     ½ ∫ cσ:σ with σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy)                 `TriangleEnergy`
 
 with n and t of `Edges`, d a unit direction for each edge. What is written "without φ" leaves the potential of the body

@@ -241,7 +241,9 @@ def _groups(discretization: Discretization) -> Iterator[IntArray]:
         else:
             first.append(np.repeat(own, rows.rule.count))
             second.append(np.repeat(other, rows.rule.count))
-    label = _glued(len(bodies), glued)
+    a, b = np.array(glued, dtype=np.int64).reshape(-1, 2).T
+    graph = sparse.csr_array((np.ones(len(a)), (a, b)), shape=(len(bodies), len(bodies)))
+    label = np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)  # what each is in
     plates = np.array([bodies.blocks + bodies.plates.index(row.contact) for row in discretization.plates.rows], int)
     around = [joined(part).astype(np.int64) for part in (first, second)]
     ends = [np.where(part >= 0, label[part], -1) for part in around]
@@ -249,13 +251,6 @@ def _groups(discretization: Discretization) -> Iterator[IntArray]:
         points = np.flatnonzero((ends[0] == body) | (ends[1] == body))
         resultants = np.flatnonzero(label[plates] == body)
         yield np.concatenate([points, m + points, 2 * m + resultants])
-
-
-def _glued(count: int, pairs: list[tuple[int, int]]) -> IntArray:
-    """The body (count,) that each becomes where pairs of them hang together."""
-    first, second = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    graph = sparse.csr_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,8 @@ would carry if they were rigid. So three numbers a block decide: a small linear 
 
 | module      | contents                                             |
 |-------------|------------------------------------------------------|
-| `bodies`    | blocks between joints, plates driven by force        |
+| `bodies`    | blocks, plates driven by force, work of loads        |
 | `lines`     | straight lines of contact, and what their laws admit |
-| `works`     | what loads do on rigid motions                       |
 | `program`   | the linear programs, and checks of their answers     |
 | `mechanism` | the result: proof, and bound of a load factor        |
 """

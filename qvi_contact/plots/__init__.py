@@ -55,8 +55,6 @@ __getattr__ = front(
     __name__,
     {
         "bounds": ("bracket_figure", "deformed_figure"),
-        "fields": ("stress_crosses",),
-        "inline": ("inline_svg",),
         "labels": ("value_range",),
         "mechanism": ("moved_outlines",),
         "style": ("cell_outlines", "edge_lines", "new_figure"),

@@ -136,9 +136,9 @@ def _runs_of(mesh: TriangleMesh, edges: Edges) -> Iterator[Run]:
             yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal, np.zeros(len(piece)))
 
 
-def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float, colour: str = "black") -> None:
+def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> None:
     """Draw a rigid obstacle: a line of points (n, 2) and oblique strokes of a given size on its far side (n, 2)."""
-    axes.plot(*line.T, color=colour, linewidth=1.0)
+    axes.plot(*line.T, color="black", linewidth=1.0)
     steps = np.hypot(*np.diff(line, axis=0).T)
     s = np.concatenate([[0.0], np.cumsum(steps)])
     if s[-1] <= 0.0:
@@ -148,7 +148,7 @@ def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float, colo
     outward = np.column_stack([np.interp(places, s, normal[:, k]) for k in (0, 1)])
     sideways = np.column_stack([outward[:, 1], -outward[:, 0]])
     strokes = np.stack([begin, begin + 0.7 * size * (outward + sideways)], axis=1)
-    axes.add_collection(lines(strokes, colour, "solid", 0.6))
+    axes.add_collection(lines(strokes, "black", "solid", 0.6))
 
 
 def arrows(axes: "Axes", places: Places, vectors: FloatArray, away: float, look: dict[str, Any]) -> None:

@@ -10,7 +10,6 @@ __getattr__ = front(
     __name__,
     {
         "cluster": ("Workers",),
-        "database": ("SETTINGS", "Database"),
-        "processes": ("FAILURES", "THREADS", "Limits", "NotLoadedError", "Outcome", "Process", "done_here"),
+        "processes": ("FAILURES", "THREADS", "Limits", "NotLoadedError", "Outcome"),
     },
 )

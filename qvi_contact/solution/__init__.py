@@ -12,6 +12,6 @@ __getattr__ = front(
         "result": ("ContactResult",),
         "sampling": ("cell_factors", "sample_body", "von_mises"),
         "solver": ("posed", "solve"),
-        "stress": ("cell_weights", "stress_at", "stress_in_cells"),
+        "stress": ("stress_at", "stress_in_cells"),
     },
 )

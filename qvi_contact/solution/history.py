@@ -74,7 +74,13 @@ class _Drives:
     def of(cls, step: ContactResult, supports: Sequence[str]) -> Self:
         """Those of a step, and of these edge sets."""
         contacts = {name: _driving(step, name) for name in step.contacts}
-        return cls(contacts, {name: _supported(step, name) for name in supports})
+        moved = {
+            name: {
+                component: _moved(step, name, component, value) for component, value in _prescribed(step, name).items()
+            }
+            for name in supports
+        }
+        return cls(contacts, moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +236,8 @@ class History:
     def _drives(self) -> list[_Drives]:
         """What drives the body in each step with a state: numbers, as each step may have to be read from a file."""
         states = self._states
-        supports = _displaced(states[0]) if states else []
+        conditions = states[0].problem.conditions if states else ()
+        supports = list(dict.fromkeys(each.edges for each in conditions if isinstance(each, Displacement)))
         return [_Drives.of(step, supports) for step in states]
 
     @property
@@ -500,16 +507,11 @@ def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
     return float(now.solution.tangential_multiplier @ traction) * now.discretization.scales.energy
 
 
-def _faces_several_ways(step: ContactResult, name: str) -> bool:
-    """Whether a contact has a rigid plate, and edges that are not parallel."""
-    tangents = next(rows.points.tangents for rows in step.discretization.contacts if rows.name == name)
-    across = tangents[:, 0] * tangents[0, 1] - tangents[:, 1] * tangents[0, 0]
-    return name in step.plates and bool(np.abs(across).max() > _PARALLEL)
-
-
 def _driving(step: ContactResult, name: str) -> list[tuple[float, float]]:
     """Motion and force of a contact's obstacle; by component if it is a plate on edges that face several ways."""
-    if not _faces_several_ways(step, name):
+    tangents = next(rows.points.tangents for rows in step.discretization.contacts if rows.name == name)
+    across = tangents[:, 0] * tangents[0, 1] - tangents[:, 1] * tangents[0, 0]
+    if name not in step.plates or np.abs(across).max() <= _PARALLEL:
         return [_obstacle(step, name)]
     return list(zip(astuple(step.plates[name]), astuple(step.plate_force(name)), strict=True))
 
@@ -530,12 +532,6 @@ def _obstacle(step: ContactResult, name: str) -> tuple[float, float]:
     return along, float(line.weights @ line.tangential_stress)  # what works on the offset, along the tangents
 
 
-def _displaced(step: ContactResult) -> list[str]:
-    """Edge sets with a prescribed displacement."""
-    conditions = step.problem.conditions
-    return list(dict.fromkeys(condition.edges for condition in conditions if isinstance(condition, Displacement)))
-
-
 def _prescribed(step: ContactResult, name: str) -> dict[str, Field]:
     """Components of the displacement prescribed on an edge set, those along its tangent first."""
     edges, found = step.problem.mesh.edges(name), dict[str, Field]()
@@ -549,11 +545,6 @@ def _direction(component: str, edges: Edges) -> FloatArray:
     """Unit vector (2,) of a component, that of the tangent if it is along the edges."""
     direction, tangent = np.asarray(direction_of(component, edges)[0]), np.asarray(edges.tangent[0])
     return tangent if abs(float(direction @ tangent)) == 1.0 else direction
-
-
-def _supported(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:
-    """Means of the components of the displacement prescribed on an edge set, and the forces in their directions."""
-    return {component: _moved(step, name, component, value) for component, value in _prescribed(step, name).items()}
 
 
 def _moved(step: ContactResult, name: str, component: str, value: Field) -> tuple[float, float]:

@@ -27,7 +27,6 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import joined, laws_vary
 from qvi_contact.discretization.space import FAMILY, RowKind
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.version import __version__
@@ -171,17 +170,13 @@ def posed(
     rows = rows_for(method, contact_rows)
     if before is None:
         return _fitted(discretize(problem, degree=degree, contact_rows=rows), **_linear(options))
-    _check_space(before, degree, "gauss" if rows is None and laws_vary(problem) else rows)
-    return _fitted(before.with_data(problem), **_linear(options))
-
-
-def _check_space(before: Discretization, degree: int | None, rows: RowKind | None) -> None:
-    """Refuse what the space of a problem before does not have."""
+    rows = "gauss" if rows is None and laws_vary(problem) else rows
     space = before.space
     for field, asked, found in (("degree", degree, space.degree), ("contact_rows", rows, before.rule.kind)):
         if asked is not None and asked != found:
             remedy = f"the problem discretised before has {found!r}: give both the same, or leave before out"
             raise InputError(field, asked, remedy)
+    return _fitted(before.with_data(problem), **_linear(options))
 
 
 def _linear(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -289,7 +284,10 @@ def _judged(result: ContactResult) -> ContactResult:
         return result
     mechanism = _mechanism(result)
     if mechanism is not None:
-        return _with_status(result, Status.INFEASIBLE, _proof(mechanism))
+        drive = "the driving loads do work, and nothing resists"
+        if mechanism.overload < float("inf"):
+            drive = f"the driving loads do {mechanism.overload:.6g} times the work that everything else can take up"
+        return _with_status(result, Status.INFEASIBLE, f"proved by a mechanism of rigid blocks, on which {drive}")
     if result.status is not Status.INFEASIBLE:
         return result
     return _with_status(
@@ -303,13 +301,13 @@ def _judged(result: ContactResult) -> ContactResult:
 def _exceeds(result: ContactResult) -> bool:
     """Whether an answer exceeds, between the points, a contact law whose rows do not bound its work."""
     largest = _EXCEEDED * result.discretization.scales.stress
-    uneven = [contact.name for contact in result.problem.contacts if _is_uneven(contact)]
+    uneven = [
+        contact.name
+        for contact in result.problem.contacts
+        if contact.law != "tied"
+        and (callable(contact.friction) or callable(contact.cohesion) or contact.shear_limit is not None)
+    ]
     return any(result.contacts[name].excess_between_points > largest for name in uneven)
-
-
-def _is_uneven(contact: Contact) -> bool:
-    varies = callable(contact.friction) or callable(contact.cohesion)
-    return contact.law != "tied" and (varies or contact.shear_limit is not None)
 
 
 def _mechanism(result: ContactResult) -> Mechanism | None:
@@ -319,13 +317,6 @@ def _mechanism(result: ContactResult) -> Mechanism | None:
     with suppress(SolveError, InputError):
         return find_mechanism(result.problem)
     return None
-
-
-def _proof(mechanism: Mechanism) -> str:
-    drive = "the driving loads do work, and nothing resists"
-    if mechanism.overload < float("inf"):
-        drive = f"the driving loads do {mechanism.overload:.6g} times the work that everything else can take up"
-    return f"proved by a mechanism of rigid blocks, on which {drive}"
 
 
 def _with_status(result: ContactResult, status: Status, proof: str) -> ContactResult:

@@ -6,9 +6,9 @@ __getattr__ = front(
     __name__,
     {
         "checks": ("one_of", "real_array", "whole_number"),
-        "files": ("LARGEST", "_put"),
+        "files": ("LARGEST",),
         "foreign": ("foreign_code",),
-        "progress": ("ITERATIONS", "Progress", "expired", "left", "narrated", "tell", "watched"),
+        "progress": ("Progress", "expired", "left", "narrated", "tell", "watched"),
         "types": ("IntVector", "Matrix", "Vector"),
     },
 )

@@ -40,8 +40,8 @@ __getattr__ = front(
         ),
         "mkl": ("limited_blas", "thread_count"),
         "base": ("DENSE",),
-        "augmented": ("ORTHOGONAL", "factorise_root"),
-        "choice": ("Request", "VARIABLE", "condensing_pays"),
+        "augmented": ("factorise_root",),
+        "choice": ("VARIABLE", "condensing_pays"),
         "forecast": ("Forecast", "Work", "check_limits", "machine_memory"),
     },
 )

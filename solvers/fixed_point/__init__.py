@@ -8,6 +8,6 @@ __all__ = ["FixedPointOptions", "solve_fixed_point"]
 __getattr__ = front(
     __name__,
     {
-        "forms": ("CondensedForm", "FullForm", "Simplified", "make_form"),
+        "forms": ("CondensedForm", "Simplified"),
     },
 )

@@ -7,11 +7,7 @@ __getattr__ = front(
     {
         "linear_program": ("solved", "BackendFailure", "attempt", "within_time"),
         "problem": ("Centre", "InnerProblem", "InnerSolution", "no_result"),
-        "qp": (
-            "QPSolver",
-            "DirectClarabel",
-        ),
         "registry": ("make_inner",),
-        "socp": ("SOCPSolver", "square_root"),
+        "socp": ("SOCPSolver",),
     },
 )

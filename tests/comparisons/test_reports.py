@@ -329,7 +329,7 @@ class TestNumbers:
             (numbers.seconds(0.0), "0 s"), (numbers.memory(2**34), "16 GiB"), (numbers.memory(12), "12 bytes"),
             (numbers.percent(0.123), "12 %"), (numbers.percent(0.005), "< 1 %"), (numbers.percent(0.9999), "> 99 %"),
             (numbers.percent(0.99961, 1), "> 99.9 %"), (numbers.percent(1.5), "150 %"),
-            (numbers.listing([]), "none"), (numbers.listing(["a", "b", "c"], "or"), "a, b or c"),
+            (numbers.listing([]), "none"), (numbers.listing(["a", "b", "c"]), "a, b and c"),
             (numbers.span([2.0, None, 0.5]), "0.5 to 2"), (numbers.count(3.0), "3"),
             (numbers.spread([1.0, 2.0, 4.0]), 1.5), (numbers.spread([1.0]), None), (numbers.spread([0.0, 0.0]), None),
         ],

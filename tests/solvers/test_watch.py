@@ -18,7 +18,6 @@ from solvers.condensed import GAP, Complementarity, DenseCoordinates, InteriorPo
 from solvers.inner import Centre, make_inner, within_time
 from solvers.pivoting import LARGEST, affordable, solve_lcp, solve_pivoting
 from solvers.solution import Start
-from solvers.solve import Settings
 from tests.effort import examples
 from tests.solvers.conftest import one_contact, prescribed_shear, random_problem, two_contacts, with_constant_tractions
 
@@ -224,7 +223,6 @@ def test_a_start_does_not_change_the_method():
      ({"method": "uzawa"}, False), ({"rule": "printed"}, False)],
 )  # fmt: skip
 def test_who_takes_a_start(settings, takes):
-    assert Settings.of(**settings).takes_initial is takes
     given = {**settings, "initial": [1.0, 1.0], "max_iterations": 1}
     with nullcontext() if takes else pytest.raises(InputError) as caught:
         solve_qvi(two_contacts(), **given)

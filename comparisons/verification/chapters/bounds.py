@@ -288,7 +288,7 @@ def _disturbed(result: ContactResult, weaker: FloatArray, random: np.random.Gene
     return ContactResult(result.discretization, replace(result.solution, z=own + share * (weaker + step - own)))
 
 
-def half_disc(friction: float = 0.3, push: tuple[float, float] = (2e-3, -2e-3), *, held: bool = True) -> ContactProblem:
+def half_disc(friction: float = 0.3, push: tuple[float, float] = (2e-3, -2e-3)) -> ContactProblem:
     """A half disc of radius 1 as a polygon, its flat side on a rough plane in full contact, its crown displaced."""
     angle = np.linspace(0.0, np.pi, 13)
     rim = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -297,7 +297,7 @@ def half_disc(friction: float = 0.3, push: tuple[float, float] = (2e-3, -2e-3), 
     mesh = TriangleMesh(vertices, cells)
     mesh = mesh.with_edges("base", lambda _, y: y < 1e-9).with_edges("crown", lambda _, y: y > 0.9)
     mesh = mesh.with_edges("flank", lambda _, y: (y >= 1e-9) & (y <= 0.9))
-    crown: Condition = Displacement("crown", x=push[0], y=push[1]) if held else Traction("crown", x=1.0, y=-10.0)
+    crown = Displacement("crown", x=push[0], y=push[1])
     conditions: list[Condition] = [Contact("base", friction, name="base"), crown, *_free("flank")]
     return ContactProblem(mesh, Material(1000.0, 0.3, "strain"), conditions)
 
