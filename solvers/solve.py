@@ -360,7 +360,7 @@ def _linear(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVIS
 
 def _options(kind: type[_Options], method: str, given: dict[str, Any]) -> _Options:
     """Options as checked data; an unknown one lists those that exist."""
-    names = [field.name for field in dataclasses.fields(kind)]
+    names: list[str] = [field.name for field in dataclasses.fields(kind)]
     for name, value in given.items():
         if name not in names:
             near = closest(name, [*names, *_OF_ALL_METHODS])

@@ -27,14 +27,17 @@ def main(words: list[str]) -> int:
     if words[:1] == ["--write"]:
         write(words[1:])
         return 0
-    stored = json.loads(STORE.read_text(encoding="utf-8"))
-    differences = [line for name in chosen(words) for line in compare(name, stored.get(name), PROBLEMS[name](1.0))]
-    print(*(differences or ["all golden numbers as they were"]), sep="\n")
+    stored, names = json.loads(STORE.read_text(encoding="utf-8")), chosen(words)
+    differences = [line for name in names for line in compare(name, stored.get(name), PROBLEMS[name](1.0))]
+    print(*(differences or [f"all golden numbers of {len(names)} problems as they were"]), sep="\n")
     return bool(differences)
 
 
 def chosen(words: list[str]) -> list[str]:
-    """Problems whose names contain one of the words; all without words."""
+    """Problems whose names contain one of the words; all without words. A word that is in no name ends the command."""
+    for word in words:
+        if not any(word in name for name in PROBLEMS):
+            sys.exit(f"no problem has {word!r} in its name; there are: {', '.join(PROBLEMS)}")
     return [name for name in PROBLEMS if not words or any(word in name for word in words)]
 
 
