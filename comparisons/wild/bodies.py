@@ -75,7 +75,10 @@ def body(dice: Dice, length: float, traits: frozenset[str]) -> TriangleMesh:
         mesh = (
             _star(dice, length) if dice.chance(0.5) else quadrilateral(dice, length * dice.magnitude(-0.2, 0.5), length)
         )
-        mesh = _turned(mesh, dice.between(0.1, 6.2)) if dice.chance(0.5) else mesh
+        if dice.chance(0.5):
+            angle = dice.between(0.1, 6.2)
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            mesh = TriangleMesh(mesh.vertices @ turn.T, mesh.cells, mesh.edge_sets, mesh.regions)
     else:
         mesh = _grid(dice, length, traits)
     if "joints" in traits:
@@ -169,11 +172,6 @@ def _round(dice: Dice, length: float, nested: bool) -> TriangleMesh:
         lines, closed=whole, centre=None if hollow else (0.0, 0.0), joints={"joint": 1} if nested else None,
         arcs=names if dice.chance(0.8) else (),
     )  # fmt: skip
-
-
-def _turned(mesh: TriangleMesh, angle: float) -> TriangleMesh:
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return TriangleMesh(mesh.vertices @ turn.T, mesh.cells, mesh.edge_sets, mesh.regions)
 
 
 def _with_joints(dice: Dice, mesh: TriangleMesh, number: int) -> TriangleMesh:

@@ -431,8 +431,11 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
     senses = all_alike(shares)
     if senses is None:
         return None
-    boundary = problem.mesh.boundary
-    weights, sides = _weights(problem, senses), held_directions(problem)
+    boundary, sides = problem.mesh.boundary, held_directions(problem)
+    weights = np.zeros(len(boundary))  # σμ of each edge
+    for contact in problem.contacts:
+        if has_coulomb(contact):
+            weights[problem.mesh.edge_set(contact.edges)] = weight(contact, senses)
     chosen = np.flatnonzero(weights != 0.0)
     normal = boundary.normal[chosen[0]]
     slopes = weights[chosen] * (boundary.normal[chosen] @ normal)
@@ -467,15 +470,6 @@ def star_constant(ratio: float, gain: float) -> float:
     rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
     strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
     return float((across * rotation + strains).max() * ROUNDED)
-
-
-def _weights(problem: ContactProblem, senses: Mapping[str, int]) -> FloatArray:
-    """The number σμ of each boundary edge (e,); 0 without Coulomb friction."""
-    found = np.zeros(len(problem.mesh.boundary))
-    for contact in problem.contacts:
-        if has_coulomb(contact):
-            found[problem.mesh.edge_set(contact.edges)] = weight(contact, senses)
-    return found
 
 
 def _leaves_free(problem: ContactProblem, sides: list[FloatArray], weights: FloatArray, normal: FloatArray) -> bool:

@@ -489,19 +489,16 @@ def _vanishing(problem: ContactProblem, name: str) -> set[int]:
     """Vertices where s of a contact must be 0: kinks, and where what meets it holds the normal part of R v."""
     places = {tuple(place): vertex for vertex, place in enumerate(problem.mesh.vertices.tolist())}
     found: set[int] = set()
-    for body in _bodies(problem):
+    try:
+        bodies = bodies_of(problem)
+    except InputError:  # a crack, with one body on both sides
+        bodies = (Body(problem, {}),)
+    for body in bodies:
         names = {name} | {seen for seen, joint in body.beyond.items() if joint == name}
         for contact in body.problem.contacts:
             if contact.name in names:
                 found |= {places[tuple(place)] for place in _unfit(body, contact)}
     return found
-
-
-def _bodies(problem: ContactProblem) -> tuple[Body, ...]:
-    try:
-        return bodies_of(problem)
-    except InputError:  # a crack, with one body on both sides
-        return (Body(problem, {}),)
 
 
 def _unfit(body: Body, contact: Contact) -> list[list[float]]:

@@ -189,7 +189,8 @@ class _Exact:
         for (i, j), loads in by_edge.items():
             e = _less(self.points[j], self.points[i])
             normal = (e[1], -e[0])
-            phi = [self._phi(self._between(i, j, m)) for m in range(self.k + 1)]
+            between = [self._between(i, j, m) for m in range(self.k + 1)]
+            phi = [self.potential[0] + self.potential[1] * x + self.potential[2] * y for x, y in between]
             # d·G' = d·σn less the part of φ, for the normal of the edge
             right = []
             for load in loads:
@@ -229,9 +230,6 @@ class _Exact:
         t = Fraction(m, self.k)
         a, b = self.points[i], self.points[j]
         return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])
-
-    def _phi(self, point: tuple[Fraction, Fraction]) -> Fraction:
-        return self.potential[0] + self.potential[1] * point[0] + self.potential[2] * point[1]
 
     def _vertex_values(self) -> list[Fraction]:
         """Φ, Φ_x, Φ_y of all vertices so that the loads hold: those that depend on others in rationals."""
