@@ -205,7 +205,22 @@ def _short(text: str | None) -> str | None:
         return None
     for pattern in (_ARRAY, _MATRIX):
         text = pattern.sub("Array", text)
+    text = _rewritten(_rewritten(text, "Annotated["), "float | Callable[")
     return _ALIAS.sub(r"\1", text).replace("<factory>", "...")
+
+
+def _rewritten(text: str, head: str) -> str:
+    """Types in `Annotated` without what problem files read there; `Field` for a number or a function of x and y."""
+    pattern = r"[\w.~]*" + re.escape(head).replace("Callable", r"[\w.~]*Callable")
+    while (found := re.search(pattern, text)) is not None:
+        depth, end, comma = 1, found.end(), 0
+        while depth:
+            depth += {"[": 1, "(": 1, "]": -1, ")": -1}.get(text[end], 0)
+            comma = comma or (end if text[end] == "," and depth == 1 else 0)
+            end += 1
+        kept = text[found.end() : comma] if head == "Annotated[" else "Field"
+        text = text[: found.start()] + kept + text[end:]
+    return text
 
 
 def _short_types(_app: Sphinx, document: nodes.document) -> None:
@@ -213,6 +228,7 @@ def _short_types(_app: Sphinx, document: nodes.document) -> None:
     for annotation in document.findall(desc_annotation):
         text = annotation.astext()
         short = _SHOWN_ARRAY.sub("Array", _ALIAS.sub(r"\1", text))
+        short = _rewritten(_rewritten(short, "Annotated["), "float | Callable[")
         if short != text:
             annotation.children = [nodes.Text(short)]
 
