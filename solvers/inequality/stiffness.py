@@ -171,11 +171,11 @@ class Stiffness(Stated):
 
     def _factor_for(self, contact: ContactMatrices, wide: bool) -> Factorisation:
         """The one at hand if its interface holds the unknowns that it must, or a new one."""
-        made = self._made
-        if made.factor is None or not made.factor.keeps(contact.touched if wide else contact.equated):
+        made, factor = self._made, self._made.factor  # which another thread may exchange meanwhile
+        if factor is None or not factor.keeps(contact.touched if wide else contact.equated):
             interface = contact.touched if wide or self.condensing_pays(contact) else contact.equated
-            made.factor = self._factorised(interface)
-        return made.factor
+            factor = made.factor = self._factorised(interface)
+        return factor
 
     def _factorised(self, interface: IntVector) -> Factorisation:
         made = self._made
