@@ -305,7 +305,7 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     facts = DataFrame([*described.facts], columns=[*_SIZES, "condition", *_SHARES]).astype(float)
     return {
         "problems": facts.assign(problem=described.problem.array, kind=described.kind.array),
-        "accuracies": crossed(solvable, "solver", "level", lambda found: scientific(found.accuracy.median())),
+        "accuracies": crossed(solvable, "solver", "level", lambda found: scientific(found.accuracy.dropna().median())),
         "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
         "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
         **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
