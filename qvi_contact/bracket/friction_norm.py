@@ -331,6 +331,8 @@ def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: f
         H with ‖∂_a θ v_a‖ ≤ H ‖∂_a v_a‖.
 
     """
+    if not np.isfinite(turned):
+        return float("inf")
     soft, stiff, gain = 1.0 - ratio, 1.0 + ratio, inf_sup**-2
     sheared = largest * np.cos(ANGLES)  # weight of ∂_b v_a, of its rotation and of its shear strain
     stretched = steepest * np.cos(ANGLES) + (largest + turned) * np.sqrt(soft / 2.0) * np.sin(ANGLES)

@@ -379,9 +379,9 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
         share, at = shares[rows.name], rows.rows
         bound, shear = bound_and_shear(result, share.contact)
         wanted[at], bounds[at], shears[at] = (part.ravel() for part in (-share.values * bound - shear, bound, shear))
-        inside = (share.slipping == 0.0)[:, None] & (share.weights > _BEARS * bound.max(axis=1, keepdims=True))
-        inside[:, [0, -1]] = False
-        free[at] = inside.ravel()
+        bears = share.weights > _BEARS * bound.max(axis=1, keepdims=True)  # the first and the last are the ends' own
+        before, after = (np.cumsum(bears[:, ::way], axis=1)[:, ::way] for way in (1, -1))
+        free[at] = ((share.slipping == 0.0)[:, None] & bears & (before > 1) & (after > 1)).ravel()
     size = max(float(np.abs(wanted).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
     if not np.abs(wanted).max(initial=0.0) > 0.0:
         return result, dict(shares)

@@ -163,7 +163,8 @@ class Supports(Stated):
     @classmethod
     def on(cls, space: StressSpace, given: Sequence[PrescribedTraction]) -> Supports:
         """Those of a space for such components, made once."""
-        key = (cls, *((p.edges.first.tobytes(), p.edges.second.tobytes(), p.direction.tobytes()) for p in given))
+        parts = [(p.edges, p.direction, p.turns and p.edges.curved) for p in given]
+        key = (cls, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
         if key not in space.kept:
             space.kept[key] = cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given))
         found: Supports = space.kept[key]

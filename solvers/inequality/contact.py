@@ -197,7 +197,7 @@ class CondensedContact:
     def stiffness(self) -> Matrix:
         """S_y (k, k)."""
         stiffness: Matrix = self._unscaled * self.scale * self.scale[:, None]
-        del self._unscaled
+        vars(self).pop("_unscaled", None)  # another thread may have been first
         return stiffness
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import absolute_product, checked_matrix, checked_vector, for_products
 
+_MANY = 10_000  # unknowns from which on factors are worth a look for others that nobody needs
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 
 
@@ -171,14 +173,16 @@ class Stiffness(Stated):
 
     def _factor_for(self, contact: ContactMatrices, wide: bool) -> Factorisation:
         """The one at hand if its interface holds the unknowns that it must, or a new one."""
-        made = self._made
-        if made.factor is None or not made.factor.keeps(contact.touched if wide else contact.equated):
+        made, factor = self._made, self._made.factor  # which another thread may exchange meanwhile
+        if factor is None or not factor.keeps(contact.touched if wide else contact.equated):
             interface = contact.touched if wide or self.condensing_pays(contact) else contact.equated
-            made.factor = self._factorised(interface)
-        return made.factor
+            factor = made.factor = self._factorised(interface)
+        return factor
 
     def _factorised(self, interface: IntVector) -> Factorisation:
         made = self._made
+        if self.K.shape[0] >= _MANY:  # what meshes keep refers to them: it is freed by the garbage collector alone
+            gc.collect()
         if not made.rooted:
             try:
                 return make(self.K, interface, made.request, self.places)

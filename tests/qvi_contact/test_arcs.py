@@ -51,6 +51,30 @@ def test_frames_of_data_are_alike():
     np.testing.assert_allclose(one.dofs, other.dofs, atol=1e-11)
 
 
+def test_directions_that_turn_and_those_that_do_not_share_nothing():
+    """A pressure along y and one along the normal, on an arc whose chord lies along x, in turns on one mesh."""
+    corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [0.0, 0.0]]
+    names = dict(zip(("bottom", "right", "top", "left"), [[[k, (k + 1) % 4]] for k in range(4)], strict=True))
+    free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+
+    def force(mesh, *loads):
+        problem = ContactProblem(mesh, Material(1.0, NU), [Contact("bottom", 0.3), *free, *loads])
+        return solve(problem).contacts["bottom"].normal_force
+
+    def arched():
+        cells = [[k, (k + 1) % 4, 4] for k in range(4)]
+        return TriangleMesh(corners, cells, names).with_arc("top", (0.0, 0.0), 2.0**0.5)
+
+    cases = [
+        (Traction("top", normal=-1.0), Displacement("top", tangential=0.0)),
+        (Traction("top", y=-1.0), Displacement("top", x=0.0)),
+    ]
+    mesh = arched()
+    shared, alone = [force(mesh, *loads) for loads in cases], [force(arched(), *loads) for loads in cases]
+    assert shared == pytest.approx(alone, rel=1e-10)
+    assert shared[0] < 0.9 * shared[1]
+
+
 def test_one_component_on_an_arc():
     """Zero shear alone, the normal displacement given: the ring is as under pressure."""
     mesh = quarter(2, 4)

@@ -1,6 +1,8 @@
 """Discretisations: linear conditions, load and gradient; those of a sequence share what does not change."""
 
+import gc
 from dataclasses import replace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -192,6 +194,22 @@ def test_one_factorisation_and_one_schur_complement_serve_the_sequence():
     assert after.qvi.condensed_contact.stiffness is stiffness
     alone = solve(block(friction=0.6, push=-1.5))
     assert shared.contacts["ground"].normal_stress == pytest.approx(alone.contacts["ground"].normal_stress, abs=1e-10)
+
+
+def test_factors_of_a_mesh_that_is_gone_are_freed_before_large_ones_are_made():
+    """A mesh keeps what refers to it, and Python may leave that for long: memory of refinements would add up."""
+    gc.disable()
+    try:
+        first = discretize(compressed_plate(0.2, (30, 30)))
+        _ = first.qvi.bonded
+        factor = ref(first.qvi.stiffness.factor)
+        del first
+        second = discretize(compressed_plate(0.2, (31, 31)))
+        _ = second.qvi.bonded
+        assert second.qvi.n > 10_000
+        assert factor() is None
+    finally:
+        gc.enable()
 
 
 def test_a_problem_on_another_mesh_is_refused():

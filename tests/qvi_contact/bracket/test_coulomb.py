@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 from scipy.stats import binom
 
 from comparisons.verification.chapters import half_disc, sheared_layer
-from qvi_contact import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, solve
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, RigidPlate, Traction, solve
 from qvi_contact.bracket import (
     Share,
     amplification,
@@ -118,6 +118,7 @@ class TestNorms:
         assert rectangle_constant(0.3, np.sin(np.pi / 8.0), 1.0, 2.0 / np.pi) == pytest.approx(3.75079, rel=1e-5)
         found = friction_norm(problem := compressed_plate(0.2), shared(problem, 1.0))
         assert found.proved
+        assert rectangle_constant(0.3, 0.4, 1.0, 0.6, np.inf) == np.inf  # a share that jumps
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
 
     @pytest.mark.parametrize(
@@ -266,6 +267,15 @@ def with_law(problem, **law):
 
 class TestScope:
     """What has bounds under friction."""
+
+    def test_shares_are_continuous_where_a_contact_begins_to_open(self):
+        """On the last edge that touches pressure falls to nothing: what bears nothing there must not carry a jump."""
+        mesh = TriangleMesh.rectangle((12, 4), 2.0, 1.0)
+        contact = Contact("bottom", 0.8, gap=Polynomial([[0.0275], [0.0185]]))
+        loads = [Displacement("top", -0.0185, -0.08), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        result = solve(ContactProblem(mesh, Material(1.0, 0.3, "stress"), [contact, *loads]), degree=6)
+        values = result.bracket.coulomb.shares["bottom"].at(np.array([0.0, 1e-4, 1.0 - 1e-4, 1.0]))
+        assert max(np.abs(values[:, 1] - values[:, 0]).max(), np.abs(values[:, 3] - values[:, 2]).max()) < 1e-3
 
     def test_the_stress_of_more_friction(self):
         """What is beyond the bound of friction is taken off it, and counts."""
