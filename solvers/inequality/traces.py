@@ -177,7 +177,11 @@ def _few_coordinates(Y: Matrix, interpolation: Matrix) -> TraceCoordinates:
 
 
 class _DenseFactor:
-    """LU of a small matrix, with the `solve` of SuperLU's."""
+    """LU of a small matrix, with the `solve` of SuperLU's.
+
+    SciPy counts the pivots up in place while LAPACK solves, without Python's lock: threads that share a factor would
+    swap rows beyond the array. So each solve has pivots of its own.
+    """
 
     def __init__(self, matrix: Matrix) -> None:
         self._lu, self._pivots, _ = dgetrf(matrix)
@@ -185,7 +189,9 @@ class _DenseFactor:
     def solve(self, right: Matrix | Vector, transposed: str = "N") -> Matrix | Vector:
         """P⁻¹ times (k,) or (k, j), for "T" P⁻ᵀ."""
         return (
-            np.asarray(dgetrs(self._lu, self._pivots, right, trans=int(transposed == "T"))[0]) if right.size else right
+            np.asarray(dgetrs(self._lu, self._pivots.copy(), right, trans=int(transposed == "T"))[0])
+            if right.size
+            else right
         )
 
 
