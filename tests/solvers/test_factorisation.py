@@ -365,6 +365,35 @@ def test_blas_threads_are_limited_and_restored():
     assert (words[:4], words[-4:]) == ("1 1 ", "True")
 
 
+TOGETHER = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from qvi_contact import solve
+from qvi_contact.gallery import compressed_plate
+
+def forces(problem):
+    plate = solve(problem, factorisation=sys.argv[1]).contacts["plate"]
+    return plate.normal_force, plate.tangential_force
+
+for shared in (True, False):
+    problems = [compressed_plate(0.1 + 0.1 * (k % 3), (5, 5)) for k in range(12)]
+    alone = [forces(problem) for problem in problems[:3]]
+    mesh = compressed_plate(0.1, (5, 5)).mesh
+    problems = [replace(problem, mesh=mesh) if shared else problem for problem in problems]
+    with ThreadPoolExecutor(4) as pool:
+        for k, found in enumerate(pool.map(forces, 3 * problems)):
+            assert max(abs(a - b) for a, b in zip(found, alone[k % 3])) < 1e-8 * abs(alone[0][0])
+print("alike")
+"""
+
+
+@pytest.mark.parametrize("name", BACKENDS_HERE)
+def test_threads_solve_together(name):
+    """On one mesh, whose factors they share, and on meshes of their own."""
+    assert printed(TOGETHER, name) == "alike"
+
+
 def test_importing_loads_no_back_end():
     code = "import sys, solvers, solvers.factorisation; solvers.available(); print(*{NAMES} & set(sys.modules))"
     names = {"mkl", "cvxopt", "threadpoolctl", "cvxpy", "qpsolvers", "osqp", "clarabel", "matplotlib"}
