@@ -636,6 +636,25 @@ def check_proof(file: str) -> int:
     return 0 if holds else 1
 
 
+@group.command(short_help="List the keys of problem files.")
+@click.argument("name", metavar="[NAME]", default="")
+def keys(name: str) -> None:
+    """List the tables of problem files with their keys, or say all about the table or key called NAME.
+
+    Of each key there are the values that it takes, its default, its meaning with the unit, and an example.
+
+    \b
+    Examples:
+        qvi-contact keys
+        qvi-contact keys contacts
+        qvi-contact keys contacts.friction
+        qvi-contact keys mesh.outline
+    """  # noqa: D301
+    from qvi_contact.files.keys import listed
+
+    click.echo("\n".join(listed(name)))
+
+
 @group.command(short_help="List what can be used on this machine.")
 @_JSON
 def methods(as_json: bool) -> None:

@@ -256,7 +256,7 @@ class FileReader:
     data: Mapping[str, Any]
     constants: Mapping[str, float]
     t: float | None = None
-    top = tuple(keys_of(Document))
+    whole = Document
 
     def field(self, value: Any) -> Field:
         """A number, an expression or a polynomial."""
