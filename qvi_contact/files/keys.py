@@ -56,7 +56,10 @@ TABLES: Final[dict[str, type]] = {
     "[[joints]]": mesh_tables.JointTable,
     "[material]": material.Material,
     "[[regions]]": mesh_tables.RegionTable,
-    **{f'strength of [material] and [[regions]], law = "{each.kind}"': each for each in material.STRENGTHS},
+    **{
+        f'strength of [material] and [[regions]], law = "{getattr(each, "kind", "")}"': each
+        for each in material.STRENGTHS
+    },
     "[[symmetry]]": conditions.Symmetry,
     "[[displacements]]": conditions.Displacement,
     "[[tractions]]": conditions.Traction,
@@ -164,11 +167,12 @@ def _values(kind: Kind) -> str:
 def _below(kind: type) -> dict[str, str]:
     """The texts below the fields of a class, and below `in_files` that of the key it names."""
     (found,) = ast.parse(dedent(inspect.getsource(kind))).body
+    assert isinstance(found, ast.ClassDef)
     texts = {}
     for line, below in pairwise(found.body):
         if isinstance(line, ast.AnnAssign) and isinstance(below, ast.Expr):
             text = " ".join(ast.literal_eval(below.value).split())
-            name = line.target.id
+            name = ast.unparse(line.target)
             texts[text.rpartition(": `")[2].partition(" ")[0] if name == "in_files" else name] = text
     return texts
 
