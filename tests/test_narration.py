@@ -72,7 +72,7 @@ def parts(found):
 
 def test_a_bracket_counts_and_calls_back(capsys):
     """The stress violates the law between its points: it is solved for again, twice, then displacements three times."""
-    result = solve(PLATE, contact_rows="gauss")
+    result = solve(PLATE, law_on="points")
     called = []
     found = bracket(result, callback=called.append, verbose=True)
     counted = [entry.number for entry in called]

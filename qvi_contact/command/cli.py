@@ -27,7 +27,7 @@ _TARGETS: Final = {
 }
 """Files that commands write, by option: what stands for their names, and what they are."""
 
-_SPACE: Final = ("degree", "contact_rows")
+_SPACE: Final = ("degree", "law_on")
 _METAVARS: Final = {"time_limit": "SECONDS", "quantity": "NAME", "max_unknowns": "N", "max_rounds": "N"}
 
 
@@ -92,7 +92,7 @@ def _writes(*names: str, **texts: str) -> Callable[[_Command], _Command]:
 
 
 _FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind: the shell completes its name
-_ELEMENT = _options(SolveOptions, "degree", "contact_rows")
+_ELEMENT = _options(SolveOptions, "degree", "law_on")
 _TIME_LIMIT = _options(SolveOptions, "time_limit")
 _VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
@@ -442,7 +442,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     "[default: estimated]",
 )
 @_options(
-    SolveOptions, "degree", "contact_rows", "method", "inner", "tolerance", "time_limit",
+    SolveOptions, "degree", "law_on", "method", "inner", "tolerance", "time_limit",
     degree="Degree of the element, 3 to 11; 5 by default.",
 )  # fmt: skip
 @_VERBOSE

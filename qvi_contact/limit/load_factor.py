@@ -13,7 +13,7 @@ from qvi_contact.basics.checks import Field, FloatArray, positive_number
 from qvi_contact.basics.retired import refuse_arguments
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import RowKind
+from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.flow import BodyMotion, FlowProgram, gap_in_cells
 from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
@@ -120,7 +120,7 @@ def limit_load_factor(
     *,
     time_limit: float | None = None,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     verbose: bool = False,
     **retired: Any,
 ) -> LimitLoad:
@@ -154,7 +154,7 @@ def limit_load_factor(
         "body" for the body force, or names of `BodyForces`.
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
-    degree, contact_rows
+    degree, law_on
         Degree of the element, and what bounds tractions, see `discretize`.
     verbose : bool
         Print what is asked for, and both sides with the time.
@@ -177,7 +177,7 @@ def limit_load_factor(
     """
     refuse_arguments(retired)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as story:
-        posed = _posed(problem, loads, degree=degree, contact_rows=contact_rows)
+        posed = _posed(problem, loads, degree=degree, law_on=law_on)
         story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.solved().limit
         gap = limit.bound - limit.lower
@@ -453,7 +453,7 @@ def strength_reduction_factor(
     of: Sequence[str] | None = None,
     accuracy: float = 1e-3,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     time_limit: float | None = None,
 ) -> StrengthReduction:
     """The factor by which strengths may be divided until the loads are just carried, from both sides.
@@ -470,7 +470,7 @@ def strength_reduction_factor(
         What is divided: names of contacts, of regions, and "body" for the body's own material. By default everything.
     accuracy : float
         Relative width at which the bisections for both sides end.
-    degree, contact_rows, time_limit
+    degree, law_on, time_limit
         As for `limit_load_factor`.
 
     Raises
@@ -486,7 +486,7 @@ def strength_reduction_factor(
     accuracy = positive_number("accuracy", accuracy)
     chosen = _chosen(problem, of)
     names = (*loads_of(problem), FLUID)
-    space: dict[str, Any] = {"degree": degree, "contact_rows": contact_rows}
+    space: dict[str, Any] = {"degree": degree, "law_on": law_on}
 
     def sides(factor: float) -> tuple[bool, bool]:
         """Whether the loads are carried, and whether it is not proved that they are not."""

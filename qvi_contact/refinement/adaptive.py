@@ -37,7 +37,7 @@ _COLUMNS = {
 
 _ROUNDS: Final = 60
 _THINNEST: Final = 1e-9
-_OF_SPACES = ("degree", "contact_rows")  # options that are not the solver's
+_OF_SPACES = ("degree", "law_on")  # options that are not the solver's
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
 """Called with the record of a round."""
@@ -140,7 +140,7 @@ def refine(
         Print a header, a line a round, and a footer with status and time.
     **options
         As for `solve`: method, inner, tolerance and the method's own, ``degree``, 5 by default, at most 11, and
-        ``contact_rows``. For a limit load only ``degree``, 4 by default, and ``contact_rows``.
+        ``law_on``. For a limit load only ``degree``, 4 by default, and ``law_on``.
 
     Returns
     -------

@@ -51,7 +51,7 @@ _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # what a status on the way means for the refinement
-_POSING: Final = ("degree", "contact_rows")  # options of the discretisation, not of its solve
+_POSING: Final = ("degree", "law_on")  # options of the discretisation, not of its solve
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -26,7 +26,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import RowKind
+from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
@@ -273,7 +273,7 @@ def solve_history(
     store: str | Path | None = None,
     time_limit: float | None = None,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     warm_start: bool = True,
     verbose: bool = False,
     **options: Any,  # checked by solve
@@ -294,7 +294,7 @@ def solve_history(
     time_limit : float, optional
         Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
         unless its certificate passes.
-    degree, contact_rows
+    degree, law_on
         Degree of the element, and what bounds tractions, see `discretize`.
     warm_start : bool
         Whether methods that take a start begin at the state of the step before.
@@ -321,10 +321,10 @@ def solve_history(
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
         steps = _given(problems, kept=store is None)
         survey = _surveyed(steps)
-        contact_rows = rows_for(options.get("method"), contact_rows)
-        if contact_rows is None and survey.laws_vary:
-            contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
-        space = {"degree": degree, "contact_rows": contact_rows}
+        law_on = rows_for(options.get("method"), law_on)
+        if law_on is None and survey.laws_vary:
+            law_on = "points"  # in all steps, as slip is handed on from one to the next
+        space = {"degree": degree, "law_on": law_on}
         story.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
 
         def told(number: int, result: ContactResult) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.space import RowKind
+from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Condition, Contact
@@ -337,7 +337,7 @@ class SweepTask:
         names: Sequence[str] | None,
         *,
         degree: int | None = None,
-        contact_rows: RowKind | None = None,
+        law_on: LawOn | None = None,
         warm_start: bool = True,
         **options: Any,
     ) -> SweepTask:
@@ -345,7 +345,7 @@ class SweepTask:
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
-        space = {"degree": degree, "contact_rows": contact_rows}
+        space = {"degree": degree, "law_on": law_on}
         settings = check_options(options)
         chosen = _checked_names(problem, parameter, names)
         warm = true_or_false("warm_start", warm_start) and settings.takes_state
