@@ -366,11 +366,11 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
     from qvi_contact.command.report import result_lines
     from qvi_contact.files.export import summary
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.progress import watched
+    from solvers.basics.progress import deadline
 
     with _opened(file, given, "a bracket") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "bracket", problem_file.units
-        with solving(title, 3, verbose=verbose) as advance, watched(limit):
+        with solving(title, 3, verbose=verbose) as advance, deadline(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
             advance("stress model solved")
             tolerance = given["tolerance"]
@@ -417,11 +417,11 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     from qvi_contact.command.progress_line import solving
     from qvi_contact.command.report import branches_document, branches_lines
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.progress import watched
+    from solvers.basics.progress import deadline
 
     with _opened(file, given, "a search for other solutions") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "branches", problem_file.units
-        with solving(title, 2, verbose=verbose) as advance, watched(limit):
+        with solving(title, 2, verbose=verbose) as advance, deadline(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
             advance("solved; friction is followed from other values")
             found = other_solutions(result) if result.status == "solved" else None

@@ -28,7 +28,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
-from solvers.basics.progress import narrated, watched
+from solvers.basics.progress import Log, deadline
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -176,9 +176,9 @@ def limit_load_factor(
 
     """
     refuse_arguments(retired)
-    with watched(time_limit), narrated(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as story:
+    with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
         posed = _posed(problem, loads, degree=degree, law_on=law_on)
-        story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
+        log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.solved().limit
         gap = limit.bound - limit.lower
         agree = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
@@ -188,7 +188,7 @@ def limit_load_factor(
                 f"{limit.violation:.1e}): use a coarser or less graded mesh"
             )
         sides = f"this mesh carries {limit.lower:.9g} times the loads, no stress more than {limit.upper:.9g} times"
-        story.end("solved", sides, {}, solved=True)
+        log.end("solved", sides, {}, solved=True)
     return limit
 
 
@@ -227,7 +227,7 @@ def limit_proof(
         If the mesh carries no largest multiple, or the proof fails in exact arithmetic.
 
     """
-    with watched(time_limit):
+    with deadline(time_limit):
         posed = _posed(problem, loads, degree=degree)
         cones = YieldCones.of(posed.problem, posed.low.space.degree - 2)
         return lower_proof(posed.problem, posed.names, StressProgram(posed.low, posed.high, cones))
@@ -493,7 +493,7 @@ def strength_reduction_factor(
         limit = LimitProblem.of(_reduced(problem, chosen, factor), names, **space).solved().limit
         return limit.lower >= 1.0, limit.upper >= 1.0
 
-    with watched(time_limit):
+    with deadline(time_limit):
         known: dict[float, tuple[bool, bool]] = {}
         found = []
         for side in (0, 1):

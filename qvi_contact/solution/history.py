@@ -39,7 +39,7 @@ from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.names import known_name
-from solvers.basics.progress import expired, narrated, watched
+from solvers.basics.progress import Log, deadline
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -318,25 +318,25 @@ def solve_history(
     warm_start = true_or_false("warm_start", warm_start)
     settings = check_options(options)
     title = f"qvi_contact {__version__}: solve_history"
-    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
+    with deadline(time_limit), Log(title, verbose, _COLUMNS, iterations=False) as log:
         steps = _given(problems, kept=store is None)
         survey = _surveyed(steps)
         law_on = rows_for(options.get("method"), law_on)
         if law_on is None and survey.laws_vary:
             law_on = "points"  # in all steps, as slip is handed on from one to the next
         space = {"degree": degree, "law_on": law_on}
-        story.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
+        log.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
 
         def told(number: int, result: ContactResult) -> None:
             solution = result.solution
-            story.line(number, str(result.status), solution.iterations, result.certificate.accuracy, story.seconds)
+            log.line(number, str(result.status), solution.iterations, result.certificate.accuracy, log.seconds)
             if callback is not None:
                 callback(number, result)
 
         keeper = _keeper(store, steps, {**space, **options, "warm_start": warm_start})
         warm = warm_start and settings.takes_state
         history = _history(_Run(steps, survey.scales, space, told, options, warm), keeper)
-        story.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
+        log.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
 
@@ -465,7 +465,7 @@ def _history(run: _Run, keeper: _Keeper) -> History:
         before = results[number - 2] if number > 1 else None
         if before is None:
             discretization = posed(1, run.scales)
-        elif expired():
+        elif deadline.over:
             break
         else:
             discretization = before.discretization.with_data(run.steps[number - 1], run.scales)

@@ -32,7 +32,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.version import __version__
 from solvers import QVISolution, Status
 from solvers.basics.checks import true_or_false
-from solvers.basics.progress import Progress, narrated, tell, watched
+from solvers.basics.progress import Log, Progress, deadline, report
 from solvers.factorisation import FactorisationError
 from solvers.solution import Attempt, Start
 from solvers.solve import Settings, facts_of, solved
@@ -120,17 +120,17 @@ def solve(
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
     throw = true_or_false("throw", options.pop("throw", False))
     settings = check_options({"method": method, "inner": inner, "tolerance": tolerance, **options})
-    with watched(time_limit), narrated(f"qvi_contact {__version__}: solve", verbose) as story:
+    with deadline(time_limit), Log(f"qvi_contact {__version__}: solve", verbose) as log:
         chosen, units = problem, tuple[Attempt, ...]()
         if isinstance(chosen, ContactProblem):
             if chosen.mesh.cell_count >= _MANY_CELLS:
-                tell(Progress("mesh", stage=f"discretising {chosen.mesh.cell_count} cells"))
+                report(Progress("mesh", stage=f"discretising {chosen.mesh.cell_count} cells"))
             given = discretize(chosen, degree=degree, law_on=rows_for(method, law_on))
             chosen = _fitted(given, settings.factorisation, settings.threads)
             units = () if chosen is given else (UNITS,)
-        story.begin(_facts(chosen, settings))
+        log.begin(_facts(chosen, settings))
         result = _judged(_solve(chosen, settings, units))
-        story.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
+        log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
