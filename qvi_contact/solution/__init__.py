@@ -10,7 +10,7 @@ __getattr__ = front(
         "history": ("loop_area", "solve_history"),
         "result": ("ContactResult",),
         "sampling": ("cell_factors", "sample_body", "von_mises"),
-        "solver": ("posed", "solve"),
+        "solver": ("discretized", "solve"),
         "stress": ("stress_at", "stress_in_cells"),
         "undetermined": ("UndeterminedMotion", "motions_in_words", "undetermined_motions"),
     },

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from qvi_contact import Contact
 from qvi_contact.discretization import Discretization
-from qvi_contact.solution import posed
+from qvi_contact.solution import discretized
 
 
 def with_friction(known: Discretization, friction: float) -> Discretization:
@@ -12,4 +12,4 @@ def with_friction(known: Discretization, friction: float) -> Discretization:
     conditions = [
         replace(each, friction=friction) if isinstance(each, Contact) else each for each in known.problem.conditions
     ]
-    return posed(replace(known.problem, conditions=conditions), before=known)
+    return discretized(replace(known.problem, conditions=conditions), before=known)
