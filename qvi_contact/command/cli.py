@@ -183,10 +183,13 @@ def solve(
 
     A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
     last step. With --store each step is written to a folder as soon as it is done. After an interruption the same
-    command goes on with the next step. --set, or a [sweep] in the file, solves for several values of the friction, of a
-    load factor, or of what is added to gap or offset. Files that are written hold the last value. For thousands of
-    values give --store: each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers
-    or --dask share the values.
+    command goes on with the next step.
+
+    --set, or a [sweep] in the file, solves for several values of the friction, of a load factor, or of what is added to
+    gap or offset; --set also of a constant of the file. One value of a constant changes the file, so that it goes with
+    a history and with another --set. Files that are written hold the last value. For thousands of values give --store:
+    each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers or --dask share the
+    values.
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
@@ -209,6 +212,7 @@ def solve(
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
         qvi-contact solve examples/cyclic_shear.toml --store cycle
         qvi-contact solve examples/punch.toml --set friction=0.1,0.2,0.3
+        qvi-contact solve examples/punch.toml --set P=50 --set friction=0.1,0.2
         qvi-contact solve examples/punch.toml --set friction=0.1:0.5:41 --store punch.sqlite
     """  # noqa: D301
     from qvi_contact.basics.writing import write_text
@@ -218,7 +222,8 @@ def solve(
     from qvi_contact.files.export import summary
 
     with _opened(file, given) as (problem_file, targets, options):
-        plan, units = several.plan_of(problem_file, swept), problem_file.units
+        problem_file, plan = several.asked(problem_file, swept)
+        units = problem_file.units
         shared = {name: given[name] for name in ("workers", "dask")}
         several.check_asked(plan, store, {**given, "certificate": certificate})
         if plan is not None and store is not None:
@@ -634,6 +639,25 @@ def check_proof(file: str) -> int:
     holds, line = checked_proof(file)
     click.echo(line)
     return 0 if holds else 1
+
+
+@group.command(short_help="List the keys of problem files.")
+@click.argument("name", metavar="[NAME]", default="")
+def keys(name: str) -> None:
+    """List the tables of problem files with their keys, or say all about the table or key called NAME.
+
+    Of each key there are the values that it takes, its default, its meaning with the unit, and an example.
+
+    \b
+    Examples:
+        qvi-contact keys
+        qvi-contact keys contacts
+        qvi-contact keys contacts.friction
+        qvi-contact keys mesh.outline
+    """  # noqa: D301
+    from qvi_contact.files.keys import listed
+
+    click.echo("\n".join(listed(name)))
 
 
 @group.command(short_help="List what can be used on this machine.")

@@ -469,21 +469,22 @@ def strength_reduction_factor(
     of : sequence of str, optional
         What is divided: names of contacts, of regions, and "body" for the body's own material. By default everything.
     accuracy : float
-        Relative width at which the bisections for both sides end.
+        Relative width at which the bisections for both sides end, below 1.
     degree, law_on, time_limit
         As for `limit_load_factor`.
 
     Raises
     ------
     InputError
-        If a name is unknown.
+        If a name is unknown, or the accuracy is out of range.
     SolveError
         If a program is not solved, or not in time.
 
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    accuracy = positive_number("accuracy", accuracy)
+    if not positive_number("accuracy", accuracy) < 1.0:
+        raise InputError("accuracy", accuracy, "give a relative width below 1, such as 1e-3")
     chosen = _chosen(problem, of)
     names = (*loads_of(problem), FLUID)
     space: dict[str, Any] = {"degree": degree, "law_on": law_on}
