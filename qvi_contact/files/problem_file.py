@@ -54,7 +54,7 @@ from qvi_contact.problem.problem import ContactProblem
 
 VERSION: Final = 1
 
-ELEMENT_OPTIONS: Final = ("degree", "contact_rows")
+ELEMENT_OPTIONS: Final = ("degree", "law_on")
 """Arguments of `solve` that choose the element rather than the method."""
 
 TABLES: Final[dict[str, type[Condition]]] = {
