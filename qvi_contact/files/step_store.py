@@ -16,7 +16,7 @@ from qvi_contact.basics.writing import writable_folder, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.files.archive import STORE, Archive, answer_from_archive, step_arrays, write_archive
+from qvi_contact.files.archive import STORE, Archive, answer_from_archive, solution_arrays, write_archive
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 
@@ -119,7 +119,7 @@ class StepStore(Sequence[ContactResult]):
         """One more step: written if it is done, else at hand only, as the end."""
         number = len(self.statuses) + 1
         if done:
-            write_archive(self._path(number), step_arrays(result) | {STORE: self._fingerprint})
+            write_archive(self._path(number), solution_arrays(result, tried=False) | {STORE: self._fingerprint})
             self._near = number, result
         else:
             self._end = result
