@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.attached import Attached
+from qvi_contact.attached import Attached
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
