@@ -21,7 +21,7 @@ from qvi_contact import (
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.problem.fingerprint import problem_digest
 from qvi_contact.problem.initial_strain import stress_along_z
-from tests.qvi_contact.rings import holed, quarter
+from tests.qvi_contact.builders import holed, quarter
 
 E, NU, ALPHA = 1000.0, 0.3, 1e-3
 SIDES = ("left", "right", "top", "bottom")
