@@ -15,7 +15,7 @@ from qvi_contact.discretization.loads import physical
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import cross
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, von_mises
+from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
 from qvi_contact.solution.stress import principal_stresses, stress_in_cells
 from solvers.basics.types import load
 
@@ -77,12 +77,14 @@ def write_vtu(
     places = np.concatenate([known.space.points(cells, t) for cells in chunks]).reshape(-1, 2)
     stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
     stress *= known.scales.stress
+    x, y = physical(problem, known.scales, places)
     xx, yy, xy = stress.T
-    factor, zero = np.repeat(cell_factors(problem), len(t)), np.zeros(len(stress))  # σ_zz over xx + yy
+    factor, zero = np.repeat(cell_factors(problem), len(t)), np.zeros(len(stress))
+    held = held_along_z(problem, np.repeat(np.arange(count), len(t)), x, y)
     first, second, _ = principal_stresses(stress)
     fields = {
-        "stress": np.column_stack([xx, yy, factor * (xx + yy), xy, zero, zero]),
-        "von Mises": von_mises(stress, factor),
+        "stress": np.column_stack([xx, yy, factor * (xx + yy) + held, xy, zero, zero]),
+        "von Mises": von_mises(stress, factor, held),
         "principal 1": first,
         "principal 2": second,
     }
@@ -102,7 +104,7 @@ def write_vtu(
         point_data[_named("displacement", "displacement", units)] = _vectors(moved)
         cell_data[_named("energy gap", "energy", units)] = bracket.cell_gaps[number]
     cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
-    _write_grid(path, np.column_stack(physical(problem, known.scales, places)), cells, point_data, cell_data)
+    _write_grid(path, np.column_stack([x, y]), cells, point_data, cell_data)
 
 
 def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
