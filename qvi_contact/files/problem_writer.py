@@ -190,5 +190,5 @@ def _mesh(mesh: TriangleMesh) -> dict[str, Any]:
     table: dict[str, Any] = {"vertices": mesh.vertices.tolist(), "triangles": mesh.cells.tolist()}
     edges = {name: pairs.tolist() for name, pairs in mesh.edge_sets.items()}
     regions = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
-    arcs = [{**arc.stated(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
+    arcs = [{"bends": arc.coefficients.tolist(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
     return {key: value for key, value in {**table, "edges": edges, "regions": regions, "arcs": arcs}.items() if value}
