@@ -248,27 +248,24 @@ def branches_document(result: ContactResult, found: Branches | None, units: Unit
 
 def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
     """Outcome and rounds for programs: numbers that are not finite are None, errors are relative."""
-    told = [
-        {
+
+    def told(each: Outcome | RefinementRound) -> dict[str, Any]:
+        return {
             "value": _finite(each.value),
             "estimate": _finite(each.estimate),
             "guaranteed": each.guaranteed,
             "certainty": str(each.certainty),
         }
-        for each in (found, *found.rounds)
-    ]
+
     return {
         "status": found.status.value,
         "quantity": found.quantity,
-        **told[0],
-        "value": {"value": told[0]["value"], "unit": _unit(found, units)},
+        **told(found),
+        "value": {"value": _finite(found.value), "unit": _unit(found, units)},
         "target": found.target,
         "message": found.message,
         "advice": found.status.advice,
-        "rounds": [
-            {"cells": [each.cells], "unknowns": each.unknowns, **more}
-            for each, more in zip(found.rounds, told[1:], strict=True)
-        ],
+        "rounds": [{"cells": [each.cells], "unknowns": each.unknowns, **told(each)} for each in found.rounds],
     }
 
 

@@ -121,8 +121,9 @@ def swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: 
     """The sweep of a file; `stored` are a store, where its rows are kept then, and those who share it."""
     from qvi_contact.command.progress_line import solving
     from qvi_contact.files.sweep_store import read_sweep
-    from qvi_contact.solution.sweep import solve_sweep
+    from qvi_contact.solution import sweep
 
+    solve_sweep: Any = sweep.solve_sweep  # with a store or without
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
         if stored:
             with suppress(InputError):  # what is no store will be told

@@ -63,9 +63,10 @@ def problem_to_toml(
         If a function is one of Python, which a file cannot hold, or expressions disagree about constants or time.
 
     """
-    for name, given, kind in (("problem", problem, ContactProblem), ("title", title, str)):
-        if not isinstance(given, kind):
-            raise InputError(name, given, f"give a {kind.__name__}")
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    if not isinstance(title, str):
+        raise InputError("title", title, "give a text")
     if units is not None and not isinstance(units, Units):
         raise InputError("units", units, "give Units, or nothing")
     if real_array("times", times, "give a list of numbers").ndim != 1:

@@ -160,8 +160,8 @@ def bends_of(arcs: Sequence[Curve], topology: Topology) -> FloatArray:
     terms = [arc.coefficients.shape[1] for arc in arcs]
     found = np.zeros((len(topology.ends), max([_LEAST_TERMS, *terms])))
     for arc, count in zip(arcs, terms, strict=True):
-        flat = (np.abs(arc.coefficients) <= _FLATTEST).all(axis=1)
-        found[topology.number(arc.edges), :count] = np.where(flat[:, None], 0.0, arc.coefficients)
+        flat = np.abs(arc.coefficients).max(axis=1, keepdims=True) <= _FLATTEST
+        found[topology.number(arc.edges), :count] = np.where(flat, 0.0, arc.coefficients)
     return found
 
 
