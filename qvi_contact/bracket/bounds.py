@@ -21,6 +21,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
@@ -33,7 +34,7 @@ from qvi_contact.bracket.fixed_bound import (
     with_bernstein_rows,
 )
 from qvi_contact.bracket.friction_norm import UNHELD, computed_norm
-from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference
+from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference, Uniqueness
 from qvi_contact.bracket.parts import (
     Bounds,
     CellFields,
@@ -320,6 +321,35 @@ def bracket(
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found
+
+
+def uniqueness(result: ContactResult) -> Uniqueness:
+    """How far another solution of the exact problem can be, as far as ``result.bracket`` tells."""
+    return result.bracket.uniqueness
+
+
+def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], FloatArray]:
+    """The displacement of the body, of displacement elements on the same mesh: ``result.displacement(x, y)``.
+
+    The stress itself has no displacement: it comes from the second model of `bracket`, solved on first use under the
+    friction bound of this result. ``result.bracket.companion`` has more of it.
+
+    Returns
+    -------
+    callable
+        Of coordinates x, y [length], broadcast against each other; it returns u_x, u_y [length], shape (..., 2), on
+        joints the mean of all sides, and raises `InputError` for a point outside the body.
+
+    Raises
+    ------
+    InputError
+        If there is no stress state, no displacement was found, or this is a step of a history.
+
+    """
+    companion = result.bracket.companion
+    if companion is None:
+        raise InputError("displacement(x, y)", result.status.value, f"no displacement was found: {result.message}")
+    return companion.displacement
 
 
 def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:

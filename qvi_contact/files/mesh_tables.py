@@ -384,7 +384,7 @@ class MeshTable:
     refine: RefineTable | None = None
     """Finer towards re-entrant corners, see `[mesh.refine]`: `refine = { largest = 0.25, smallest = 0.01 }`."""
     file: Name | None = None
-    """Mesh file, .msh, .inp or .med, by its place beside the problem file: `file = "meshes/dam.msh"`."""
+    """Mesh file, .msh, .inp, .med, .vtk or .vtu, by its place beside the problem file: `file = "meshes/dam.msh"`."""
     outline: OutlineTable | None = None
     """Outline that gmsh divides into triangles, see `[mesh.outline]`: `outline = { size = 0.2, corners = [{ at =
     [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }] }`."""
