@@ -176,7 +176,7 @@ def _relieved(M: Matrix, q: Vector, strong: BoolVector) -> Vector:
             )
         x[weak] = vertex.x * (np.abs(rest).max() or 1.0)
     x[strong] = -solved[:, 0] - solved[:, 1:] @ x[weak]
-    return scale * x
+    return np.asarray(scale * x)
 
 
 def _solved(A: Matrix, right: Matrix) -> Matrix:
