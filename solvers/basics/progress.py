@@ -72,7 +72,7 @@ def watched(time_limit: float | None = None, report: Report | None = None) -> It
 
     """
     outer = _watch.get()
-    end = outer.end if time_limit is None else min(outer.end, time.monotonic() + _seconds(time_limit))
+    end = min(outer.end, time.monotonic() + checked_limit(time_limit))
     token = _watch.set(_Watch(end, outer.reports if report is None else (*outer.reports, report)))
     try:
         yield
@@ -98,8 +98,11 @@ def tell(progress: Progress) -> None:
         report(progress)
 
 
-def _seconds(value: object) -> float:
+def checked_limit(value: object) -> float:
+    """Seconds of a time limit, infinity where there is none; `InputError` unless it is a finite number above 0."""
     seconds = math.nan
+    if value is None:
+        return math.inf
     if not isinstance(value, bool) and isinstance(value, Real):
         with suppress(OverflowError):
             seconds = float(value)
