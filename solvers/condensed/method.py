@@ -319,11 +319,12 @@ class CondensedRun:
         """What ends the iteration whatever its progress."""
         if not np.isfinite(measures.gap):
             return Status.DIVERGED
-        if len(self.history) >= self.options.max_iterations:
+        count = len(self.history)
+        if count >= self.options.max_iterations:
             return Status.MAX_ITERATIONS
         if expired():
             return Status.TIME_LIMIT
-        return Status.STALLED if len(self.history) - self.before >= _ONE_START else None
+        return Status.STALLED if count - self.before >= _ONE_START else None
 
     def _prepare(self, measures: Measures) -> None:
         """Friction's own share once slacks fit; a sharper kink where it lags behind; the larger matrix where it is due.
@@ -385,10 +386,10 @@ class CondensedRun:
 
     def _stalled(self, measures: Measures) -> bool:
         """Whether nothing was gained for `patience` iterations."""
-        worst = self._distance(measures)
+        worst, count = self._distance(measures), len(self.history)
         if worst < _PROGRESS * self.best[0]:
-            self.best = (worst, len(self.history))
-        return len(self.history) - self.best[1] >= self.problem.system.patience
+            self.best = (worst, count)
+        return count - self.best[1] >= self.problem.system.patience
 
     def _turn(self, measures: Measures) -> None:
         """Follow the central path from here on, if there is one.
