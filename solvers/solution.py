@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from solvers.basics.frames import columns_of, frame
-from solvers.basics.progress import expired
+from solvers.basics.progress import deadline
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate, certify
@@ -302,7 +302,7 @@ def finish(
     """Decide the status by the certificate; without a result, ask whether there can be one."""
     began = time.perf_counter()
     status, feasibility = judged(outcome.reason, certificate), outcome.feasibility
-    undecided = status not in (Status.SOLVED, Status.INACCURATE) and not outcome.hopeless and not expired()
+    undecided = status not in (Status.SOLVED, Status.INACCURATE) and not outcome.hopeless and not deadline.over
     if undecided and feasibility is None:
         feasibility = check_feasibility(qvi)
     if undecided and feasibility is not None and feasibility.feasible is False:

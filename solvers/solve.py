@@ -13,7 +13,7 @@ import numpy as np
 
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.names import closest
-from solvers.basics.progress import Progress, checked_limit, expired, narrated, tell, watched
+from solvers.basics.progress import Log, Progress, checked_limit, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
@@ -179,10 +179,10 @@ def solve_qvi(
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     checked = Settings.of(method, inner, tolerance=tolerance, **settings)
-    with watched(checked.time_limit), narrated("solve_qvi", checked.verbose) as story:
-        story.begin(facts_of(qvi, checked))
+    with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log:
+        log.begin(facts_of(qvi, checked))
         solution = solved(qvi, checked)
-        story.end(str(solution.status), solution.message, solution.timings, solution.solved)
+        log.end(str(solution.status), solution.message, solution.timings, solution.solved)
     if checked.throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
@@ -378,7 +378,7 @@ class Search:
     def by(self, method: str, why: str = "") -> QVISolution:
         """The best that a method finds, certified; a factorisation that fails ends in a status."""
         qvi, tolerance = self.qvi, self.settings.tolerance
-        tell(Progress(method))
+        report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
         self.best, certificate = None, None
         if qvi.m and qvi.n:
@@ -430,7 +430,7 @@ class Search:
         spent = limit is not None and first.iterations >= limit
         if spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        if expired():
+        if deadline.over:
             return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
@@ -440,15 +440,15 @@ class Search:
             if way.method in _STARTED:
                 self._given |= {_START: self._pressure}
                 self._given |= {} if limit is None else {"max_iterations": limit - first.iterations}
-            tell(Progress(way.method, remark=tried))
-            with watched(seconds):
+            report(Progress(way.method, remark=tried))
+            with deadline(seconds):
                 last, subject = self.by(way.method, tried), way.subject
             if last.solved:
                 break
         better = last.certificate.accuracy < first.certificate.accuracy
         if last.solved or (last.status is Status.INACCURATE and better):
             found, remark = last, f"{subject} found this solution after {tried}."
-        elif expired():
+        elif deadline.over:
             found = out_of_time(last if better else first)
             remark = f"The time limit ended the fixed point, which was tried because {tried}."
         elif last.status is Status.TIME_LIMIT:
@@ -466,7 +466,7 @@ def solved(qvi: FrictionQVI, settings: Settings) -> QVISolution:
         solution = search.by(settings.method)
         if settings.by_default:
             solution = search.fallen_back(solution)
-            if solution.solved and not expired():
+            if solution.solved and not deadline.over:
                 doubted = solution.method != settings.method or bool(solution.remarks)
                 remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
                 solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
@@ -511,7 +511,7 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
     found, qvi = [solution], solution.problem
     if not (qvi.mu > 0.0).any():
         return (solution,)
-    with watched(time_limit):
+    with deadline(time_limit):
         for end in _ends(solution):
             if end.solved and all(traction_difference(end, other) > _OTHER for other in found):
                 found.append(end)
@@ -533,16 +533,15 @@ def _ends(solution: QVISolution) -> Iterator[QVISolution]:
     """What the ways end at, until the time is over; those that begin at the same friction begin at the same state."""
     begun: dict[float, QVISolution] = {}
     for first, count in WAYS:
-        if expired():
-            return
-        if first not in begun:
-            begun[first] = _at_friction(first, solution, None)
-        step = begun[first]
-        state = step if step.solved else None
-        for factor in np.linspace(first, 1.0, count + 1)[1:]:
-            if expired():
+        state = None
+        for factor in np.linspace(first, 1.0, count + 1):
+            if deadline.over:
                 return
-            step = _at_friction(factor, solution, state)
+            if factor == first and first in begun:
+                step = begun[first]
+            else:
+                step = _at_friction(factor, solution, state)
+                begun.setdefault(first, step)
             state = step if step.solved else state
         yield step
 

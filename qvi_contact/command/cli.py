@@ -23,11 +23,11 @@ _TARGETS: Final = {
     "npz": ("NPZ", "Write problem and result as NumPy arrays (.npz), for qvi-contact verify."),
     "save_json": ("JSON", "Write what --json prints to a file."),
     "report": ("HTML", "Write a report on one page (.html): pictures, forces, bounds."),
-    "proof": ("FILE", "Write a proof of the first number, for check-proof: .json."),
+    "proof": ("FILE", "Write a proof of both numbers, for check-proof: .json."),
 }
 """Files that commands write, by option: what stands for their names, and what they are."""
 
-_SPACE: Final = ("degree", "contact_rows")
+_SPACE: Final = ("degree", "law_on")
 _METAVARS: Final = {"time_limit": "SECONDS", "quantity": "NAME", "max_unknowns": "N", "max_rounds": "N"}
 
 
@@ -92,7 +92,7 @@ def _writes(*names: str, **texts: str) -> Callable[[_Command], _Command]:
 
 
 _FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind: the shell completes its name
-_ELEMENT = _options(SolveOptions, "degree", "contact_rows")
+_ELEMENT = _options(SolveOptions, "degree", "law_on")
 _TIME_LIMIT = _options(SolveOptions, "time_limit")
 _VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
@@ -183,10 +183,13 @@ def solve(
 
     A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
     last step. With --store each step is written to a folder as soon as it is done. After an interruption the same
-    command goes on with the next step. --set, or a [sweep] in the file, solves for several values of the friction, of a
-    load factor, or of what is added to gap or offset. Files that are written hold the last value. For thousands of
-    values give --store: each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers
-    or --dask share the values.
+    command goes on with the next step.
+
+    --set, or a [sweep] in the file, solves for several values of the friction, of a load factor, or of what is added to
+    gap or offset; --set also of a constant of the file. One value of a constant changes the file, so that it goes with
+    a history and with another --set. Files that are written hold the last value. For thousands of values give --store:
+    each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers or --dask share the
+    values.
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
@@ -209,6 +212,7 @@ def solve(
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
         qvi-contact solve examples/cyclic_shear.toml --store cycle
         qvi-contact solve examples/punch.toml --set friction=0.1,0.2,0.3
+        qvi-contact solve examples/punch.toml --set P=50 --set friction=0.1,0.2
         qvi-contact solve examples/punch.toml --set friction=0.1:0.5:41 --store punch.sqlite
     """  # noqa: D301
     from qvi_contact.basics.writing import write_text
@@ -218,7 +222,8 @@ def solve(
     from qvi_contact.files.export import summary
 
     with _opened(file, given) as (problem_file, targets, options):
-        plan, units = several.plan_of(problem_file, swept), problem_file.units
+        problem_file, plan = several.asked(problem_file, swept)
+        units = problem_file.units
         shared = {name: given[name] for name in ("workers", "dask")}
         several.check_asked(plan, store, {**given, "certificate": certificate})
         if plan is not None and store is not None:
@@ -334,10 +339,7 @@ def check(file: str, as_json: bool, **given: Any) -> None:
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
-@_writes(
-    "plot", "vtk", plot="Draw the duality gap over the body: .png, .svg or .pdf.",
-    vtk="Write the displacements for ParaView (.vtu).",
-)  # fmt: skip
+@_writes("plot", "vtk", plot="Draw the duality gap over the body: .png, .svg or .pdf.")
 def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
 
@@ -361,16 +363,16 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
 
     from qvi_contact.bracket.bounds import bracket as bracketed
     from qvi_contact.bracket.outcome import document, lines
-    from qvi_contact.command.outputs import write_bracket
+    from qvi_contact.command.outputs import SecondModel, write_all
     from qvi_contact.command.progress_line import solving
     from qvi_contact.command.report import result_lines
     from qvi_contact.files.export import summary
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.progress import watched
+    from solvers.basics.progress import deadline
 
     with _opened(file, given, "a bracket") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "bracket", problem_file.units
-        with solving(title, 3, verbose=verbose) as advance, watched(limit):
+        with solving(title, 3, verbose=verbose) as advance, deadline(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
             advance("stress model solved")
             tolerance = given["tolerance"]
@@ -378,13 +380,14 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        write_bracket(targets, problem_file, found)
+        complete = write_all(targets, problem_file, SecondModel(result, known=found), {}, gap=True)
     if as_json:
         bounds = None if found is None else document(found, units)
         _show(problem_file, {"title": problem_file.title, **summary(result, units), "bracket": bounds})
     else:
         _show(problem_file, (*result_lines(result, units), *(() if found is None else ("", *lines(found, units)))))
-    return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
+    bounded = found is not None and result.status == "solved" and math.isfinite(found.gap)
+    return 2 if not complete else 0 if bounded else 1
 
 
 @group.command(short_help="Look for other solutions of the same problem.")
@@ -417,11 +420,11 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     from qvi_contact.command.progress_line import solving
     from qvi_contact.command.report import branches_document, branches_lines
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.progress import watched
+    from solvers.basics.progress import deadline
 
     with _opened(file, given, "a search for other solutions") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "branches", problem_file.units
-        with solving(title, 2, verbose=verbose) as advance, watched(limit):
+        with solving(title, 2, verbose=verbose) as advance, deadline(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
             advance("solved; friction is followed from other values")
             found = other_solutions(result) if result.status == "solved" else None
@@ -442,7 +445,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     "[default: estimated]",
 )
 @_options(
-    SolveOptions, "degree", "contact_rows", "method", "inner", "tolerance", "time_limit",
+    SolveOptions, "degree", "law_on", "method", "inner", "tolerance", "time_limit",
     degree="Degree of the element, 3 to 11; 5 by default.",
 )  # fmt: skip
 @_VERBOSE
@@ -508,7 +511,6 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     "loads",
     metavar="NAME",
     multiple=True,
-    required=True,
     help="Name of a load to multiply; may be given several times.",
 )
 @click.option(
@@ -528,8 +530,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     the difference is within this share of the second number. Under Coulomb friction the body may slide below these
     loads; check a load by "qvi-contact solve". NAME is the name of a traction (its edge set if it has none), of a
     contact whose plate is driven by force, or "body" for the body force. Loads of one name are multiplied together.
-    With a [history] the problem at its first time is used. The exit status is 1 if the mesh carries no multiple, or if
-    the target was not reached.
+    With a [history] the problem at its first time is used. With --proof and without a --load the file proves that the
+    loads as they are cannot be carried, by a mechanism of rigid blocks. The exit status is 1 if the mesh carries no
+    multiple, or if the target was not reached.
 
     \b
     Examples:
@@ -538,10 +541,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
         qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_report import document, drawn, lines
+    from qvi_contact.command.limit_report import document, drawn, lines, proved
     from qvi_contact.command.progress_line import solving
-    from qvi_contact.limit.load_factor import limit_load_factor, limit_proof
-    from qvi_contact.limit.proof import save_proof
+    from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
 
@@ -551,15 +553,16 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     ):
         space: dict[str, Any] = {name: options[name] for name in _SPACE if name in options}
         told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
-        problem, refinement = problem_file.problem, None
+        problem, refinement, degree = problem_file.problem, None, space.get("degree")
+        if not loads and "proof" in targets:
+            click.echo("\n".join(proved(targets["proof"], problem, (), degree)))
+            return 0
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:
             refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
             found, problem = refinement.limit, refinement.problem
-        if "proof" in targets:
-            known = {name: value for name, value in space.items() if name == "degree"}
-            save_proof(targets["proof"], limit_proof(problem, list(loads), **known))
+        proofs = proved(targets["proof"], problem, list(loads), degree) if "proof" in targets else []
     if "plot" in targets and found.mechanism is None and found.collapse is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {targets['plot']}", err=True)
     elif "plot" in targets:
@@ -567,7 +570,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     if as_json:
         _show(problem_file, {"loads": list(loads), **document(found, refinement)})
     else:
-        click.echo("\n".join(lines(loads, found, refinement)))
+        click.echo("\n".join([*lines(loads, found, refinement), *proofs]))
     missed = refinement is not None and refinement.status != "reached"
     return 1 if missed or found == -float("inf") else 0
 
@@ -620,7 +623,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
 @group.command("check-proof", short_help="Check a proof file of limit in exact arithmetic.")
 @_FILE
 def check_proof(file: str) -> int:
-    """Check a proof that a body carries its loads times a factor, written by "qvi-contact limit --proof".
+    """Check a proof of what a body carries and of what it does not, written by "qvi-contact limit --proof".
 
     All arithmetic is exact. The check is the script qvi_contact/limit/check_proof.py, which needs nothing but Python's
     standard library. The exit status is 1 if something does not hold.
@@ -634,6 +637,25 @@ def check_proof(file: str) -> int:
     holds, line = checked_proof(file)
     click.echo(line)
     return 0 if holds else 1
+
+
+@group.command(short_help="List the keys of problem files.")
+@click.argument("name", metavar="[NAME]", default="")
+def keys(name: str) -> None:
+    """List the tables of problem files with their keys, or say all about the table or key called NAME.
+
+    Of each key there are the values that it takes, its default, its meaning with the unit, and an example.
+
+    \b
+    Examples:
+        qvi-contact keys
+        qvi-contact keys contacts
+        qvi-contact keys contacts.friction
+        qvi-contact keys mesh.outline
+    """  # noqa: D301
+    from qvi_contact.files.keys import listed
+
+    click.echo("\n".join(listed(name)))
 
 
 @group.command(short_help="List what can be used on this machine.")

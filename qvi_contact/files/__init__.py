@@ -14,9 +14,9 @@ __getattr__ = front(
             "write_archive",
         ),
         "export": ("summary", "write_npz"),
+        "keys": ("file_keys",),
         "options": ("SolveOptions",),
         "problem_file": ("ELEMENT_OPTIONS", "FileReader", "problem_from_toml"),
         "problem_writer": ("problem_to_toml",),
-        "vtu": ("write_companion_vtu",),
     },
 )

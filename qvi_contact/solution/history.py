@@ -26,7 +26,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import RowKind
+from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
@@ -39,7 +39,7 @@ from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.names import known_name
-from solvers.basics.progress import expired, narrated, watched
+from solvers.basics.progress import Log, deadline
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.
 
 _NAME_ONE = "name a contact, or an edge set with a prescribed displacement"
 
-_Posed: TypeAlias = Callable[[int, Scales], Discretization]
+_Discretized: TypeAlias = Callable[[int, Scales], Discretization]
 
 
 @dataclass(frozen=True)
@@ -273,7 +273,7 @@ def solve_history(
     store: str | Path | None = None,
     time_limit: float | None = None,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     warm_start: bool = True,
     verbose: bool = False,
     **options: Any,  # checked by solve
@@ -294,7 +294,7 @@ def solve_history(
     time_limit : float, optional
         Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
         unless its certificate passes.
-    degree, contact_rows
+    degree, law_on
         Degree of the element, and what bounds tractions, see `discretize`.
     warm_start : bool
         Whether methods that take a start begin at the state of the step before.
@@ -318,25 +318,25 @@ def solve_history(
     warm_start = true_or_false("warm_start", warm_start)
     settings = check_options(options)
     title = f"qvi_contact {__version__}: solve_history"
-    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
+    with deadline(time_limit), Log(title, verbose, _COLUMNS, iterations=False) as log:
         steps = _given(problems, kept=store is None)
         survey = _surveyed(steps)
-        contact_rows = rows_for(options.get("method"), contact_rows)
-        if contact_rows is None and survey.laws_vary:
-            contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
-        space = {"degree": degree, "contact_rows": contact_rows}
-        story.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
+        law_on = rows_for(options.get("method"), law_on)
+        if law_on is None and survey.laws_vary:
+            law_on = "points"  # in all steps, as slip is handed on from one to the next
+        space = {"degree": degree, "law_on": law_on}
+        log.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
 
         def told(number: int, result: ContactResult) -> None:
             solution = result.solution
-            story.line(number, str(result.status), solution.iterations, result.certificate.accuracy, story.seconds)
+            log.line(number, str(result.status), solution.iterations, result.certificate.accuracy, log.seconds)
             if callback is not None:
                 callback(number, result)
 
         keeper = _keeper(store, steps, {**space, **options, "warm_start": warm_start})
         warm = warm_start and settings.takes_state
         history = _history(_Run(steps, survey.scales, space, told, options, warm), keeper)
-        story.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
+        log.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
 
@@ -421,30 +421,30 @@ class _Run:
     options: dict[str, Any]
     warm: bool
 
-    def posed(self) -> _Posed:
+    def discretized(self) -> _Discretized:
         """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
         made: list[Discretization] = []
 
-        def posed(number: int, scales: Scales) -> Discretization:
+        def discretized(number: int, scales: Scales) -> Discretization:
             if not made:
                 made.append(discretize(self.steps[0], scales=self.scales, **self.space))
             if number == 1 and scales == self.scales:
                 return made[0]
             return made[0].with_data(self.steps[number - 1], scales)
 
-        return posed
+        return discretized
 
 
 class _Keeper(Protocol):
     """Where results are kept."""
 
-    def begun(self, posed: _Posed) -> _Steps: ...
+    def begun(self, discretized: _Discretized) -> _Steps: ...
 
 
 class _Memory:
     """Nowhere but in memory."""
 
-    def begun(self, posed: _Posed) -> _Steps:  # noqa: ARG002
+    def begun(self, discretized: _Discretized) -> _Steps:  # noqa: ARG002
         return _InMemory()
 
 
@@ -459,13 +459,13 @@ def _keeper(store: str | Path | None, steps: Sequence[ContactProblem], options: 
 
 def _history(run: _Run, keeper: _Keeper) -> History:
     """All steps, up to one without an answer."""
-    posed = run.posed()
-    results = keeper.begun(posed)
+    discretized = run.discretized()
+    results = keeper.begun(discretized)
     for number in range(len(results) + 1, len(run.steps) + 1):
         before = results[number - 2] if number > 1 else None
         if before is None:
-            discretization = posed(1, run.scales)
-        elif expired():
+            discretization = discretized(1, run.scales)
+        elif deadline.over:
             break
         else:
             discretization = before.discretization.with_data(run.steps[number - 1], run.scales)

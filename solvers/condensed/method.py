@@ -17,7 +17,7 @@
 | ones do not shrink                                                     |                               |
 | the gap overflows                                                      | diverged                      |
 | `max_iterations` done                                                  | max_iterations                |
-| the time is over, see `watched`                                        | time_limit                    |
+| the time is over, see `deadline`                                        | time_limit                    |
 
 What follows a start that ends without a certificate is said in `solvers.solve`: other shares of friction in s λ, each
 on its own path (`FRICTION_SHARES`). Sparse systems have a start near the bonded solution too (`NEAR_BONDED_SHARES`): it
@@ -36,7 +36,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.basics.checks import one_of, whole_number
-from solvers.basics.progress import Progress, expired, tell
+from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import DenseCoordinates, SparseCoordinates, obstacle
@@ -322,7 +322,7 @@ class CondensedRun:
         count = len(self.history)
         if count >= self.options.max_iterations:
             return Status.MAX_ITERATIONS
-        if expired():
+        if deadline.over:
             return Status.TIME_LIMIT
         return Status.STALLED if count - self.before >= _ONE_START else None
 
@@ -432,7 +432,7 @@ class CondensedRun:
         )  # fmt: skip
         self.began = now
         self.history.append(entry)
-        tell(Progress("condensed", entry))
+        report(Progress("condensed", entry))
         if self.options.callback is not None:
             self.options.callback(entry)
 

@@ -9,14 +9,13 @@ import pytest
 from qvi_contact import TriangleMesh, discretize, solve, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
-from qvi_contact.solution import posed
+from qvi_contact.solution import discretized
 from solvers import Status
 from solvers.condensed import CentralPath, Complementarity, DenseCoordinates, InteriorPoint, PathWeights
 from solvers.inequality import dense as dense_rows
 from solvers.inequality import interface_of, trace_coordinates
-from tests.effort import thinned
-from tests.qvi_contact.frictions import with_friction
-from tests.qvi_contact.lines import with_line
+from tests.cases import thinned
+from tests.qvi_contact.builders import with_friction, with_line
 
 FRICTIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 
@@ -41,12 +40,12 @@ def solved_in_few(problem):
 
 @cache
 def plate_on(cells, grading):
-    return posed(compressed_plate(1.0, (cells, cells), grading=grading))
+    return discretized(compressed_plate(1.0, (cells, cells), grading=grading))
 
 
 @cache
 def ground(cells):
-    return posed(ssnv128((cells, cells), 1.0))
+    return discretized(ssnv128((cells, cells), 1.0))
 
 
 @cache
