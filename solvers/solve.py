@@ -427,10 +427,10 @@ class Search:
         """The first of the methods left that passes, each for as long again as the first one took; or the best."""
         later = [way for way in ATTEMPTS if way.method != first.method and way.serves(self.qvi)]
         limit = self.settings.options.get("max_iterations")
-        spent = limit is not None and first.iterations >= limit
+        spent, over = limit is not None and first.iterations >= limit, deadline.over
         if spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        if deadline.over:
+        if over:
             return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
