@@ -570,7 +570,8 @@ class RegionTable(Region):
     def region(self, plane: Plane) -> Region:
         """The region, in the plane state of the body."""
         material = replace(self.material, plane=plane)
-        return Region(material, name=self.name) if self.name else Region(material, self.x, self.y)
+        x, y = (None, None) if self.name else (self.x, self.y)
+        return Region(material, x, y, self.name or None, self.temperature)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from qvi_contact.plots.style import (
 from qvi_contact.plots.symbols import ground
 from qvi_contact.plots.tractions import closed_ends
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, sample_body, stress_component
+from qvi_contact.solution.sampling import cell_factors, held_along_z, sample_body, stress_component
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,6 +43,7 @@ _SPACING: Final = 0.032  # of arrows along contacts, as a share of the body's le
 _LONGEST: Final = 0.2  # length of the arrow of the largest resultant, as a share of the body's length
 _LEAST: Final = 0.02  # share of the largest value below which nothing is drawn
 _LABELLED: Final = 8  # so many lines of contacts have arrows and numbers; of more those of obstacles alone
+_NOTHING: Final = 1e-6  # tractions below this share of the stress in the body count as none
 _CENTRAL: Final = 0.005  # eccentricity over the length of a line below which it is not written
 _HATCH: Final = 0.016  # of obstacles, as a share of the body's length
 
@@ -178,7 +179,8 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
     largest = max(float(np.hypot(*shape.coefficients.T).max()), LEAST * result.discretization.scales.displacement)
     factor = magnified(largest, _CALM * mesh.length)
     samples = sample_body(result, _SAMPLES)
-    values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells])
+    held = held_along_z(result.problem, samples.cells, *samples.points.T)
+    values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
     part = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
     field = draw_contours(axes, samples.points, places, samples.triangles, values, part[samples.cells])
@@ -201,20 +203,21 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
     extent += draw_symbols(axes, result.problem, _moving(*extent))
     pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
     friction = max((float(np.abs(part.shear).max()) for part in carried), default=0.0)
+    if pressure < _NOTHING * float(np.abs(samples.stress).max()):
+        pressure, friction, carried = 0.0, 0.0, []
     height = _HEIGHT * mesh.length
     if result.problem.joints:
         areas = np.bincount(shape.space.block, shape.space.areas / 2.0) * result.discretization.scales.length**2
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
     few = len(carried) <= _LABELLED
-    if pressure > 0.0:
-        for part in carried:
-            spacing = _SPACING * mesh.length
-            reach = 0.85 * spacing / max(friction, _LEAST * pressure)
-            extent.append(_tractions(axes, part, height / pressure, reach, spacing if few else np.inf))
+    spacing = _SPACING * mesh.length
+    reach = 0.85 * spacing / max(friction, _LEAST * pressure, 1e-300)
+    for part in carried:
+        extent.append(_tractions(axes, part, height / max(pressure, 1e-300), reach, spacing if few else np.inf))
     thrust = _thrust(axes, carried)
     labelled = [part for part in carried if few or not part.joint]
     written: list[Written] = []
-    if len(labelled) <= _LABELLED:
+    if 0 < len(labelled) <= _LABELLED:
         covered, written = _resultants(axes, labelled, mesh.length, units)
         extent.append(covered)
     box = show_all(axes, np.concatenate(extent), units)

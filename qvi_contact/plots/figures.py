@@ -109,6 +109,8 @@ def result_figure(
         _explained(body, drawn, result, units)
         for number, (panel, name) in enumerate(zip(charts, panels, strict=True), 1):
             contact_tractions(panel, result.contacts[name], units)
+            if drawn.pressure == 0.0:
+                panel.set_ylim(0.0, float(np.abs(result.gauss_stress()[2]).max()) or 1.0)  # rather than rounding
             if len(names) > 1:
                 panel.set_title(plain_text(name), loc="left", fontsize="medium")
             if number == len(charts):

@@ -3,10 +3,11 @@
 The stress model has no displacement inside the body. On contacts, obstacles and supports it has: u_N = g − gap and
 u_T = w + slip. The displacement v of degree 2 that is drawn makes
 
-    ∫ |ε(v) − c σ|² dx  +  α Σ w |v·d − known|²
+    ∫ |ε(v) − c σ − ε⁰|² dx  +  α Σ w |v·d − known|²
 
-least, the sum over the points of contacts and supports with their weights w and directions d. It takes one linear
-solve, and there is one for every stress state: for steps of a history too, where Coulomb's law has no energy.
+least, ε⁰ the initial strain, the sum over points of contacts and supports with their weights w and directions d. It
+takes one linear solve, and there is one for every stress state: for steps of a history too, whose Coulomb's law has no
+energy.
 """
 
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.problem.conditions import Displacement
+from qvi_contact.problem.initial_strain import stress_at_rest
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import stress_in_cells
 
@@ -56,14 +58,15 @@ class Shape:
         body = Elasticity(space, np.tile(_ISOTROPIC, (len(space.table), 1, 1)))
         t, weights = body.points()
         cells = np.arange(len(space.table))
+        places = problem.mesh.origin + scales.length * space.points(slice(None), t)
         at = np.broadcast_to(barycentric(t), (len(cells), len(t), 3)).copy()
         bent = space.curved.numbers
         if len(bent):
-            places = problem.mesh.origin + scales.length * space.points(bent, t)
             numbers = np.repeat(bent, len(t))
-            at[bent] = problem.mesh.reference(numbers, places.reshape(-1, 2)).reshape(len(bent), -1, 3)
+            at[bent] = problem.mesh.reference(numbers, places[bent].reshape(-1, 2)).reshape(len(bent), -1, 3)
         coefficients = result.discretization.coefficients(result.dofs)
         stress = stress_in_cells(result.discretization, coefficients, cells, at)[1] * scales.stress
+        stress = stress - stress_at_rest(problem, cells, places[..., 0], places[..., 1])
         strain = stress @ problem.compliances.swapaxes(1, 2)
         load = body.virtual_work((strain @ _ISOTROPIC) * weights[..., None], t)
         matrix, right = _known(result, space)
