@@ -23,8 +23,7 @@ from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError, SolverUnavailableError
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import Request
-from solvers.fixed_point.forms import CONDENSED_LIMIT
-from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solve_fixed_point
+from solvers.fixed_point import CONDENSED_LIMIT, FixedPointOptions, initial_pressure, solve_fixed_point
 from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
