@@ -5,8 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "contact": ("ContactMatrices",),
-        "linear": ("interface_of",),
+        "contact": ("ContactMatrices", "interface_of"),
         "loads": ("Loads",),
         "problem": (
             "FrictionQVI",

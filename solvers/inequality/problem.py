@@ -14,8 +14,7 @@ import numpy as np
 
 from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Stated, Vector
 from solvers.errors import InputError
-from solvers.inequality.contact import CondensedContact, ContactMatrices
-from solvers.inequality.linear import EqualitySystem
+from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
 from solvers.inequality.loads import BondedState, Energy, Loads
 from solvers.inequality.rows import checked_vector, transposed
 from solvers.inequality.stiffness import EnergyRoot, Stiffness
