@@ -9,7 +9,7 @@ import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -52,6 +52,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.material import Material, cell_materials
+from qvi_contact.problem.point_data import PointData
 from qvi_contact.problem.problem import ContactProblem
 
 VERSION: Final = 1
@@ -115,6 +116,16 @@ class PolynomialTable:
 
     polynomial: tuple[tuple[float, ...], ...]
     """Coefficients c_ij of Σ c_ij xⁱ yʲ, a list for each power of x: `polynomial = [[0.0, 1.0], [2.0]]`."""
+
+
+@dataclass(frozen=True)
+class PointDataTable:
+    """Values at the points of a mesh, linear in between, as ``{ file = "…", data = "T" }``."""
+
+    file: str
+    """File with triangles and point data, as .vtu or .msh, beside the problem file: `file = "temperature.vtu"`."""
+    data: str
+    """Name of the point data in it, one number a point: `data = "T"`."""
 
 
 @dataclass(frozen=True)
@@ -260,16 +271,26 @@ class FileReader:
         Numbers that expressions may name.
     t : float or None
         Value of t in expressions; None where there is no history, and t means nothing.
+    folder : Path, optional
+        Where files with point data are looked for.
 
     """
 
     data: Mapping[str, Any]
     constants: Mapping[str, float]
     t: float | None = None
+    folder: Path | None = None
     whole = Document
 
     def field(self, value: Any) -> Field:
         """A number, an expression or a polynomial."""
+        if isinstance(value, dict) and "file" in value:
+            data = read_table(PointDataTable, value, self)
+            with located("", keys_of(PointDataTable)):
+                if self.folder is None:
+                    remedy = "the place of this file is not known for a text: read the problem file by load_problem"
+                    raise InputError("file", data.file, remedy)
+                return PointData.load(self.folder / data.file, data.data)
         if isinstance(value, dict):
             table = read_table(PolynomialTable, value, self)
             with located(""):
@@ -369,7 +390,7 @@ class ProblemFile:
 
         """
         try:
-            return FileReader(self._reader.data, self._reader.constants, t).problem(self.problem.mesh)
+            return replace(self._reader, t=t).problem(self.problem.mesh)
         except InputError as error:
             raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
 
@@ -380,7 +401,7 @@ class ProblemFile:
 
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
         """The same file with other values of some of its constants, on the same mesh."""
-        return _from_tables(self._reader.data, None, self.problem.mesh, changed)
+        return _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, changed)
 
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
@@ -518,12 +539,12 @@ def _from_tables(
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
-    reader = FileReader(data, constants, times[0] if times else None)
+    reader = FileReader(data, constants, times[0] if times else None, None if folder is None else Path(folder))
     document = reader.document()
     assert document.mesh is not None  # it is needed
     if mesh is None:
         parts = Parts(document.edges, document.joints, document.regions)
-        mesh = built_mesh(document.mesh, parts, None if folder is None else Path(folder))
+        mesh = built_mesh(document.mesh, parts, reader.folder)
     found = ProblemFile(
         problem=document.problem(mesh, data),
         title=document.title,
