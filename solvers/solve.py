@@ -153,7 +153,14 @@ def _checked_options(kind: type[_Options], method: str, given: Mapping[str, Any]
 
 
 def solve_qvi(
-    qvi: FrictionQVI, method: str | None = None, inner: str | None = None, tolerance: float = 1e-8, **settings: Any
+    qvi: FrictionQVI,
+    method: str | None = None,
+    inner: str | None = None,
+    tolerance: float = 1e-8,
+    time_limit: float | None = None,
+    *,
+    verbose: bool = False,
+    **settings: Any,
 ) -> QVISolution:
     """Solve the quasi-variational inequality (D2).
 
@@ -161,7 +168,7 @@ def solve_qvi(
     ----------
     qvi : FrictionQVI
         The problem, dimensionless.
-    method, inner, tolerance, **settings
+    method, inner, tolerance, time_limit, verbose, **settings
         See `Settings`, its `options` by their names.
 
     Returns
@@ -177,7 +184,8 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    checked = Settings.of(method, inner, tolerance=tolerance, **settings)
+    given = {"tolerance": tolerance, "time_limit": time_limit, "verbose": verbose, **settings}
+    checked = Settings.of(method, inner, **given)
     with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log:
         log.begin(facts_of(qvi, checked))
         solution = solved(qvi, checked)
