@@ -14,6 +14,6 @@ __getattr__ = front(
         ),
         "rows": ("dense", "echelon", "independent_rows", "spanning_rows"),
         "stiffness": ("EnergyRoot", "Stiffness"),
-        "traces": ("Traces", "trace_coordinates"),
+        "traces": ("TractionFactor", "trace_coordinates"),
     },
 )

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.sparse import csc_array, csr_array
 
-from solvers.basics.types import IntVector, Matrix, Sparse, Stated, Vector
+from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.inequality.rows import (
@@ -27,13 +27,13 @@ from solvers.inequality.rows import (
     stored,
     transposed,
 )
-from solvers.inequality.traces import TraceCoordinates, Traces, trace_coordinates
+from solvers.inequality.traces import TraceCoordinates, TractionFactor, trace_coordinates
 
 _POWER_STEPS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class ContactMatrices(Stated):
+class ContactMatrices(PicklesFields):
     """Rows of tractions and equations, and the weights of the contact points.
 
     Attributes
@@ -41,7 +41,7 @@ class ContactMatrices(Stated):
     N, T : (m, n) sparse, normal and tangential traction at the contact points
     W : (m,), quadrature weights, > 0
     A : (p, n) sparse equations, optional; stored as p = 0 rows when not given
-    traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
+    traces : `TractionFactor`, optional; coordinates for [N; T], found by dense algebra when not given
 
     """
 
@@ -49,7 +49,7 @@ class ContactMatrices(Stated):
     T: Sparse
     W: Vector
     A: Sparse = None  # type: ignore[assignment]  # None is replaced on construction
-    traces: Traces | None = None
+    traces: TractionFactor | None = None
 
     def __post_init__(self) -> None:
         for name in ("N", "T"):
@@ -58,8 +58,8 @@ class ContactMatrices(Stated):
         object.__setattr__(self, "W", checked_vector("W", self.W))
         if self.W.min(initial=1.0) <= 0:
             raise InputError("W", float(self.W.min()), "give quadrature weights > 0")
-        if not isinstance(self.traces, Traces | None):
-            raise InputError("traces", type(self.traces).__name__, "give Traces, or nothing")
+        if not isinstance(self.traces, TractionFactor | None):
+            raise InputError("traces", type(self.traces).__name__, "give TractionFactor, or nothing")
 
     @cached_property
     def contact_rows(self) -> Sparse:
