@@ -10,7 +10,7 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import places
 from qvi_contact.solution import turning_senses
-from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, polygon, quarter
+from tests.qvi_contact.builders import INNER, NU, OUTER, WIDENED, A, polygon, quarter
 
 
 def ring(contact, other, **settings):

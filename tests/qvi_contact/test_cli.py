@@ -17,7 +17,7 @@ from qvi_contact.units import Units
 from solvers import available
 from solvers.factorisation import DENSE, available_backends
 from solvers.solve import METHODS
-from tests.effort import examples
+from tests.cases import examples
 from tests.qvi_contact.broken_files import mutated
 
 ROOT = Path(__file__).parents[2]

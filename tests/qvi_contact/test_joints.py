@@ -8,8 +8,7 @@ import pytest
 from qvi_contact import InputError, TriangleMesh, solve_history
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.solution import loop_area
-from tests.qvi_contact.lines import with_line
-from tests.qvi_contact.states import difference, solved
+from tests.qvi_contact.builders import difference, solved, with_line
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 

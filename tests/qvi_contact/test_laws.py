@@ -19,9 +19,8 @@ from qvi_contact.problem import (
     Traction,
 )
 from solvers import Status
-from tests.covering import every_pair
-from tests.effort import thinned
-from tests.qvi_contact.states import difference, solved
+from tests.cases import every_pair, thinned
+from tests.qvi_contact.builders import difference, solved
 
 MATERIALS = {
     "stress": Material(1000.0, 0.3),

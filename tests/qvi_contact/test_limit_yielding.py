@@ -28,7 +28,7 @@ from qvi_contact import (
     solve,
     strength_reduction_factor,
 )
-from tests.effort import thinned
+from tests.cases import thinned
 
 E = 1e-9
 

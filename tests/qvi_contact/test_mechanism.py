@@ -16,7 +16,7 @@ from qvi_contact.mechanism import Rigid, find_mechanism, upper_bound
 from qvi_contact.plots import moved_outlines
 from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
-from tests.effort import examples
+from tests.cases import examples
 
 STEEL = Material(1000.0, 0.3)
 

@@ -37,7 +37,7 @@ from qvi_contact.units import Units
 from solvers.condensed import CondensedOptions
 from solvers.fixed_point import FixedPointOptions
 from solvers.uzawa import UzawaOptions
-from tests.effort import examples
+from tests.cases import examples
 from tests.qvi_contact.broken_files import PRINTED, RICH
 
 SMALL = """

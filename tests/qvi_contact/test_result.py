@@ -37,7 +37,7 @@ from qvi_contact.solution import stress_at
 from qvi_contact.verification import verify_result
 from solvers import Status
 from solvers.factorisation import FactorisationError
-from tests.qvi_contact.states import solved
+from tests.qvi_contact.builders import solved
 
 FORCE = 209.0
 """Size of the plate's contact force."""

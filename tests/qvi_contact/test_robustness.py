@@ -16,8 +16,8 @@ from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Tra
 from qvi_contact.solution import posed
 from qvi_contact.verification import verify_result
 from solvers import Status
-from tests.effort import thinned
-from tests.qvi_contact.frictions import with_friction
+from tests.cases import thinned
+from tests.qvi_contact.builders import with_friction
 
 STEEL = Material(1e3, 0.3)
 

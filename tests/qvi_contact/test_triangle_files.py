@@ -24,7 +24,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from tests.effort import examples
+from tests.cases import examples
 from tests.qvi_contact.broken_files import PROBLEMS, RICH, TRIANGLES, mutated
 from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4, med_file
 

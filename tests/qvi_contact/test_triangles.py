@@ -11,8 +11,8 @@ from scipy.sparse.linalg import spsolve
 from qvi_contact import InputError, TriangleMesh, discretize, exact, limit_load_factor, solve
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from tests.effort import thinned
-from tests.qvi_contact.states import solved
+from tests.cases import thinned
+from tests.qvi_contact.builders import solved
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 

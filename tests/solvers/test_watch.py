@@ -18,7 +18,7 @@ from solvers.condensed import GAP, Complementarity, DenseCoordinates, InteriorPo
 from solvers.inner import Centre, make_inner, within_time
 from solvers.pivoting import LARGEST, affordable, solve_lcp, solve_pivoting
 from solvers.solution import Start
-from tests.effort import examples
+from tests.cases import examples
 from tests.solvers.conftest import one_contact, prescribed_shear, random_problem, two_contacts, with_constant_tractions
 
 INNER = "qp:clarabel"

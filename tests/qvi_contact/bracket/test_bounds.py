@@ -24,8 +24,7 @@ from qvi_contact import (
 )
 from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
-from tests.covering import every_pair
-from tests.effort import thinned
+from tests.cases import every_pair, thinned
 from tests.qvi_contact.test_triangles import (
     FOAM,
     LIMITS,
