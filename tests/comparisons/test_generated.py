@@ -131,7 +131,7 @@ class TestJudge:
 
     def test_a_right_answer_has_no_error(self, right):
         assert judge.wrong(right) == []
-        assert judge.wrong(solve(pressed(), degree=6, contact_rows="gauss"), 6) == []
+        assert judge.wrong(solve(pressed(), degree=6, law_on="points"), 6) == []
 
     def test_another_load_is_seen(self, right):
         assert any("prescribed" in text for text in judge.wrong(forged(right, pressed(top=(2.0, -11.0)))))

@@ -19,7 +19,7 @@ def ring(contact, other, **settings):
 
 
 def test_rigid_shaft():
-    result = ring(Contact("inner", 0.0, gap=-WIDENED), "outer", degree=6, contact_rows="gauss")
+    result = ring(Contact("inner", 0.0, gap=-WIDENED), "outer", degree=6, law_on="points")
     line = result.contacts["inner"]
     assert result.status.value == "solved"
     assert line.normal_force == pytest.approx(np.pi / 2.0 * INNER, rel=1e-5)

@@ -96,6 +96,17 @@ def test_methods(shell):
     assert set(METHODS) | set(available()) | set(available_backends()) <= set(listed)
 
 
+def test_keys(shell):
+    status, out, _ = shell("keys")
+    assert status == 0
+    assert len(out.splitlines()) > 20
+    _, out, _ = shell("keys", "contacts.friction")
+    assert out.splitlines()[0] == "[[contacts]]"
+    assert out.splitlines()[-1].split() == ["friction", "=", "0.3"]
+    assert "largest: number; needed" in shell("keys", "mesh.refine")[1]
+    refused(shell("keys", "frictoin"), "did you mean friction?")
+
+
 def test_solve_reports_what_python_computes(shell, plate):
     status, out, err = shell("solve", plate)
     assert (status, err) == (0, "")

@@ -208,7 +208,7 @@ def test_a_file_with_everything_is_solved_and_drawn(shell, tmp_path):
     status, out, err = shell("check", path, "--plot", tmp_path / "rich.png")
     assert (status, err) == (0, "")
     assert "4 triangles" in out
-    assert "degree 3, contact rows: Gauss points" in out
+    assert "degree 3, contact law at Gauss points" in out
     assert (tmp_path / "rich.png").stat().st_size > 1000
 
 
