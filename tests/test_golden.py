@@ -1,4 +1,4 @@
-"""Golden numbers are what they were, see `tests.golden`: the command compares those of examples and long problems too."""
+"""Golden numbers are what they were, see `tests.golden`, whose command compares those of examples and long runs too."""
 
 import copy
 import json
