@@ -32,6 +32,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.kept import Kept
 from qvi_contact.discretization.curved import resultant_shapes
 from qvi_contact.discretization.space import EdgeFunctionals, Rows, StressSpace, frame
 from qvi_contact.element import legendre
@@ -161,19 +162,11 @@ class Supports(Stated):
     components: tuple[Component, ...]
 
     @classmethod
-    def on(cls, space: StressSpace, given: Sequence[PrescribedTraction]) -> Supports:
+    def on(cls, space: StressSpace, given: Sequence[PrescribedTraction], kept: Kept) -> Supports:
         """Those of a space for such components, made once."""
         parts = [(p.edges, p.direction, p.turns and p.edges.curved) for p in given]
-        key = (cls, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
-        if key not in space.kept:
-            space.kept[key] = cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given))
-        found: Supports = space.kept[key]
-        return found
-
-    @cached_property
-    def kept(self) -> dict[object, Any]:
-        """What is made of these supports alone, and serves every problem that has them."""
-        return {}
+        key = (space, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
+        return kept(cls, key, lambda: cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given)))
 
     @property
     def basis(self) -> Basis:
