@@ -10,7 +10,7 @@ Names are loaded on first use, so that importing the package, or asking the comm
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from qvi_contact.basics.attached import HOMES as _ATTACHED
+from qvi_contact.attached import HOMES as _ATTACHED
 from qvi_contact.version import __version__ as __version__
 
 if TYPE_CHECKING:

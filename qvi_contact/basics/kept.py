@@ -4,9 +4,18 @@ from collections.abc import Callable, Hashable
 from threading import Lock
 from typing import Any, Final, TypeVar
 
+import numpy as np
+
 _Made = TypeVar("_Made")
 
 _MOST: Final = 4  # of one kind
+
+
+def read_only(*matrices: Any) -> None:
+    """Arrays and sparse matrices that several problems share cannot be written to any more."""
+    for matrix in matrices:
+        for part in (matrix,) if isinstance(matrix, np.ndarray) else (matrix.data, matrix.indices, matrix.indptr):
+            part.flags.writeable = False
 
 
 class Kept:

@@ -14,12 +14,12 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, whole_number
-from qvi_contact.basics.kept import Kept
+from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.basics.retired import refuse_arguments
 from qvi_contact.discretization.energy import BodyStiffness, Root
 from qvi_contact.discretization.loads import (
     ContactRows,
-    cell_potential,
+    cell_stress,
     contact_rows,
     displacement_load,
     has_body_force,
@@ -71,7 +71,9 @@ class _Rows(NamedTuple):
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
             traction = Traces(by_columns(Y), E)
-            return cls(ContactMatrices(rows[:m], rows[m:], weights, plates.resultants.A, traction), traces)
+            found = ContactMatrices(rows[:m], rows[m:], weights, plates.resultants.A, traction)
+            read_only(found.N, found.T, found.A, found.W)
+            return cls(found, traces)
 
         on = ((part.first.tobytes(), part.second.tobytes()) for part in edges)
         return kept(cls, (supports, rule, plates.resultants, *on), made)
@@ -319,8 +321,8 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
         raise InputError("ContactProblem.conditions", imbalance * scales.stress * scales.length, remedy)
     compliances = np.stack([material.compliance / scales.compliance for material in problem.materials])
     stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances, kept)
-    potential = cell_potential(problem, space, scales)
-    body = None if potential is None else stiffness.energy.loaded(potential)
+    stress = cell_stress(problem, space, scales)
+    body = None if stress is None else stiffness.energy.loaded(stress)
     contacts = contact_rows(problem, space, rule, scales)
     plates = plate_rows(problem, scales, contacts, supports, particular)
     root = Root(stiffness, particular, body)

@@ -11,15 +11,22 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.attached import Attached
+from qvi_contact.attached import Attached
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import LOAD_POINTS, ContactRows, EdgePoints, physical
+from qvi_contact.discretization.loads import (
+    LOAD_POINTS,
+    ContactRows,
+    EdgePoints,
+    physical,
+    scaled_stress_at_rest,
+)
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, RigidPlate
+from qvi_contact.problem.initial_strain import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
@@ -77,7 +84,8 @@ class Energies:
     strain : float
         ½∫ cσ:σ dx, strain energy of the body.
     load : float
-        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds, work of the prescribed displacements.
+        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
+        strains.
     complementary : float
         strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
     dissipation : float
@@ -394,6 +402,11 @@ class ContactResult(Stated, Attached):
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
         load = support_work(self.discretization, self.dofs)
+        if is_strained(problem):
+            points, cells = self._gauss()[0], np.arange(problem.mesh.cell_count)
+            at_rest = scaled_stress_at_rest(problem, scales, cells, points)
+            work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, at_rest)
+            load += float((weights * work).sum()) * scales.energy
         for rows in self.discretization.contacts:
             line = self.contacts[rows.name]
             gap, offset = rows.gap * scales.displacement, rows.offset * scales.displacement

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,11 +16,14 @@ from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from solvers import Iteration
 from solvers.basics.checks import true_or_false
+from solvers.basics.types import Stated
 from solvers.solve import Settings as Method
+
+Listener: TypeAlias = Callable[[Iteration], object]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class Settings(Stated):
     """How a problem is discretised and solved.
 
     All functions that solve take such settings, or their fields and options of the method as keyword arguments:
@@ -89,7 +92,7 @@ class Settings:
     time_limit: float | None = None
     verbose: bool = False
     throw: bool = False
-    callback: Callable[[Iteration], object] | None = None
+    callback: Listener | None = None
     initial: Any = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
