@@ -644,6 +644,7 @@ class StressSpace(Stated):
         return points, np.concatenate([pieces + part * len(flat) for part in range(3)])
 
 
+@cache
 def split_points(degree: int) -> tuple[FloatArray, FloatArray]:
     """Such points for functions that are polynomials of a degree on each of the three parts of a triangle."""
     points, weights = quadrature(degree)

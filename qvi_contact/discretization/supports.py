@@ -535,8 +535,8 @@ class Elimination:
             left = max(map(abs, terms.values()), default=0.0)
             if left <= _DEPENDENT * max(map(abs, given.values()), default=0.0):
                 continue
-            worthy = [column for column, factor in terms.items() if abs(factor) >= _WORTHY * left]
-            pivot = max(worthy, key=lambda column: (ages[column], abs(terms[column]), -column))
+            sizes = zip(terms, map(abs, terms.values()), strict=True)
+            pivot = -max([(ages[column], size, -column) for column, size in sizes if size >= _WORTHY * left])[2]
             factor = -1.0 / terms.pop(pivot)
             solved[pivot] = {column: factor * value for column, value in terms.items()}
             rows[pivot] = row
@@ -566,13 +566,13 @@ class Elimination:
 def _reduced(terms: dict[int, float], solved: dict[int, dict[int, float]]) -> dict[int, float]:
     """Σ factor u with everything replaced that is solved for, until nothing is left to replace."""
     result, pending = dict[int, float](), list(terms.items())
-    while pending:
-        column, factor = pending.pop()
-        inner = solved.get(column)
-        if inner is None:
-            result[column] = result.get(column, 0.0) + factor
+    for column, factor in pending:  # which grows meanwhile
+        if column in solved:
+            pending += [(other, factor * value) for other, value in solved[column].items()]
+        elif column in result:
+            result[column] += factor
         else:
-            pending += [(other, factor * value) for other, value in inner.items()]
+            result[column] = factor
     return {column: factor for column, factor in result.items() if factor != 0.0}
 
 
