@@ -14,6 +14,8 @@ _MOST: Final = 4  # of one kind
 def read_only(*matrices: Any) -> None:
     """Arrays and sparse matrices that several problems share cannot be written to any more."""
     for matrix in matrices:
+        if not isinstance(matrix, np.ndarray):
+            matrix.sum_duplicates()  # which sorts entries too: SciPy would do so in place when it likes
         for part in (matrix,) if isinstance(matrix, np.ndarray) else (matrix.data, matrix.indices, matrix.indptr):
             part.flags.writeable = False
 

@@ -16,6 +16,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import STORE, Archive, answer_from_archive, step_arrays, write_archive
+from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 
@@ -63,14 +64,10 @@ class StoredSteps(Sequence[ContactResult]):
             self._near = number, answer_from_archive(archive, lambda scales: self._restore(number, scales))
         return self._near[1]
 
-    def first(self, count: int) -> Sequence[ContactResult]:
-        """The first steps."""
-        return self if count == len(self) else self[:count]
-
-    def add(self, result: ContactResult, *, done: bool) -> None:
-        """One more step: written if it is done, else at hand only, as the end."""
+    def append(self, result: ContactResult) -> None:
+        """One more step: written if another may follow, else at hand only, as the end."""
         number = len(self) + 1
-        if done:
+        if result.status in CONTINUES:
             self._store.write(number, result)
             self._near = number, result
         else:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -46,7 +46,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _PARALLEL = 1e-9  # sine of the angle between edges that face one way
-_CONTINUES = (Status.SOLVED, Status.INACCURATE)
+CONTINUES = (Status.SOLVED, Status.INACCURATE)
+"""How a step ends after which the next one is solved."""
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
 _NAME_ONE = "name a contact, or an edge set with a prescribed displacement"
@@ -309,8 +310,7 @@ def solve_history(
     settings = Settings.of(settings, changes)
     title = f"qvi_contact {__version__}: solve_history"
     with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
-        steps = _given(problems, kept=store is None)
-        scales, vary = _surveyed(steps)
+        steps, scales, vary = _surveyed(problems, kept=store is None)
         if settings.law is None and vary:
             settings = replace(settings, law_on="points")  # in all steps, as slip is handed on from one to the next
         log.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
@@ -322,9 +322,8 @@ def solve_history(
                 made.append(discretize(steps[0], degree=settings.degree, law_on=settings.law, scales=scales))
             return made[0] if number == 1 and own == scales else made[0].with_data(steps[number - 1], own)
 
-        if store is None:
-            results: _Steps = _InMemory()
-        else:
+        results: Any = list[ContactResult]()
+        if store is not None:
             fingerprint = run_digest(steps, {**settings.stated, "warm_start": warm_start})
             results = load("qvi_contact.files.step_store").StepStore(store, fingerprint, len(steps)).begun(discretized)
         warm = warm_start and settings.how.takes_state
@@ -338,66 +337,30 @@ def solve_history(
                 discretization = before.discretization.with_data(steps[number - 1], scales)
                 discretization = discretization.slipped(_slip_after(before))
             result = solved(discretization, settings, before if warm else None)
-            done = result.status in _CONTINUES
-            results.add(result, done=done)
+            results.append(result)
             accuracy = result.certificate.accuracy
             log.line(number, str(result.status), result.solution.iterations, accuracy, log.seconds)
             if callback is not None:
                 callback(number, result)
-            if not done:
+            if result.status not in CONTINUES:
                 break
-        history = History(results.first(len(results)), len(steps), tuple(results.statuses))
+        statuses = () if store is None else tuple(results.statuses)
+        history = History(tuple(results) if store is None else results, len(steps), statuses)
         log.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
 
-class _Steps(Protocol):
-    """The results so far."""
+def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[ContactProblem], Scales, bool]:
+    """The steps, which must have mesh and contacts of the first, their units, and whether any law varies along an edge.
 
-    statuses: list[Status]
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, index: int, /) -> ContactResult: ...
-
-    def add(self, result: ContactResult, *, done: bool) -> None: ...
-
-    def first(self, count: int) -> Sequence[ContactResult]: ...
-
-
-class _InMemory:
-    """Steps of which nothing but the memory knows."""
-
-    def __init__(self) -> None:
-        self._results: list[ContactResult] = []
-        self.statuses: list[Status] = []
-
-    def __len__(self) -> int:
-        return len(self._results)
-
-    def __getitem__(self, index: int, /) -> ContactResult:
-        return self._results[index]
-
-    def add(self, result: ContactResult, *, done: bool) -> None:  # noqa: ARG002  # all are kept
-        self._results.append(result)
-        self.statuses.append(result.status)
-
-    def first(self, count: int) -> Sequence[ContactResult]:
-        return tuple(self._results[:count])
-
-
-def _given(problems: Iterable[ContactProblem], kept: bool) -> Sequence[ContactProblem]:
-    """The steps, which a sequence may make anew each time it is asked, unless they are kept."""
+    A sequence may make steps anew each time it is asked, unless they are kept: so each is looked at once.
+    """
+    remedy = "give a list of at least one ContactProblem"
     if not isinstance(problems, Iterable):
-        raise InputError("problems", problems, "give a list of at least one ContactProblem")
+        raise InputError("problems", problems, remedy)
     steps = list(problems) if kept or not isinstance(problems, Sequence) else problems
     if not len(steps):
-        raise InputError("problems", problems, "give a list of at least one ContactProblem")
-    return steps
-
-
-def _surveyed(steps: Sequence[ContactProblem]) -> tuple[Scales, bool]:
-    """Units of all steps, which must have mesh and contacts of the first; whether a law varies along an edge in any."""
+        raise InputError("problems", problems, remedy)
     first, vary, known = steps[0], False, list[Scales]()
     for number in range(len(steps)):
         problem = steps[number]
@@ -410,7 +373,7 @@ def _surveyed(steps: Sequence[ContactProblem]) -> tuple[Scales, bool]:
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
         known.append(Scales.of(problem))
         vary = vary or laws_vary(problem)
-    return max(known, key=lambda scales: (scales.loaded, scales.stress)), vary
+    return steps, max(known, key=lambda scales: (scales.loaded, scales.stress)), vary
 
 
 def _frame(contact: Contact) -> tuple[str, str, str]:

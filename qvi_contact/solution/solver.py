@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -36,16 +36,12 @@ from solvers.solution import Attempt, Start
 from solvers.solve import facts_of
 from solvers.solve import solved as solve_checked
 
-if TYPE_CHECKING:
-    from qvi_contact.mechanism import Mechanism
-
 _MANY_CELLS = 20_000  # whose discretisation takes seconds
 _LINEAR = 2  # coefficients of a linear function
 UNITS: Final = Attempt("units", "stresses are far below the unit that the loads suggest", Status.STALLED, 0)
 FAR_OBSTACLES: Final = Attempt("far obstacles", "the body presses on one that was taken to be nearer", Status.SOLVED, 0)
 """Changes of the problem, tried in this order; why the first solve, or the one before, is not taken."""
 
-_ANSWERED: Final = (Status.SOLVED, Status.INACCURATE)
 _EXCEEDED: Final = 1e-7  # of the unit of stress: excess between the points that is more than the tolerance of solves
 
 
@@ -92,17 +88,32 @@ def solved(
 ) -> ContactResult:
     """The same with checked settings, until the time is over; from a result `before` in place of their `initial`."""
     with Log(f"qvi_contact {__version__}: solve", settings.verbose) as log:
-        known, units = problem, tuple[Attempt, ...]()
+        known, attempts = problem, tuple[Attempt, ...]()
         if isinstance(known, ContactProblem):
             if known.mesh.cell_count >= _MANY_CELLS:
                 report(Progress("mesh", stage=f"discretising {known.mesh.cell_count} cells"))
             given = discretize(known, degree=settings.degree, law_on=settings.law)
             known = _fitted(given, settings)
-            units = () if known is given else (UNITS,)
-        space, mesh = known.space, known.problem.mesh
-        element = f"{FAMILY} of degree {space.degree}, contact law on {known.rule.law_on}"
-        log.begin({"cells": mesh.cell_count, "element": element, **facts_of(known.qvi, settings.how)})
-        result = _judged(_solve(known, settings, settings.initial if before is None else before, units))
+            attempts = () if known is given else (UNITS,)
+        space, rule, how = known.space, known.rule, settings.how
+        if how.method == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
+            remedy = (
+                "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish where "
+                "the shear does not: leave law_on out, or give 'points'"
+            )
+            raise InputError("law_on", rule.law_on, remedy)
+        element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
+        log.begin({"cells": len(space.triangles), "element": element, **facts_of(known.qvi, how)})
+        initial = settings.initial if before is None else before
+        if initial is not None:
+            how = how.starting(_initial(initial, known))
+        solution = solve_checked(known.qvi, how)
+        attempts += solution.attempts
+        if _reached(known, solution):
+            known = known.with_far_obstacles()
+            solution = solve_checked(known.qvi, how)
+            attempts += (FAR_OBSTACLES, *solution.attempts)
+        result = _judged(ContactResult(known, replace(solution, attempts=attempts)))
         log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if settings.throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
@@ -140,31 +151,6 @@ def discretized(
     return _fitted(before.with_data(problem), settings)
 
 
-def _solve(
-    discretization: Discretization, settings: Settings, initial: object, attempts: tuple[Attempt, ...]
-) -> ContactResult:
-    """Solve, after these changes of the problem; again with obstacles where they stand if one moved closer is reached.
-
-    Attempts of the result are in their order: changes of the problem, and the ways of `solvers` after each.
-    """
-    rule, how = discretization.rule, settings.how
-    if how.method == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
-        remedy = (
-            "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish where the "
-            "shear does not: leave law_on out, or give 'points'"
-        )
-        raise InputError("law_on", rule.law_on, remedy)
-    if initial is not None:
-        how = how.starting(_initial(initial, discretization))
-    solution = solve_checked(discretization.qvi, how)
-    attempts += solution.attempts
-    if _reached(discretization, solution):
-        discretization = discretization.with_far_obstacles()
-        solution = solve_checked(discretization.qvi, how)
-        attempts += (FAR_OBSTACLES, *solution.attempts)
-    return ContactResult(discretization, replace(solution, attempts=attempts))
-
-
 def _reached(discretization: Discretization, solution: QVISolution) -> bool:
     """Whether the body presses on an obstacle that stands farther away than it was taken to be."""
     moved = joined([rows.beyond for rows in discretization.contacts if rows.law != "tied"]) > 0.0
@@ -190,7 +176,14 @@ def _initial(initial: object, discretization: Discretization) -> Start | FloatAr
         _ = initial.dofs  # says what is wrong if there is no state
         before, scales = initial.discretization.scales, discretization.scales
         start = Start.of(initial.solution, before.stress / scales.stress, before.displacement / scales.displacement)
-        return start if _same_unknowns(initial.discretization, discretization) else start.pressure
+        one, other = initial.discretization, discretization
+        same = (  # z means the same in both, and so do the rows of contacts
+            one.space.degree == other.space.degree
+            and one.qvi.m == other.qvi.m
+            and np.array_equal(one.supports.basis.kept, other.supports.basis.kept)
+            and one.problem.mesh.same_as(other.problem.mesh)
+        )
+        return start if same else start.pressure
     pressure, count = pressures(initial), discretization.qvi.m
     if pressure.shape != (count,):
         remedy = f"give a ContactResult, or pressures at all {count} contact points as an array of shape ({count},)"
@@ -199,58 +192,40 @@ def _initial(initial: object, discretization: Discretization) -> Start | FloatAr
     return np.asarray(np.maximum(pressure, 0.0) / discretization.scales.stress)
 
 
-def _same_unknowns(one: Discretization, other: Discretization) -> bool:
-    """Whether z means the same in both, and so do the rows of contacts."""
-    return (
-        one.space.degree == other.space.degree
-        and one.qvi.m == other.qvi.m
-        and np.array_equal(one.supports.basis.kept, other.supports.basis.kept)
-        and one.problem.mesh.same_as(other.problem.mesh)
-    )
-
-
 def _judged(result: ContactResult) -> ContactResult:
-    """The result with the status "infeasible" if a mechanism proves it, "infeasible_on_mesh" if only the mesh does."""
-    if result.status in _ANSWERED and not _exceeds(result):
-        return result
-    mechanism = _mechanism(result)
-    if mechanism is not None:
-        drive = "the driving loads do work, and nothing resists"
-        if mechanism.overload < float("inf"):
-            drive = f"the driving loads do {mechanism.overload:.6g} times the work that everything else can take up"
-        return _with_status(result, Status.INFEASIBLE, f"proved by a mechanism of rigid blocks, on which {drive}")
-    if result.status is not Status.INFEASIBLE:
-        return result
-    return _with_status(
-        result,
-        Status.INFEASIBLE_ON_MESH,
-        "no traction of this mesh carries the load, proved by multipliers (Farkas) checked on the data; there is no "
-        "such proof for the body",
-    )
+    """The result with the status "infeasible" if a mechanism proves it, "infeasible_on_mesh" if only the mesh does.
 
-
-def _exceeds(result: ContactResult) -> bool:
-    """Whether an answer exceeds, between the points, a contact law whose rows do not bound its work."""
-    largest = _EXCEEDED * result.discretization.scales.stress
+    An answer is doubted where it exceeds, between the points, a contact law whose rows do not bound its work. There is
+    no mechanism where its linear program fails, or functions have no values at its places.
+    """
     uneven = [
         contact.name
         for contact in result.problem.contacts
         if contact.law != "tied"
         and (callable(contact.friction) or callable(contact.cohesion) or contact.shear_limit is not None)
     ]
-    return any(result.contacts[name].excess_between_points > largest for name in uneven)
-
-
-def _mechanism(result: ContactResult) -> Mechanism | None:
-    """The mechanism that proves it; none where its linear program fails, or functions have no values at its places."""
+    largest = _EXCEEDED * result.discretization.scales.stress
+    answered = result.status in (Status.SOLVED, Status.INACCURATE)
+    if answered and not any(result.contacts[name].excess_between_points > largest for name in uneven):
+        return result
     from qvi_contact.mechanism import find_mechanism  # loaded where a load cannot be carried only
 
+    mechanism = None
     with suppress(SolveError, InputError):
-        return find_mechanism(result.problem)
-    return None
-
-
-def _with_status(result: ContactResult, status: Status, proof: str) -> ContactResult:
+        mechanism = find_mechanism(result.problem)
+    if mechanism is not None:
+        drive = "the driving loads do work, and nothing resists"
+        if mechanism.overload < float("inf"):
+            drive = f"the driving loads do {mechanism.overload:.6g} times the work that everything else can take up"
+        status, proof = Status.INFEASIBLE, f"proved by a mechanism of rigid blocks, on which {drive}"
+    elif result.status is Status.INFEASIBLE:
+        status = Status.INFEASIBLE_ON_MESH
+        proof = (
+            "no traction of this mesh carries the load, proved by multipliers (Farkas) checked on the data; there is"
+        )
+        proof += "is no such proof for the body"
+    else:
+        return result
     count = result.iterations
     message = f"{status.words} after {count} iteration{'s' if count != 1 else ''}; {proof}. {status.advice}"
     return ContactResult(result.discretization, replace(result.solution, status=status, message=message))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh, discretize, solve
+from qvi_contact.basics import Kept
 from qvi_contact.discretization import Elimination, Rows, walk
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import (
@@ -207,6 +208,20 @@ def test_factors_of_a_mesh_that_is_gone_are_freed():
         assert (factor(), mesh()) == (None, None)
     finally:
         gc.enable()
+
+
+def test_what_problems_share_cannot_be_written_to():
+    qvi = discretize(block()).qvi
+    for matrix in (qvi.K, qvi.N, qvi.T):
+        with pytest.raises(ValueError, match="read-only"):
+            matrix.data[0] = 1.0
+
+
+def test_of_one_kind_the_latest_few_are_kept():
+    kept, made = Kept(), []
+    for key in (1, 2, 3, 4, 1, 5, 1, 2):
+        kept(int, key, lambda key=key: made.append(key) or key)
+    assert made == [1, 2, 3, 4, 5, 2]
 
 
 def test_a_problem_on_another_mesh_is_refused():
