@@ -15,7 +15,6 @@ from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from solvers import Iteration
-from solvers.basics.checks import true_or_false
 from solvers.basics.types import Stated
 from solvers.solve import Settings as Method
 
@@ -98,7 +97,6 @@ class Settings(Stated):
 
     def __post_init__(self) -> None:
         refuse_arguments({name: value for name, value in self.options.items() if name in RETIRED})
-        true_or_false("verbose", self.verbose)
         _ = self.how
         if not isinstance(self.initial, ContactResult | None):
             _ = pressures(self.initial)
@@ -118,8 +116,9 @@ class Settings(Stated):
     @cached_property
     def how(self) -> Method:
         """What `solvers` takes of them; the start is added with the problem."""
-        given = {**self.options} if self.callback is None else {**self.options, "callback": self.callback}
-        return Method.of(self.method, self.inner, self.tolerance, self.throw, self.factorisation, self.threads, **given)
+        own = {name: getattr(self, name) for name in _OF_SOLVERS}
+        listener = {} if self.callback is None else {"callback": self.callback}
+        return Method.of(**own, **listener, **self.options)
 
     @property
     def law(self) -> LawOn | None:
@@ -144,5 +143,6 @@ def pressures(initial: object) -> FloatArray:
     return pressure
 
 
+_OF_SOLVERS = ("method", "inner", "tolerance", "factorisation", "threads", "time_limit", "verbose", "throw")
 _DEFAULTS = {each.name: each.default for each in fields(Settings)}
 _FIELDS = frozenset(_DEFAULTS)
