@@ -116,9 +116,10 @@ class Settings(Stated):
     @cached_property
     def how(self) -> Method:
         """What `solvers` takes of them; the start is added with the problem."""
-        own = {name: getattr(self, name) for name in _OF_SOLVERS}
-        listener = {} if self.callback is None else {"callback": self.callback}
-        return Method.of(**own, **listener, **self.options)
+        given: dict[str, Any] = {name: getattr(self, name) for name in _OF_SOLVERS}
+        if self.callback is not None:
+            given["callback"] = self.callback
+        return Method.of(**given, **self.options)
 
     @property
     def law(self) -> LawOn | None:
