@@ -32,7 +32,6 @@ from qvi_contact.bracket.fixed_bound import (
     fixed_bound_problem,
     with_bernstein_rows,
 )
-from qvi_contact.bracket.friction_norm import UNHELD, computed_norm
 from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference
 from qvi_contact.bracket.parts import (
     Bounds,
@@ -323,13 +322,7 @@ def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> Sha
         result = ContactResult(strict, solution)
         if not result.has_state:
             return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
-    found = with_shares(result)
-    if isinstance(found, str):  # a body that friction alone holds is the usual cause
-        try:
-            return found if np.isfinite(computed_norm(result.problem, {})) else UNHELD
-        except (FactorisationError, MemoryError) as error:
-            return f"The norm of friction was not computed: {error or 'out of memory'}."
-    return found
+    return with_shares(result)
 
 
 def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:

@@ -424,8 +424,62 @@ class TestPlates:
         conditions = [Contact("top", 0.5, name="plate", plate=plate), Displacement("bottom", x=0.0, y=0.0)]
         conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
         problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1.0, 0.3), conditions)
+        result = solve(problem, degree=4)
+        fine = solve(replace(problem, mesh=halved(problem.mesh).graded([(0.0, 1.0), (2.0, 1.0)], 6)), degree=6)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / difference(result, fine) < 3.0
+        assert found.reach > 1.0
+
+
+class TestFrictionAlone:
+    """Bodies that friction alone holds along their contacts."""
+
+    @staticmethod
+    def block(friction, push, cells=(4, 2)):
+        """A block on the ground, pressed down and pushed along it."""
+        loads = [Traction("top", x=push, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+        mesh = TriangleMesh.rectangle(cells, 2.0, 1.0)
+        return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [Contact("bottom", friction), *loads])
+
+    @staticmethod
+    def plate(friction):
+        """A whole plate between two platens."""
+        sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+        contacts = [Contact("bottom", friction), Contact("top", friction, gap=-0.1)]
+        mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0)
+        return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [*contacts, *sides])
+
+    @pytest.mark.parametrize(("problem", "reach"), [(block(0.5, 0.1), 0.8), (block(0.3, 0.2), 0.2), (plate(0.4), 0.4)])
+    def test_errors_and_forces_of_a_finer_mesh_are_within(self, problem, reach):
+        result = solve(problem, degree=4)
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=6)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / difference(result, fine) < 2.5
+        assert reach < found.reach < 4.0 * reach
+        for name in ("normal_force", "tangential_force"):
+            force = found.forces.get(f"bottom.{name}")
+            if force is not None:
+                assert force.lower - 1e-9 < getattr(fine.contacts["bottom"], name) < force.upper + 1e-9
+        assert "within" in result.uniqueness.message
+
+    def test_what_stops_a_motion(self):
+        """M of (D39) is a part of the friction that is left where the contact sticks, by another quadrature."""
+        problem = self.block(0.5, 0.1)
+        found = solve(problem, degree=4).bracket.coulomb
+        stopped, (share,) = found.norm.stopped, found.shares.values()
+        t, weights = np.polynomial.legendre.leggauss(8)
+        shapes = binom.pmf(np.arange(3), 2, (t[:, None] + 1.0) / 2.0)
+        room = (share.room * share.weights) @ shapes.T  # m B(τ) of all edges, in the unit of the weights
+        whole = float((room @ weights).sum()) * 0.5 * problem.mesh.edges("bottom").length[0]
+        unit = found.stress.discretization.scales
+        parts = stopped.masses[0] / (whole * unit.stress * unit.displacement)
+        assert np.isclose(parts, [1.0, 0.5, 0.25, 0.125], rtol=1e-9).any()
+
+    def test_where_nothing_sticks(self):
+        """A force that friction can just bear: the norm is infinite, and the message says what is missing."""
+        problem = self.block(0.2, 0.2)
         found = solve(problem, degree=4)
-        assert "hold the body along the contact" in found.bracket.message
+        assert "nothing is known of its errors" in found.bracket.message.lower()
         assert found.uniqueness.apart == np.inf
 
 
