@@ -44,7 +44,7 @@ from qvi_contact.bracket.parts import (
     strain_energy,
     tractions_on,
 )
-from qvi_contact.bracket.share import SharedStress, outside_scope, with_shares
+from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.space import degree_beside, triangle
@@ -257,8 +257,7 @@ def bracket(
     Raises
     ------
     InputError
-        If there is no stress state, an argument is wrong, the result belongs to a step of a history, or a
-        fluid presses in a contact.
+        If there is no stress state, an argument is wrong, or the result belongs to a step of a history.
 
     Notes
     -----
@@ -313,9 +312,13 @@ def bracket(
 
 def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
-    reason, known = outside_scope(result.problem), result.discretization
+    problem, known = with_numbers(result.problem), result.discretization
+    reason = outside_scope(problem)
     if reason:
         return reason
+    if problem is not result.problem:
+        known = replace(known, problem=problem)
+        result = ContactResult(known, result.solution)
     strict = with_bernstein_rows(known)
     if strict is not known:
         solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)

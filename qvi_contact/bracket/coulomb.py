@@ -208,9 +208,11 @@ def coulomb_bounds(
     defect = slack + float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
     s, parts_of_cells = norm.value, 0.0 * inside
     error = error_bound(residual, defect, s)
+    size_of_stress = float(np.sqrt(2.0 * strain_energy(fields, problem.compliances)))
     if norm.stopped is not None and error >= norm.stopped.reach:
-        error = np.inf
-        norm = replace(norm, reason=UNHELD.format("the computed stress is not near enough to a solution"))
+        near, apart = (100.0 * value / size_of_stress for value in (norm.stopped.reach, error))
+        what = f"what sticks stops it for solutions within {near:.2g} % of this one, less than the bound {apart:.2g} %"
+        norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
     if s < LARGEST:
         on_edges = by_cell(known, 0.0 * inside, edges)
         parts_of_cells = 2.0 * amplification(s) ** 2 * inside + on_edges / coercivity(s)
@@ -221,7 +223,7 @@ def coulomb_bounds(
         defect,
         error,
         float(np.sqrt(2.0 * strain_energy(change, problem.compliances))),
-        float(np.sqrt(2.0 * strain_energy(fields, problem.compliances))),
+        size_of_stress,
         parts_of_cells,
         (*reasons, *(() if norm.proved else (norm.reason,))),
         stress.places,

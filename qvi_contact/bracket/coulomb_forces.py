@@ -193,7 +193,8 @@ class _Model:
         scale = 1.0 / np.sqrt(K.diagonal())
         scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
         fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
-        body, changes = BodyAtRest.of(stress.problem, companion.degree), LeastChange.of(stress.discretization.qvi)
+        body, qvi = BodyAtRest.of(stress.problem, companion.degree), stress.discretization.qvi
+        changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
         return cls(body, fields, scale, splu(scaled), changes)
 
     def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
@@ -267,6 +268,7 @@ class _Pairs:
         if not np.isfinite(second):
             return None
         middle, residual = self._value(goals, c, z, plates, change)
+        middle -= a * float(line.trace.fluid.sum()) * self.known.scales.stress * self.known.scales.length
         rest = (error * residual + max(moved, pressed) * defect + second) / self.unit
         rest += _ROUNDED * abs(middle)
         return Bounds(middle - rest, middle + rest)

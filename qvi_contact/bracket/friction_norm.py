@@ -16,7 +16,7 @@ In `docs/theory.md`: (D26), (D28), (D30), (D39).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
@@ -44,7 +44,7 @@ UNHELD: Final = (
 )
 _DEGREE: Final = 3  # of displacements by which a norm is computed
 _USEFUL: Final = 1.6  # norm up to which proved bounds are not many times as large as errors
-_MOTIONS: Final = 4  # that friction alone stops, at most: every sense of each has a norm of its own
+_MOTIONS: Final = 3  # up to which every sense of each has a norm of its own
 _PARTS: Final = (1.0, 0.5, 0.25, 0.125)  # of the friction that is left which are tried: the norm grows with it,
 _NEARLY: Final = 0.75  # share of the largest reach that is enough
 _ALIKE: Final = 1e-6  # of a motion's largest slip: edges that it moves alike
@@ -238,11 +238,14 @@ class _Energies:
             return float("nan") if self.slips.any() else 0.0
         if others is None and self.unstrained.shape[1]:
             return float("inf")
-        image, Z = self._image(shares), np.eye(len(self.below)) if others is None else others
+        return self._norm(self._image(shares), np.eye(len(self.below)) if others is None else others)
+
+    def _norm(self, image: FloatArray, basis: FloatArray) -> float:
+        """The norm on slips with a basis of what turns slips into normal parts."""
         if not image.any():
             return 0.0
-        image = image @ Z
-        largest = eigh(image.T @ self.part @ image, Z.T @ self.below @ Z, eigvals_only=True)[-1]
+        turned = image @ basis
+        largest = eigh(turned.T @ self.part @ turned, basis.T @ self.below @ basis, eigvals_only=True)[-1]
         return float(np.sqrt(max(float(largest), 0.0)))
 
     def sizes(self, slips: FloatArray, shares: Mapping[str, Share]) -> FloatArray:
@@ -270,8 +273,6 @@ class _Energies:
         scales, count = Scales.of(problem), self.unstrained.shape[1]
         if any(trace.edges.curved for trace in self.traces if trace.name in shares):
             return "it touches along arcs"
-        if count > _MOTIONS:
-            return f"it could move in {count} ways, more than {_MOTIONS}"
         groups, motions = self._groups(shares, unit / scales.stress), self.unstrained / np.abs(self.unstrained).max()
         keys, means = (np.array(part) for part in zip(*((each.key, each.mean) for each in groups), strict=True))
         masses = (means * (motions @ keys.T).T).sum(axis=1) / np.maximum((keys**2).sum(axis=1), _ALIKE**2)
@@ -280,24 +281,34 @@ class _Energies:
             return "no part of the contacts sticks that would stop it"
         chosen = order[:count]
         means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
-        masses, moved_edges = np.diag(means @ d), [groups[group].edges for group in chosen]
+        masses, others, image = np.diag(means @ d), null_space(means), self._image(shares)
+        turned = [  # what friction left on each group turns into
+            self._image(
+                {name: replace(shares[name], values=way * shares[name].room) for name, way in groups[k].ways.items()}
+            )
+            for k in chosen
+        ]
 
-        def pushed(part: float) -> Iterator[dict[str, Share]]:
-            """The shares for all senses of the motions, with a part of the friction that is left."""
-            for senses in product((part, -part), repeat=count):
-                values = {name: share.values.copy() for name, share in shares.items()}
-                for sense, edges in zip(senses, moved_edges, strict=True):
-                    for name, edge, way in edges:
-                        values[name][edge] += sense * way * shares[name].room[edge]
-                yield {name: replace(share, values=values[name]) for name, share in shares.items()}
+        def sizes(part: float) -> FloatArray:
+            """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
+            both = ((image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0))
+            found = [float(np.sqrt(max(v @ self.part @ v, 0.0))) for v in both]
+            return np.maximum(found[::2], found[1::2])
 
-        images = {part: np.max([self.sizes(d, known) for known in pushed(part)], axis=0) for part in _PARTS}
-        reaches = {part: float((part * masses / np.maximum(images[part], 1e-300)).min()) for part in _PARTS}
+        reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
         part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
-        others = null_space(means)
-        norm = max(self.norm(known, others) for known in pushed(part))
+        if count <= _MOTIONS:
+            senses = product((part, -part), repeat=count)
+            norm = max(
+                self._norm(image + sum(sense * own for sense, own in zip(each, turned, strict=True)), others)
+                for each in senses
+            )
+        else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
+            work = sum(own.T @ self.part @ own for own in turned)
+            largest = eigh(others.T @ work @ others, others.T @ self.below @ others, eigvals_only=True)[-1]
+            norm = self._norm(image, others) + part * float(np.sqrt(count * largest))
         energy = scales.energy
-        return Stopped(norm, others, d, part * energy * masses, np.sqrt(energy) * images[part], self, energy)
+        return Stopped(norm, others, d, part * energy * masses, np.sqrt(energy) * sizes(part), self, energy)
 
     def _groups(self, shares: Mapping[str, Share], unit: float) -> list[_Group]:
         """Edges that the motions without strain move alike, or against each other."""
@@ -318,20 +329,21 @@ class _Energies:
                 near = ((g, way) for g in found for way in (1, -1) if np.abs(key - way * g.key).max() < _ALIKE)
                 group, way = next(near, (None, 1))
                 if group is None:
-                    group = _Group(key, np.zeros(int(self.slips.sum())), [])
+                    group = _Group(key, np.zeros(int(self.slips.sum())), {})
                     found.append(group)
-                group.edges.append((trace.name, edge, way))
+                own = group.ways.setdefault(trace.name, np.zeros((len(columns), 1)))
+                own[edge] = way
                 group.mean[:] += way * means[edge, self.slips]
         return found
 
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Edges that motions move alike: what slip that is (j,), the functional ∫ ± ω x_T ds (n,), and the edges with ±."""
+    """Edges that motions move alike: that slip (j,), the functional ∫ ± ω x_T ds (n,), and ±1 on them, else 0."""
 
     key: FloatArray
     mean: FloatArray
-    edges: list[tuple[str, int, int]]
+    ways: dict[str, FloatArray]
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()

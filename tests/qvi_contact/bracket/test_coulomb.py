@@ -475,6 +475,33 @@ class TestFrictionAlone:
         parts = stopped.masses[0] / (whole * unit.stress * unit.displacement)
         assert np.isclose(parts, [1.0, 0.5, 0.25, 0.125], rtol=1e-9).any()
 
+    def test_a_fluid_and_friction_given_as_a_function(self):
+        """Effective stresses: the force of the fluid is part of the bounds; a function with one value is a number."""
+        contact = Contact("bottom", Polynomial([[0.3]]), pore_pressure=Polynomial([[3.0], [-1.0]]))
+        loads = [Displacement("top", 2e-3, -1e-2), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        problem = ContactProblem(TriangleMesh.rectangle((4, 3), 2.0, 1.0), Material(1e3, 0.3), [contact, *loads])
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=6)
+        result = solve(problem, degree=4)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / difference(result, fine) < 2.0
+        for name in ("normal_force", "tangential_force"):
+            force = found.forces[f"bottom.{name}"]
+            assert force.lower < getattr(fine.contacts["bottom"], name) < force.upper
+
+    def test_a_stack_can_move_in_more_ways_than_are_tried(self):
+        """Four courses, each of which may slide: one inequality for all senses."""
+        mesh = TriangleMesh.rectangle((2, 5), 1.0, 1.0)
+        for number in range(1, 5):
+            mesh = mesh.with_joint(f"bed {number}", lambda _, y, at=number / 5.0: np.isclose(y, at))
+        beds = [Contact(f"bed {number}", 0.5) for number in range(1, 5)]
+        loads = [Displacement("bottom", x=0.0, y=0.0), Traction("top", x=0.1, y=-1.0)]
+        loads += [Traction("left", x=0.0, y=-0.05), Traction("right", x=0.0, y=0.05)]
+        problem = ContactProblem(mesh, Material(1.0, 0.3), [*beds, *loads])
+        result, fine = solve(problem, degree=4), solve(replace(problem, mesh=halved(mesh)), degree=5)
+        found = result.bracket.coulomb
+        assert len(found.norm.stopped.masses) == 4
+        assert 1.0 <= found.error / difference(result, fine) < 4.0
+
     def test_where_nothing_sticks(self):
         """A force that friction can just bear: the norm is infinite, and the message says what is missing."""
         problem = self.block(0.2, 0.2)
