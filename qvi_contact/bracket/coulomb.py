@@ -197,7 +197,7 @@ def coulomb_bounds(
     problem = known.problem
     fields = CellFields.of(known, result.dofs, companion.degree)
     before = CellFields.of(known, stress.before.dofs, companion.degree)
-    change = CellFields(fields.weights, fields.stress - before.stress, fields.t)
+    change = replace(fields, stress=fields.stress - before.stress)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
     norm = friction_norm(problem, shares, unit)
     residual = float(np.sqrt(2.0 * inside.sum()))

@@ -23,7 +23,7 @@ _TARGETS: Final = {
     "npz": ("NPZ", "Write problem and result as NumPy arrays (.npz), for qvi-contact verify."),
     "save_json": ("JSON", "Write what --json prints to a file."),
     "report": ("HTML", "Write a report on one page (.html): pictures, forces, bounds."),
-    "proof": ("FILE", "Write a proof of the first number, for check-proof: .json."),
+    "proof": ("FILE", "Write a proof of both numbers, for check-proof: .json."),
 }
 """Files that commands write, by option: what stands for their names, and what they are."""
 
@@ -339,10 +339,7 @@ def check(file: str, as_json: bool, **given: Any) -> None:
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
-@_writes(
-    "plot", "vtk", plot="Draw the duality gap over the body: .png, .svg or .pdf.",
-    vtk="Write the displacements for ParaView (.vtu).",
-)  # fmt: skip
+@_writes("plot", "vtk", plot="Draw the duality gap over the body: .png, .svg or .pdf.")
 def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
 
@@ -366,7 +363,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
 
     from qvi_contact.bracket.bounds import bracket as bracketed
     from qvi_contact.bracket.outcome import document, lines
-    from qvi_contact.command.outputs import write_bracket
+    from qvi_contact.command.outputs import SecondModel, write_all
     from qvi_contact.command.progress_line import solving
     from qvi_contact.command.report import result_lines
     from qvi_contact.files.export import summary
@@ -383,13 +380,14 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        write_bracket(targets, problem_file, found)
+        complete = write_all(targets, problem_file, SecondModel(result, known=found), {}, gap=True)
     if as_json:
         bounds = None if found is None else document(found, units)
         _show(problem_file, {"title": problem_file.title, **summary(result, units), "bracket": bounds})
     else:
         _show(problem_file, (*result_lines(result, units), *(() if found is None else ("", *lines(found, units)))))
-    return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
+    bounded = found is not None and result.status == "solved" and math.isfinite(found.gap)
+    return 2 if not complete else 0 if bounded else 1
 
 
 @group.command(short_help="Look for other solutions of the same problem.")
@@ -513,7 +511,6 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     "loads",
     metavar="NAME",
     multiple=True,
-    required=True,
     help="Name of a load to multiply; may be given several times.",
 )
 @click.option(
@@ -533,8 +530,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     the difference is within this share of the second number. Under Coulomb friction the body may slide below these
     loads; check a load by "qvi-contact solve". NAME is the name of a traction (its edge set if it has none), of a
     contact whose plate is driven by force, or "body" for the body force. Loads of one name are multiplied together.
-    With a [history] the problem at its first time is used. The exit status is 1 if the mesh carries no multiple, or if
-    the target was not reached.
+    With a [history] the problem at its first time is used. With --proof and without a --load the file proves that the
+    loads as they are cannot be carried, by a mechanism of rigid blocks. The exit status is 1 if the mesh carries no
+    multiple, or if the target was not reached.
 
     \b
     Examples:
@@ -543,10 +541,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
         qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_report import document, drawn, lines
+    from qvi_contact.command.limit_report import document, drawn, lines, proved
     from qvi_contact.command.progress_line import solving
-    from qvi_contact.limit.load_factor import limit_load_factor, limit_proof
-    from qvi_contact.limit.proof import save_proof
+    from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
 
@@ -556,15 +553,16 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     ):
         space: dict[str, Any] = {name: options[name] for name in _SPACE if name in options}
         told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
-        problem, refinement = problem_file.problem, None
+        problem, refinement, degree = problem_file.problem, None, space.get("degree")
+        if not loads and "proof" in targets:
+            click.echo("\n".join(proved(targets["proof"], problem, (), degree)))
+            return 0
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:
             refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
             found, problem = refinement.limit, refinement.problem
-        if "proof" in targets:
-            known = {name: value for name, value in space.items() if name == "degree"}
-            save_proof(targets["proof"], limit_proof(problem, list(loads), **known))
+        proofs = proved(targets["proof"], problem, list(loads), degree) if "proof" in targets else []
     if "plot" in targets and found.mechanism is None and found.collapse is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {targets['plot']}", err=True)
     elif "plot" in targets:
@@ -572,7 +570,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     if as_json:
         _show(problem_file, {"loads": list(loads), **document(found, refinement)})
     else:
-        click.echo("\n".join(lines(loads, found, refinement)))
+        click.echo("\n".join([*lines(loads, found, refinement), *proofs]))
     missed = refinement is not None and refinement.status != "reached"
     return 1 if missed or found == -float("inf") else 0
 
@@ -625,7 +623,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
 @group.command("check-proof", short_help="Check a proof file of limit in exact arithmetic.")
 @_FILE
 def check_proof(file: str) -> int:
-    """Check a proof that a body carries its loads times a factor, written by "qvi-contact limit --proof".
+    """Check a proof of what a body carries and of what it does not, written by "qvi-contact limit --proof".
 
     All arithmetic is exact. The check is the script qvi_contact/limit/check_proof.py, which needs nothing but Python's
     standard library. The exit status is 1 if something does not hold.

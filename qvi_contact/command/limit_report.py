@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
-from qvi_contact.limit.check_proof import check
+from qvi_contact.limit.check_proof import check, sentences
+from qvi_contact.limit.load_factor import limit_proof
+from qvi_contact.limit.proof import save_proof
 
 if TYPE_CHECKING:
     from qvi_contact.limit.load_factor import LimitLoad
@@ -31,7 +33,7 @@ def checked_proof(path: str) -> tuple[bool, str]:
     """
     try:
         proof = json.loads(Path(path).read_text(encoding="utf-8"))
-        factor, counted = check(proof)
+        *proved, counted = check(proof)
     except OSError as error:
         raise InputError("file", path, f"cannot be read ({error.strerror}): {_REMEDY}") from error
     except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
@@ -41,7 +43,15 @@ def checked_proof(path: str) -> tuple[bool, str]:
     except ValueError as error:
         return False, f"not proved: {error}"
     checked = ", ".join(f"{count} {name}" for name, count in counted.items())
-    return True, f"proved: the loads times {float(factor):.12g} are carried (checked: {checked})"
+    return True, "\n".join([*sentences(*proved), f"checked: {checked}"])
+
+
+def proved(path: str, problem: ContactProblem, loads: Sequence[str], degree: int | None) -> list[str]:
+    """Write a proof file; what people read of it."""
+    proof = limit_proof(problem, loads, degree=degree)
+    save_proof(path, proof)
+    found = sentences(*check(proof)[:2])
+    return found + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
 
 
 def drawn(path: str, loads: Sequence[str], problem: ContactProblem, limit: LimitLoad, units: Units) -> None:

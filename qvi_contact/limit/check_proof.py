@@ -1,109 +1,194 @@
-"""Checks a proof that a body carries its loads times a factor: ``python check_proof.py FILE``.
+"""Checks proofs of what a body carries and of what it does not: ``python check_proof.py FILE``.
 
 It needs nothing but Python's standard library, and all of its arithmetic is exact. The file states a body of straight
-triangles, each cut into three parts at its barycentre; an Airy function by the Bernstein ordinates of degree p on every
-part; loads, strengths and contact laws. With the potential φ of the body force the stresses of a part are
+triangles, loads, strengths and contact laws; each triangle is cut into three parts at its barycentre. What is said of
+polynomials on parts and edges is said of their Bernstein ordinates: a polynomial is a convex combination of these.
 
-    σ_xx = Φ_yy + φ,   σ_yy = Φ_xx + φ,   σ_xy = −Φ_xy,
+**What is carried.** An Airy function Φ of degree p has the stresses σ_xx = Φ_yy + φ, σ_yy = Φ_xx + φ, σ_xy = −Φ_xy with
+the potential φ of the body force, in equilibrium whatever Φ is. They carry the loads times "factor" if tractions agree
+across every edge, are the prescribed ones, and all ordinates of stress and of tractions on contacts are admissible.
 
-in equilibrium whatever Φ is. They carry the loads if (1) tractions agree across every edge between two parts, (2) they
-are the prescribed ones, (3) every Bernstein ordinate of the stress is in the cones of the strength, and (4) those of
-tractions on contacts, with one degree more, keep the contact law: at every point stresses are convex combinations of
-their ordinates.
+**What is not.** Velocities v that are zero where no traction is prescribed, and jump on contacts only, dissipate at
+most D = Σ |part| mean π(ε) + Σ mean π([v]) for every admissible stress. In equilibrium the loads have the power
+P_dead + α P_live ≤ D. So no stress carries more than α = (D − P_dead)/P_live; and none carries any α if P_live = 0 and
+D < P_dead. Roots are rational numbers from above.
 """
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from fractions import Fraction
 from itertools import product
-from typing import Any
+from math import comb, inf, isqrt
+from typing import Any, NamedTuple
 
 
-def check(proof: dict[str, Any]) -> tuple[Fraction, dict[str, int]]:
-    """The factor that is proved, and how much of what was checked; `ValueError` says what does not hold."""
-    factor = Fraction(proof["factor"])
-    laws = [[{key: _numbers(value) for key, value in cone.items()} for cone in law] for law in proof["strengths"]]
-    tractions: dict[Any, list[Any]] = {}
-    counted = {"parts": 0, "inner edges": 0, "cones": 0, "loads": 0, "contact edges": 0}
-    for t, names, ends, stress in _parts(proof, factor):
-        counted["parts"] += 1
-        law = proof["strength_of"][t]
-        for at, value in stress.values():
-            for cone in [] if law is None else laws[law]:
-                _demand(_inside(value, at, cone), f"a stress of triangle {t} is beyond its strength")
-                counted["cones"] += 1
-        for edge, side in _sides_of(names, ends, stress):
+def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | None, Counter[str]]:
+    """Factors below and above that are proved, None where the file does not speak of one, and how much was checked.
+
+    The factor above is −inf if no multiple is carried. `ValueError` says what does not hold.
+    """
+    proof = {**proof, "strengths": [[_exact(cone) for cone in law] for law in proof["strengths"]]}
+    proof["potential"], counted = _exact(proof["potential"]), Counter[str]()
+    lower = _carried(proof, counted) if "airy" in proof else None
+    upper = _exceeded(proof, counted) if "flow" in proof else None
+    _demand(lower is None or upper is None or lower <= upper, "the factors contradict each other")
+    return lower, upper, counted
+
+
+class Side(NamedTuple):
+    """A side of a part: ordinates along it, its normal, as long as the side, and 1 if that points out, −1 if in."""
+
+    values: list[Any]
+    normal: Any
+    out: int
+
+
+def _carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
+    """The factor of the loads that the Airy function carries."""
+    factor, p, tractions = Fraction(proof["factor"]), proof["degree"], dict[Any, list[Side]]()
+    phi = [a + factor * b for a, b in zip(proof["potential"]["dead"], proof["potential"]["live"], strict=True)]
+    for t, names, ends, slopes, c in _parts(proof, proof["airy"], p):
+        stress = {}
+        for alpha in _exponents(p - 2):
+            h = [[Fraction(0)] * 2 for _ in range(2)]  # second derivatives
+            for i, j, x, y in product(range(3), range(3), range(2), range(2)):
+                value = p * (p - 1) * c[tuple(alpha[n] + (n == i) + (n == j) for n in range(3))]
+                h[x][y] += value * slopes[i][x] * slopes[j][y]
+            at = [sum((Fraction(alpha[n], p - 2) * ends[n][i] for n in range(3)), Fraction(0)) for i in (0, 1)]
+            stress[alpha] = s = (h[1][1] + _affine(phi, at), h[0][0] + _affine(phi, at), -h[0][1])
+            for cone in _cones(proof, t):
+                _demand(_inside(s, _affine(cone["a"], at), cone), f"a stress of triangle {t} is beyond its strength")
+                counted["stresses in cones"] += 1
+        for edge, (values, n, out) in _sides(names, ends, stress):
+            side = Side([(s[0] * n[0] + s[2] * n[1], s[2] * n[0] + s[1] * n[1]) for s in values], n, out)
             tractions.setdefault(edge, []).append(side)
-    counted["inner edges"] = sum(_agree(edge, sides) for edge, sides in tractions.items())
-    for load in proof["loads"]:
-        sides, flipped = _at(tractions, load["edge"])
-        _demand(len(sides) == 1, f"edge {load['edge']} is loaded and not on the boundary")
-        given = [Fraction(a) + factor * Fraction(b) for a, b in zip(load["dead"], load["live"], strict=True)]
-        have = [sides[0][1] * _dot(_numbers(load["direction"]), value) for value in sides[0][0]]
-        _demand(have == (given[::-1] if flipped else given), f"the traction on edge {load['edge']} is not the load")
-        counted["loads"] += 1
-    for contact in proof["contacts"]:
-        for edge in contact["edges"]:
-            (found, _, normal), *_ = _at(tractions, edge)[0]
-            for value in _elevated(found):
-                _demand(_admissible(contact, value, normal), f"contact {contact['name']!r} is beyond its law")
-            counted["contact edges"] += 1
-    return factor, counted
+    for edge, sides in tractions.items():
+        _demand(_alone(edge, sides) or sides[0].values == sides[1].values, f"tractions across edge {edge} differ")
+        counted["edges with tractions"] += 1
+    for edge, loads in _loads(proof).items():
+        (values, _, out), *more = tractions[edge]
+        for d, dead, live in loads:
+            given = [a + factor * b for a, b in zip(dead, live, strict=True)]
+            have = [out * _dot(d, value) for value in values]
+            _demand(not more and have == given, f"the traction on edge {edge} is not the load")
+            counted["loads carried"] += 1
+    for edge, contact in _contacts(proof).items():
+        values, n, _ = tractions[edge][0]
+        beyond = f"contact {contact['name']!r} is beyond its law"
+        _demand(all(_admissible(contact, value, n) for value in _elevated(values)), beyond)
+        counted["contact edges within their law"] += 1
+    return factor
 
 
-def _parts(proof: dict[str, Any], factor: Fraction) -> Iterator[tuple[int, list[Any], list[Any], dict[Any, Any]]]:
-    """Triangle, names of corners, corners, and ordinates of stress with their places, of every part."""
-    p = proof["degree"]
-    number = {alpha: i for i, alpha in enumerate(_exponents(p))}
-    vertices = [_numbers(point) for point in proof["vertices"]]
-    dead, live = (_numbers(proof["potential"][kind]) for kind in ("dead", "live"))
-    potential = [a + factor * b for a, b in zip(dead, live, strict=True)]
-    for t, (corners, airy) in enumerate(zip(proof["triangles"], proof["airy"], strict=True)):
+def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
+    """The factor that the flow proves no stress to exceed."""
+    degree, spent, power = proof["flow"]["degree"], Fraction(0), {"dead": Fraction(0), "live": Fraction(0)}
+    velocities, loads, contacts = dict[Any, list[Side]](), _loads(proof), _contacts(proof)
+    for t, names, ends, slopes, v in _parts(proof, proof["flow"]["velocities"], degree):
+        area = abs(_cross(_less(ends[1], ends[0]), _less(ends[2], ends[0]))) / 2
+        for alpha in _exponents(degree - 1):
+            near = [v[tuple(alpha[n] + (n == i) for n in range(3))] for i in range(3)]
+            g = [[sum(degree * near[n][x] * slopes[n][y] for n in range(3)) for y in (0, 1)] for x in (0, 1)]
+            trace, d2 = g[0][0] + g[1][1], (g[0][0] - g[1][1]) ** 2 + (g[0][1] + g[1][0]) ** 2
+            rate = min([0 if trace == 0 == d2 else inf, *(_rate(trace, d2, cone, ends) for cone in _cones(proof, t))])
+            _demand(rate < inf, f"triangle {t} cannot flow like this")
+            spent += area * Fraction(rate) / len(_exponents(degree - 1))
+            counted["strain rates"] += 1
+        for kind, phi in proof["potential"].items():
+            power[kind] -= area * sum(_dot(phi[1:], value) for value in v.values()) / len(v)
+        for edge, side in _sides(names, ends, v):
+            velocities.setdefault(edge, []).append(side)
+    for edge, sides in velocities.items():
+        alone, (values, normal, out) = _alone(edge, sides), sides[0]
+        if edge in contacts:
+            other = [(0, 0)] * len(values) if alone else sides[1].values
+            for jump in map(_less, values, other):
+                w, slip = -out * _dot(normal, jump), abs(_cross(normal, jump))
+                spent += _slid(contacts[edge], w, slip) / len(values)
+            counted["contact edges that move"] += 1
+        elif alone:
+            for kind, value in _powers(edge, values, loads.get(edge, [])):
+                power[kind] += value
+        else:
+            _demand(values == sides[1].values, f"velocities across edge {edge} differ")
+        counted["edges with velocities"] += 1
+    least = spent - power["dead"]
+    _demand(power["live"] > 0 or (power["live"] == 0 and least < 0), "the flow has no power of the loads")
+    return least / power["live"] if power["live"] > 0 else -inf
+
+
+def _powers(edge: Any, velocities: list[Any], loads: list[tuple[Any, Any, Any]]) -> Iterator[tuple[str, Fraction]]:
+    """The power of the loads on an edge, along which v must be zero in the directions without a load."""
+    _demand(len(loads) < 2 or _dot(loads[0][0], loads[1][0]) == 0, f"loads on edge {edge} are slanted")
+    for v in velocities:
+        rest = v
+        for d, _, _ in loads:
+            rest = _less(rest, [_dot(d, v) * each / _dot(d, d) for each in d])
+        _demand(_dot(rest, rest) == 0, f"edge {edge} moves where no traction is prescribed")
+    for d, dead, live in loads:
+        along = [_dot(d, v) / _dot(d, d) for v in velocities]
+        for kind, values in (("dead", dead), ("live", live)):
+            yield kind, _product(values, along)
+
+
+def _parts(proof: dict[str, Any], values: Any, degree: int) -> Iterator[tuple[int, Any, Any, Any, dict[Any, Any]]]:
+    """Triangle, names of corners, corners, gradients of barycentric coordinates, and ordinates, of every part."""
+    vertices = _exact(proof["vertices"])
+    for t, (corners, of_triangle) in enumerate(zip(proof["triangles"], values, strict=True)):
         points = [vertices[v] for v in corners]
         centre = [sum((q[i] for q in points), Fraction(0)) / 3 for i in (0, 1)]
-        for part, (a, b) in zip(airy, ((1, 2), (0, 2), (0, 1)), strict=True):
-            c, ends = _numbers(part), [points[a], points[b], centre]
-            _demand(len(c) == len(number), f"triangle {t} has another degree")
+        for part, (a, b) in zip(of_triangle, ((1, 2), (0, 2), (0, 1)), strict=True):
+            ends = [points[a], points[b], centre]
             det = _cross(_less(ends[1], ends[0]), _less(ends[2], ends[0]))
             _demand(det != 0, f"triangle {t} has no area")
-            slopes = [_turned(_less(ends[(i + 2) % 3], ends[(i + 1) % 3]), det) for i in range(3)]
-            stress = {}
-            for alpha in _exponents(p - 2):
-                xx = yy = xy = Fraction(0)
-                for i, j in product(range(3), repeat=2):
-                    value = p * (p - 1) * c[number[tuple(alpha[n] + (n == i) + (n == j) for n in range(3))]]
-                    xx += value * slopes[i][0] * slopes[j][0]
-                    yy += value * slopes[i][1] * slopes[j][1]
-                    xy += value * slopes[i][0] * slopes[j][1]
-                at = [sum((Fraction(alpha[n], p - 2) * ends[n][i] for n in range(3)), Fraction(0)) for i in (0, 1)]
-                phi = potential[0] + potential[1] * at[0] + potential[2] * at[1]
-                stress[alpha] = at, (yy + phi, xx + phi, -xy)
-            yield t, [corners[a], corners[b], f"centre {t}"], ends, stress
+            opposite = [_less(ends[(i + 2) % 3], ends[(i + 1) % 3]) for i in range(3)]
+            slopes = [(-u[1] / det, u[0] / det) for u in opposite]
+            ordinates = dict(zip(_exponents(degree), _exact(part), strict=True))
+            yield t, [corners[a], corners[b], f"centre {t}"], ends, slopes, ordinates
 
 
-def _sides_of(names: list[Any], ends: list[Any], stress: dict[Any, Any]) -> Iterator[tuple[Any, Any]]:
-    """Tractions along the sides of a part, for a normal as long as the side; whether it points out; the normal."""
-    k = max(alpha[0] for alpha in stress)
+def _sides(names: list[Any], ends: list[Any], values: dict[Any, Any]) -> Iterator[tuple[Any, Side]]:
+    """The sides of a part with their names."""
+    k = max(alpha[0] for alpha in values)
     for i, j in ((0, 1), (0, 2), (1, 2)):
         first, second = sorted((i, j), key=lambda n: str(names[n]))
         along = _less(ends[second], ends[first])
         normal = (along[1], -along[0])
-        outward = 1 if _dot(normal, _less(ends[first], ends[3 - i - j])) > 0 else -1
-        found = []
-        for m in range(k + 1):
-            _, s = stress[tuple((k - m) * (n == first) + m * (n == second) for n in range(3))]
-            found.append((s[0] * normal[0] + s[2] * normal[1], s[2] * normal[0] + s[1] * normal[1]))
-        yield (str(names[first]), str(names[second])), (found, outward, normal)
+        out = 1 if _dot(normal, _less(ends[first], ends[3 - i - j])) > 0 else -1
+        at = [tuple((k - m) * (n == first) + m * (n == second) for n in range(3)) for m in range(k + 1)]
+        yield _key([names[first], names[second]]), Side([values[alpha] for alpha in at], normal, out)
 
 
-def _agree(edge: Any, sides: list[Any]) -> bool:
-    """Whether an edge lies between two parts, with the same tractions on both sides."""
-    _demand(len(sides) <= 2, f"edge {edge} has more than two sides")
-    if len(sides) == 2:
-        _demand(sides[0][0] == sides[1][0], f"tractions across edge {edge} differ")
-        _demand(sides[0][1] != sides[1][1], f"triangles overlap at edge {edge}")
-    return len(sides) == 2
+def _alone(edge: Any, sides: list[Side]) -> bool:
+    """Whether an edge is on the boundary; else it has parts on both sides."""
+    _demand(len(sides) == 1 or (len(sides) == 2 and sides[0].out != sides[1].out), f"triangles overlap at edge {edge}")
+    return len(sides) == 1
+
+
+def _key(edge: Any) -> tuple[str, ...]:
+    return tuple(sorted(map(str, edge)))
+
+
+def _cones(proof: dict[str, Any], t: int) -> list[dict[str, Any]]:
+    """The cones of the strength of a triangle; none if it is rigid, and carries any stress."""
+    law = proof["strength_of"][t]
+    return [] if law is None else list(proof["strengths"][law])
+
+
+def _contacts(proof: dict[str, Any]) -> dict[Any, dict[str, Any]]:
+    return {_key(edge): contact for contact in proof["contacts"] for edge in contact["edges"]}
+
+
+def _loads(proof: dict[str, Any]) -> dict[Any, list[tuple[Any, Any, Any]]]:
+    """By edges: d, and ordinates of d·σn that stay and that are multiplied, n outward and as long as the edge."""
+    found: dict[Any, list[tuple[Any, Any, Any]]] = {}
+    for load in proof["loads"]:
+        order = 1 if list(map(str, load["edge"])) == list(_key(load["edge"])) else -1
+        dead, live = (_exact(load[kind])[::order] for kind in ("dead", "live"))
+        found.setdefault(_key(load["edge"]), []).append((_exact(load["direction"]), dead, live))
+    return found
 
 
 def _elevated(values: list[Any]) -> list[Any]:
@@ -113,38 +198,76 @@ def _elevated(values: list[Any]) -> list[Any]:
     return [tuple((m * a + (k - m) * b) / k for a, b in zip(ends[m], ends[m + 1], strict=True)) for m in range(k + 1)]
 
 
+def _product(first: list[Any], second: list[Any]) -> Fraction:
+    """∫ of the product of two polynomials on [0, 1]."""
+    p, q = len(first) - 1, len(second) - 1
+    parts = [Fraction(comb(p, i) * comb(q, j), comb(p + q, i + j)) * a * b
+             for i, a in enumerate(first) for j, b in enumerate(second)]  # fmt: skip
+    return sum(parts, Fraction(0)) / (p + q + 1)
+
+
+def _law(contact: dict[str, Any]) -> tuple[bool, Fraction, Fraction, Fraction | float]:
+    cap = contact["shear_limit"]
+    mu, c = Fraction(contact["friction"]), Fraction(contact["cohesion"])
+    return contact["law"] == "bilateral", mu, c, inf if cap is None else Fraction(cap)
+
+
 def _admissible(contact: dict[str, Any], traction: Any, normal: Any) -> bool:
     """σ_N ≤ 0 (unless bilateral) and |σ_T| ≤ min(c − μ σ_N, t_max), all times the length squared."""
+    bilateral, mu, c, cap = _law(contact)
     square, n, t = _dot(normal, normal), _dot(normal, traction), abs(_cross(normal, traction))
-    mu, c, cap = Fraction(contact["friction"]), Fraction(contact["cohesion"]), contact["shear_limit"]
-    bilateral = contact["law"] == "bilateral"
     bound = c * square - (0 if bilateral else mu * n)
-    return (bilateral or n <= 0) and t <= bound and (cap is None or t <= Fraction(cap) * square)
+    return (bilateral or n <= 0) and t <= bound and (cap == inf or t <= cap * square)
 
 
-def _inside(stress: Any, at: Any, cone: dict[str, Any]) -> bool:
-    """gamma2 S² + (σ_xx − σ_yy)² + 4 σ_xy² ≤ (f a − β S)², or ≤ f2 a² where that is given; a is affine in (x, y)."""
-    total, a = stress[0] + stress[1], cone["a"][0] + cone["a"][1] * at[0] + cone["a"][2] * at[1]
-    radius = (stress[0] - stress[1]) ** 2 + 4 * stress[2] ** 2
+def _slid(contact: dict[str, Any], w: Fraction, t: Fraction) -> Fraction:
+    """π of the opening w and slip t: the most that −σ_N' w + |σ_T| t can be."""
+    bilateral, mu, c, cap = _law(contact)
+    stuck = mu > 0 and cap == inf and (t != 0 if bilateral else w < mu * t)
+    _demand(not stuck and (w == 0 if bilateral else w >= 0), f"contact {contact['name']!r} cannot move like this")
+    if mu == 0 or cap == inf:
+        return Fraction(min(c, cap) * t if t else 0)
+    dilatant = Fraction(0) if bilateral else min(t, w / mu)
+    return Fraction(cap * t - max(cap - c, 0) * dilatant)
+
+
+def _inside(stress: Any, a: Fraction, cone: dict[str, Any]) -> bool:
+    """gamma2 S² + (σ_xx − σ_yy)² + 4 σ_xy² ≤ (f a − β S)², or ≤ f2 a² where that is given, with S = σ_xx + σ_yy."""
+    total, radius = stress[0] + stress[1], (stress[0] - stress[1]) ** 2 + 4 * stress[2] ** 2
     if "f2" in cone:
         return bool(a >= 0 and radius + cone["gamma2"] * total**2 <= cone["f2"] * a**2)
     limit = cone["f"] * a - cone["beta"] * total
     return bool(limit >= 0 and radius <= limit**2)
 
 
-def _at(tractions: dict[Any, list[Any]], edge: list[int]) -> tuple[list[Any], bool]:
-    """What the parts at an edge have, and whether they count it from its second end."""
-    first, second = sorted(map(str, edge))
-    _demand((first, second) in tractions, f"there is no edge {edge}")
-    return tractions[first, second], [first, second] != list(map(str, edge))
+def _rate(trace: Fraction, d2: Fraction, cone: dict[str, Any], ends: list[Any]) -> Fraction | float:
+    """π of a strain rate in a cone, or a little more, by tr ε and d2 = (ε_xx − ε_yy)² + (2 ε_xy)²; or inf."""
+    a = max(_affine(cone["a"], at) for at in ends)
+    if "f2" in cone and cone["gamma2"] > 0:
+        return a * _root(cone["f2"] * (d2 + trace**2 / cone["gamma2"])) / 2
+    if "f2" in cone or cone["beta"] == 0:
+        return a * _root(d2 * (cone["f2"] if "f2" in cone else cone["f"] ** 2)) / 2 if trace == 0 else inf
+    s = trace / cone["beta"]
+    return cone["f"] * a * s / 2 if s >= 0 and s**2 >= d2 else inf
+
+
+def _root(x: Fraction) -> Fraction:
+    """A number not below √x."""
+    return Fraction(isqrt(x.numerator * 4**128 // x.denominator) + 1, 2**128) if x else x
+
+
+def _affine(parts: Any, at: Any) -> Fraction:
+    return Fraction(parts[0] + parts[1] * at[0] + parts[2] * at[1])
 
 
 def _exponents(degree: int) -> list[tuple[int, ...]]:
     return [(i, j, degree - i - j) for i in range(degree, -1, -1) for j in range(degree - i, -1, -1)]
 
 
-def _numbers(value: Any) -> Any:
-    return [Fraction(each) for each in value] if isinstance(value, list) else Fraction(value)
+def _exact(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _exact(each) for key, each in value.items()}
+    return [_exact(each) for each in value] if isinstance(value, list) else Fraction(value)
 
 
 def _less(u: Any, v: Any) -> Any:
@@ -159,18 +282,21 @@ def _cross(u: Any, v: Any) -> Fraction:
     return Fraction(u[0] * v[1] - u[1] * v[0])
 
 
-def _turned(u: Any, det: Fraction) -> Any:
-    """The gradient of a barycentric coordinate from the opposite side."""
-    return (-u[1] / det, u[0] / det)
-
-
 def _demand(holds: bool, otherwise: str) -> None:
     if not holds:
         raise ValueError(otherwise)
 
 
+def sentences(lower: Fraction | float | None, upper: Fraction | float | None) -> list[str]:
+    """What is proved."""
+    found = [] if lower is None else [f"proved: the loads times {float(lower):.12g} are carried"]
+    if upper is not None:
+        what = f"no stress carries the loads times more than {float(upper):.12g}"
+        found.append(f"proved: {what if upper > -inf else 'no stress carries any multiple of the loads'}")
+    return found
+
+
 if __name__ == "__main__":
     with open(sys.argv[1], encoding="utf-8") as file:
-        proved, numbers = check(json.load(file))
-    print(f"proved: the loads times {proved} ≈ {float(proved):.12g} are carried")
-    print(", ".join(f"{count} {name}" for name, count in numbers.items()))
+        *proved, numbers = check(json.load(file))
+    print("\n".join([*sentences(*proved), ", ".join(f"{count} {name}" for name, count in numbers.items())]))

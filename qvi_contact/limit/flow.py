@@ -128,8 +128,8 @@ class _Nodes:
 
     Attributes
     ----------
-    places : (m, 3) array
-        Barycentric places.
+    keys : (m, 4) int array
+        Weights of the three corners and of the barycentre, times the degree.
     of_parts : (3, count) int array
         The coefficients of each part.
     of_sides : (3, p) int array
@@ -137,9 +137,14 @@ class _Nodes:
 
     """
 
-    places: FloatArray
+    keys: IntArray
     of_parts: IntArray
     of_sides: IntArray
+
+    @property
+    def places(self) -> FloatArray:
+        """Barycentric places (m, 3)."""
+        return np.asarray((self.keys[:, :3] + self.keys[:, 3:] / 3.0) / self.keys[0].sum())
 
     @classmethod
     def of(cls, degree: int) -> _Nodes:
@@ -152,14 +157,13 @@ class _Nodes:
                 key[a], key[b] = first, second
                 parts[s, j] = index.setdefault((key[0], key[1], key[2], key[3]), len(index))
         keys = np.array(list(index))
-        places = (keys[:, :3] + keys[:, 3:] / 3.0) / degree
         sides = np.empty((3, degree + 1), dtype=np.int64)
         for s, (a, b) in enumerate(EDGES):
             for i in range(degree + 1):
                 key = [0, 0, 0, 0]
                 key[a], key[b] = degree - i, i
                 sides[s, i] = index[key[0], key[1], key[2], 0]
-        return cls(places, parts, sides)
+        return cls(keys, parts, sides)
 
 
 class Velocities:
@@ -316,8 +320,11 @@ class FlowProgram:
         self.k = cones.degree
         self.space = Velocities(problem, self.k + 1, cones.strong)
 
-    def solved(self) -> Flow:
-        """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions."""
+    def solved(self, share: float = 0.0) -> Flow:
+        """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions.
+
+        It goes a share of the way towards a flow inside all limits, as far as they leave room.
+        """
         works = {name: row @ self.space.basis for name, row in self.powers().items()}
         size = self.space.basis.shape[1]
         live = sum((works[name] for name in works if name in self.names), np.zeros(size))
@@ -326,7 +333,7 @@ class FlowProgram:
         found = program.solve()
         if isinstance(found, str):
             return Flow(np.inf if found == INFEASIBLE else -np.inf, 0.0)
-        x, violation = program.repaired(self._raised(program, found, size))
+        x, violation = program.repaired(self._raised(program, found, size), share)
         x = self._raised(program, x, size)
         power = float(live @ x[:size])
         if not violation <= _HELD or not power > 0.0:

@@ -16,10 +16,11 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.flow import BodyMotion, FlowProgram, gap_in_cells
+from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
 from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
-from qvi_contact.limit.proof import lower_proof
+from qvi_contact.limit.proof import Statement, carried, proof_of
 from qvi_contact.limit.stresses import StressProgram, YieldCones, coefficients_of
-from qvi_contact.mechanism import Mechanism, upper_bound
+from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
@@ -199,10 +200,13 @@ def limit_proof(
     degree: int | None = None,
     time_limit: float | None = None,
 ) -> dict[str, Any]:
-    """A proof in rational numbers that the named loads are carried times a factor just below `LimitLoad.lower`.
+    """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
 
-    It holds the Bernstein ordinates of an Airy function, loads, strengths and contact laws, and is checked in exact
-    arithmetic by `qvi_contact/limit/check_proof.py`, a script that needs nothing but Python's standard library.
+    It holds loads, strengths and contact laws; the Bernstein ordinates of an Airy function whose stresses carry the
+    named loads times a factor just below `LimitLoad.lower`; and velocities which show that no stress carries more than
+    a factor just above `LimitLoad.upper`. Without names of loads it has only velocities, of rigid blocks, which show
+    that no stress carries all loads as they are. `qvi_contact/limit/check_proof.py`, a script that needs nothing but
+    Python's standard library, checks it in exact arithmetic.
 
     Parameters
     ----------
@@ -217,20 +221,36 @@ def limit_proof(
     Returns
     -------
     dict
-        To be saved as JSON.
+        To be saved as JSON. A side that cannot be proved is left out; "missing" says why.
 
     Raises
     ------
     InputError
         If the problem has something that proof files do not hold.
     SolveError
-        If the mesh carries no largest multiple, or the proof fails in exact arithmetic.
+        If there is no finite bound, or no proof holds in exact arithmetic.
 
     """
     with deadline(time_limit):
-        posed = _posed(problem, loads, degree=degree)
-        cones = YieldCones.of(posed.problem, posed.low.space.degree - 2)
-        return lower_proof(posed.problem, posed.names, StressProgram(posed.low, posed.high, cones))
+        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
+        low, names = posed.low, posed.names
+        cones = YieldCones.of(problem, low.space.degree - 2)
+        flow = FlowProgram(problem, names, cones, low.scales)
+
+        def above(stated: Statement) -> dict[str, Any]:
+            factor, mechanism = upper_bound(problem, names) if names else (math.inf, find_mechanism(problem))
+            motion: Mechanism | BodyMotion | None = mechanism
+            if names and problem.yields and factor > -math.inf:
+                found = flow.solved(KEPT_BACK)
+                motion = found.motion if found.bound < factor else mechanism
+            if motion is None:
+                raise SolveError("proof: the loads can grow without limit" if names else "proof: no rigid blocks move")
+            return exceeded(stated, flow, motion)
+
+        sides = {"upper": above}
+        if names:
+            sides = {"lower": lambda stated: carried(stated, StressProgram(low, posed.high, cones)), **sides}
+        return proof_of(problem, names, cones.degree, sides)
 
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:

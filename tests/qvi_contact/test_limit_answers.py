@@ -28,13 +28,17 @@ FULL = EFFORT >= 10.0
 NEAR = 1e-9
 
 
-def ground(strength):
-    """Half of a strip of pressure 1 wide on a layer 2 deep."""
-    mesh = TriangleMesh.grid([0, 0.5, 1, 2, 3, 4], [-2, -1, 0])
+def ground(strength, lines=(0, 0.5, 1, 2, 3, 4)):
+    """Half of a strip of pressure 1 wide on a layer 2 deep, and as long as the last of the vertical lines says.
+
+    What gives way under friction ends 2 r cos(45° + φ/2) beyond the strip, with r = e^(π/2 tan φ)/(2 cos(45° + φ/2)):
+    2.5 at 20°, 4.3 at 30°.
+    """
+    mesh = TriangleMesh.grid(lines, [-2, -1, 0])
     mesh = TriangleMesh(mesh.vertices, mesh.cells)
     mesh = mesh.with_edges("foot", lambda x, y: (y > -NEAR) & (x < 1)).with_edges("left", lambda x, _: x < NEAR)
     mesh = mesh.with_edges("free", lambda x, y: (y > -NEAR) & (x > 1))
-    mesh = mesh.with_edges("far", lambda x, y: (x > 4 - NEAR) | (y < -2 + NEAR))
+    mesh = mesh.with_edges("far", lambda x, y: (x > lines[-1] - NEAR) | (y < -2 + NEAR))
     held = [Symmetry("left"), Displacement("far", x=0, y=0)]
     loads = [Traction("foot", x=0, y=-1.0), Traction("free", x=0, y=0)]
     return ContactProblem(mesh, Material(10.0, 0.3, "strain", strength), [*held, *loads])
@@ -73,7 +77,16 @@ CASES = {
     "vertical cut": (cut(), "body", 3.7752, 3.7776, 0.09, 0.007, 3, 9),
     "Nc, 10°": (ground(MohrCoulomb(1.0, np.pi / 18)), "foot", 8.34492, 8.34492, 0.08, 0.01, 3, 6),
     "Nc, 20°": (ground(MohrCoulomb(1.0, np.pi / 9)), "foot", 14.83470, 14.83470, 0.12, 0.015, 3, 7),
-    "Nc, 30°": (ground(MohrCoulomb(1.0, np.pi / 6)), "foot", 30.13963, 30.13963, 0.2, 0.03, 3, 7),
+    "Nc, 30°": (
+        ground(MohrCoulomb(1.0, np.pi / 6), (0, 0.5, 1, 2, 3, 4.5, 6)),
+        "foot",
+        30.13963,
+        30.13963,
+        0.2,
+        0.03,
+        3,
+        7,
+    ),
 }
 
 

@@ -4,6 +4,7 @@ import copy
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from qvi_contact import (
     Mises,
     MohrCoulomb,
     RigidPlate,
+    SolveError,
     Symmetry,
     Traction,
     Tresca,
@@ -68,10 +70,13 @@ def heavy_wall(strength=None):
 def test_proofs_hold_and_lose_next_to_nothing(problem, load):
     limit, proof = limit_load_factor(problem, [load], degree=4), limit_proof(problem, [load], degree=4)
     assert float(Fraction(proof["factor"])) == pytest.approx(limit.lower, rel=1e-4)
-    factor, counted = check(json.loads(json.dumps(proof)))
-    assert factor == Fraction(proof["factor"])
-    assert counted["parts"] == 3 * problem.mesh.cell_count
-    assert (counted["cones"] > 0) == problem.yields
+    lower, upper, counted = check(json.loads(json.dumps(proof)))
+    assert lower == Fraction(proof["factor"])
+    assert counted["edges with tractions"] >= 4.5 * problem.mesh.cell_count
+    assert (counted["stresses in cones"] > 0) == problem.yields
+    assert (upper is None) == ("upper" in proof["missing"])
+    if upper is not None:
+        assert float(upper) == pytest.approx(limit.upper, rel=1e-3)
 
 
 def changed(proof, place, more="1/1000000000000000000000"):
@@ -94,6 +99,32 @@ def test_every_number_counts():
     for place in [("strengths", 0, 0, "a", 0), ("contacts", 0, "friction")]:
         with pytest.raises(ValueError, match="beyond"):
             check(changed(proof, place, "-1/2" if place[0] == "contacts" else "-19/10"))
+
+
+def test_every_velocity_counts():
+    """Flows of a body that keeps its volume, of one that dilates, and of rigid blocks."""
+    wall = heavy_wall()
+    slippery = replace(wall, conditions=[Contact("bottom", 0.1), *wall.conditions[1:]])
+    cases = [(stretched(Tresca(0.7)), "top"), (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"), (slippery, "push")]
+    for problem, load in cases:
+        proof = limit_proof(problem, [load], degree=3)
+        del proof["airy"]
+        for part in (0, 2):
+            with pytest.raises(ValueError, match=r"cannot flow|differ|moves where"):
+                check(changed(proof, ("flow", "velocities", 3, part, 1, 0)))
+    with pytest.raises(ValueError, match="cannot move"):  # blocks slide, and would have to rise by more
+        check(changed(proof, ("contacts", 0, "friction"), "1"))
+
+
+def test_loads_that_cannot_be_carried():
+    """A mechanism of rigid blocks proves it; loads that are carried have none."""
+    wall = heavy_wall()
+    pushed = [replace(each, x=5.0) if each.name == "push" else each for each in wall.conditions]
+    proof = limit_proof(replace(wall, conditions=pushed), [])
+    assert check(json.loads(json.dumps(proof)))[:2] == (None, -np.inf)
+    with pytest.raises(SolveError, match="no rigid blocks move"):
+        limit_proof(replace(wall, conditions=[each for each in wall.conditions if each.name != "push"]
+                            + [Traction("left", x=0, y=0)]), [])  # fmt: skip
 
 
 def test_a_factor_beyond_the_limit_has_no_proof():
@@ -134,7 +165,9 @@ def test_what_files_do_not_hold_is_refused(contact, field):
 def test_the_command_writes_and_checks_them(tmp_path, shell):
     file, proof = tmp_path / "block.toml", tmp_path / "limit.json"
     save_problem(file, stretched(Tresca(0.7)))
-    assert shell("limit", file, "--load", "top", "--proof", proof)[0] == 0
+    status, out, _ = shell("limit", file, "--load", "top", "--proof", proof)
+    assert status == 0
+    assert out.count("proved:") == 2
     status, out, _ = shell("check-proof", proof)
     assert status == 0
     assert out.startswith("proved")
