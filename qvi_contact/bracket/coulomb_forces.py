@@ -271,7 +271,7 @@ class _Pairs:
         middle -= a * float(line.trace.fluid.sum()) * self.known.scales.stress * self.known.scales.length
         rest = (error * residual + max(moved, pressed) * defect + second) / self.unit
         rest += _ROUNDED * abs(middle)
-        return Bounds(middle - rest, middle + rest)
+        return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
     def _spaces(self) -> _Spaces:

@@ -104,7 +104,7 @@ class FrictionNorm:
         if not any(share.values.any() for share in shares.values()):
             return 0.0
         if self.proved:
-            return proved_norm(problem, shares)[0] * error**2
+            return float(proved_norm(problem, shares)[0] * error**2)
         moved = 0.0 if self.stopped is None else self.stopped.work(shares, error, defect)
         return computed_norm(problem, shares, self.stopped) * error**2 + moved
 

@@ -244,7 +244,11 @@ def with_numbers(problem: ContactProblem) -> ContactProblem:
                 values = evaluate(f"Contact.{name}", field, *points)
                 if np.ptp(values) <= _SAME * np.abs(values).max():
                     before = changed.get(contact.name, contact)
-                    changed[contact.name] = replace(before, **{name: float(values.flat[0])})
+                    value = float(values.flat[0])
+                    is_friction = name == "friction"
+                    changed[contact.name] = (
+                        replace(before, friction=value) if is_friction else replace(before, cohesion=value)
+                    )
     if not changed:
         return problem
     conditions = [changed.get(each.name, each) if isinstance(each, Contact) else each for each in problem.conditions]
@@ -388,8 +392,8 @@ def _common(ends: list[_End]) -> float:
 def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactResult, dict[str, Share]] | str:
     """The result with the shear that the shares say, by the least energy of a change, and these shares.
 
-    Where an edge bears pressure that may change too, and the bound with it: the rows are (τ + η)_T = −s B(τ + η).
-    Inside edges that stick s may be any other: what the ends ask for is balanced there as far as |s| ≤ 1 allows.
+    Inside edges that stick s may be any other: what the ends ask for is balanced there as far as |s| ≤ 1 allows. Where
+    that is not enough pressure changes too, and the bound with it: the rows are (τ + η)_T = −s B(τ + η).
     """
     known, qvi = result.discretization, result.discretization.qvi
     m, rough = qvi.m, [rows for rows in known.contacts if rows.name in shares]
@@ -408,33 +412,34 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
         return result, dict(shares)
     free &= np.abs(wanted) <= _MET * size  # not what an end has asked for
     shears = sparse.csr_array(qvi.T - sparse.diags_array(turned) @ qvi.N)
-    for trial in range(_TRIALS):
-        free, bears = free & (trial < _TRIALS - 1), bears & (trial < _TRIALS - 1)
-        kept = np.flatnonzero(np.concatenate([~bears, ~free, np.ones(qvi.A.shape[0], dtype=bool)]))
-        rows_kept = sparse.csr_array(sparse.vstack([qvi.N, shears, qvi.A]))[kept]
-        right = np.concatenate([np.zeros(m), wanted, np.zeros(qvi.A.shape[0])])[kept]
-        change = LeastChange.of(qvi, rows_kept).solved(right)
-        moved = ContactResult(known, replace(result.solution, z=result.solution.z + change))
-        found, wrong = dict(shares), np.zeros((2, m), dtype=bool)
-        for rows in rough:
-            share, at = shares[rows.name], rows.rows
-            bound, shear = bound_and_shear(moved, share.contact)
-            inside = free[at].reshape(bound.shape)
-            values = np.where(inside, -shear / np.maximum(bound, 1e-300), share.values)
-            wrong[0, at] = bears[at] & (tractions_on(known, moved.dofs, rows)[0] > 0.0).ravel()
-            wrong[1, at] = (np.abs(values) > 1.0).ravel()
-            room = np.where(inside & (share.room > 0.0), 1.0 - np.abs(values), share.room)
-            found[rows.name] = replace(
-                share, values=values, room=room, weights=np.where(share.weights > 0.0, bound, 0.0)
-            )
-        if not wrong.any():
-            break
-        bears, free = bears & ~wrong[0], free & ~wrong[1]
-    left = np.abs(rows_kept @ change - right)
-    if left.max() > _MET * size:
-        row = int(kept[left.argmax()])
-        return _where(known, row % m if row < 2 * m else 0)
-    return moved, found
+    for pressure_changes in (False, True):
+        inside, pressed = free, bears & pressure_changes
+        for trial in range(_TRIALS):
+            inside, pressed = inside & (trial < _TRIALS - 1), pressed & (trial < _TRIALS - 1)
+            kept = np.flatnonzero(np.concatenate([~pressed, ~inside, np.ones(qvi.A.shape[0], dtype=bool)]))
+            rows_kept = sparse.csr_array(sparse.vstack([qvi.N, shears, qvi.A]))[kept]
+            right = np.concatenate([np.zeros(m), wanted, np.zeros(qvi.A.shape[0])])[kept]
+            change = LeastChange.of(qvi, rows_kept).solved(right)
+            moved = ContactResult(known, replace(result.solution, z=result.solution.z + change))
+            found, wrong = dict(shares), np.zeros((2, m), dtype=bool)
+            for rows in rough:
+                share, at = shares[rows.name], rows.rows
+                bound, shear = bound_and_shear(moved, share.contact)
+                here = inside[at].reshape(bound.shape)
+                values = np.where(here, -shear / np.maximum(bound, 1e-300), share.values)
+                wrong[0, at] = pressed[at] & (tractions_on(known, moved.dofs, rows)[0] > 0.0).ravel()
+                wrong[1, at] = (np.abs(values) > 1.0).ravel()
+                room = np.where(here & (share.room > 0.0), 1.0 - np.abs(values), share.room)
+                weights = np.where(share.weights > 0.0, bound, 0.0)
+                found[rows.name] = replace(share, values=values, room=room, weights=weights)
+            if not wrong.any():
+                break
+            pressed, inside = pressed & ~wrong[0], inside & ~wrong[1]
+        left = np.abs(rows_kept @ change - right)
+        if left.max() <= _MET * size:
+            return moved, found
+    row = int(kept[left.argmax()])
+    return _where(known, row % m if row < 2 * m else 0)
 
 
 def _where(known: Discretization, row: int) -> str:
