@@ -180,7 +180,7 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
         return {}
     name, value, _, sign = acting[0]
     assert not callable(value)
-    return {name: Bounds(*sorted(sign * 2.0 * bound / value for bound in (lower, upper)))}
+    return {name: Bounds(*sorted(float(sign * 2.0 * bound / value) for bound in (lower, upper)))}
 
 
 def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, ForceDifference]:
