@@ -38,7 +38,7 @@ from qvi_contact.mesh.selection import (
 )
 from qvi_contact.mesh.topology import Topology, chains
 from solvers.basics.names import known_name
-from solvers.basics.types import Stated, load
+from solvers.basics.types import PicklesFields, load
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
@@ -51,7 +51,7 @@ _DEEPEST: Final = 100
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangleMesh(Stated):
+class TriangleMesh(PicklesFields):
     """A body divided into triangles.
 
     Parameters
