@@ -157,9 +157,7 @@ class _Run:
             time.perf_counter() - self.began,
         )  # fmt: skip
         self.best.history.append(entry)
-        report(Progress("pivoting", entry))
-        if self.options.callback is not None:
-            self.options.callback(entry)
+        report(Progress("pivoting", entry), self.options.callback)
         if certificate.accuracy < self.accuracy:
             self.accuracy = certificate.accuracy
             best = self.best
