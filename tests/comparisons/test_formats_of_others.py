@@ -26,8 +26,8 @@ from comparisons.exchange import (
     state_of,
     write_fclib,
 )
+from qvi_contact.basics.files import LARGEST
 from solvers import FrictionQVI, InputError, Status, TractionFactor, certify, solve_qvi
-from solvers.basics import LARGEST
 from solvers.inequality import Compliance
 from tests.solvers.conftest import dragged_block, two_contacts
 

@@ -209,7 +209,7 @@ def test_what_could_not_be_written_in_place_is_kept_beside_it(earlier, monkeypat
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("solvers.basics.files.shutil.copyfileobj", full)
+    monkeypatch.setattr("qvi_contact.basics.files.shutil.copyfileobj", full)
     with pytest.raises(InputError, match="No space left on device") as caught:
         write_text(earlier, "later")
     (kept,) = set(earlier.parent.iterdir()) - {earlier, earlier.with_name("other.csv")}
@@ -218,7 +218,7 @@ def test_what_could_not_be_written_in_place_is_kept_beside_it(earlier, monkeypat
 
 
 def test_a_file_that_is_protected_is_not_replaced(earlier, monkeypatch):
-    monkeypatch.setattr("solvers.basics.files.os.access", lambda *_: False)  # root may write to all
+    monkeypatch.setattr("qvi_contact.basics.files.os.access", lambda *_: False)  # root may write to all
     for attempt in (check_writable, lambda path: write_text(path, "later")):
         with pytest.raises(InputError, match="Permission denied"):
             attempt(earlier)

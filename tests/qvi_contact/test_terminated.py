@@ -13,7 +13,7 @@ from tests.run_processes import ROOT, eventually, marked, started
 WRITING = """
 import time, click
 from qvi_contact.basics import terminal
-from solvers.basics.files import replacing
+from qvi_contact.basics.files import replacing
 
 @click.command()
 def write():
