@@ -35,8 +35,8 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
-from solvers import ContactMatrices, FrictionQVI, Law, Loads, Traces
-from solvers.basics.types import Stated
+from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
+from solvers.basics.types import PicklesFields
 from solvers.inequality.rows import by_columns
 
 DEFAULT_DEGREE: Final = 4
@@ -73,7 +73,7 @@ class _Rows(NamedTuple):
             E = sparse.csc_array((data.ravel(), places.ravel(), starts), shape=(count, count))
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
-            traction = Traces(by_columns(Y), E)
+            traction = TractionFactor(by_columns(Y), E)
             found = ContactMatrices(rows[:m], rows[m:], weights, plates.resultants.A, traction)
             read_only(found.N, found.T, found.A, found.W)
             return cls(found, traces)
@@ -83,7 +83,7 @@ class _Rows(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Discretization(Stated):
+class Discretization(PicklesFields):
     """A contact problem on the elements of its mesh, traction conditions and gauge eliminated.
 
     Attributes
