@@ -68,7 +68,10 @@ class _Rows(NamedTuple):
         def made() -> _Rows:
             traces = supports.space.trace_rows(edges, rule.points)
             Y = supports.basis.rows(traces)
-            E = _block_diagonal(rule.from_points, Y.shape[0] // rule.count)
+            q, count = rule.count, Y.shape[0]  # E: the same block for every edge
+            places = np.repeat(np.arange(count, dtype=np.int32).reshape(-1, q), q, axis=0)
+            data, starts = np.tile(rule.from_points.T, (count // q, 1)), q * np.arange(count + 1, dtype=np.int32)
+            E = sparse.csc_array((data.ravel(), places.ravel(), starts), shape=(count, count))
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
             traction = TractionFactor(by_columns(Y), E)
@@ -78,14 +81,6 @@ class _Rows(NamedTuple):
 
         on = ((part.first.tobytes(), part.second.tobytes()) for part in edges)
         return kept(cls, (supports, rule, plates.resultants, *on), made)
-
-
-def _block_diagonal(block: FloatArray, count: int) -> sparse.csc_array:
-    """The same block (q, q) so many times."""
-    q = len(block)
-    rows = np.repeat(np.arange(count * q, dtype=np.int32).reshape(count, q), q, axis=0)
-    data, starts = np.tile(block.T, (count, 1)).ravel(), q * np.arange(count * q + 1, dtype=np.int32)
-    return sparse.csc_array((data, rows.ravel(), starts), shape=(count * q, count * q))
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,7 +304,7 @@ def discretize(
 
 
 def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales) -> Discretization:
-    """Discretise, with what the space and its supports keep for all problems."""
+    """Discretise: matrices that the mesh keeps for all problems, and the vectors of this one."""
     given = prescribed_tractions(problem, scales)
     kept = problem.mesh.kept
     supports = Supports.on(space, given, kept)
@@ -328,23 +323,8 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
     body = None if stress is None else stiffness.energy.loaded(stress)
     plates = plate_rows(problem, scales, contacts, supports, particular)
     root = Root(stiffness, particular, body, None if springs is None else springs.constant)
-    qvi = _algebraic(problem, rule, scales, root, contacts, plates)
-    return Discretization(problem, scales, rule, root, contacts, plates, qvi)
-
-
-def _algebraic(
-    problem: ContactProblem,
-    rule: EdgeRule,
-    scales: Scales,
-    root: Root,
-    contacts: tuple[ContactRows, ...],
-    plates: PlateRows,
-) -> FrictionQVI:
-    """(D2): matrices that other problems have too, and the vectors of this one."""
-    stiffness = root.stiffness
-    supports, space = stiffness.supports, stiffness.supports.space
     limited = [rows for rows in contacts if rows.law != "tied"]
-    matrices, traces = _Rows.on(supports, rule, limited, plates, problem.mesh.kept)
+    matrices, traces = _Rows.on(supports, rule, limited, plates, kept)
     load = displacement_load(problem, space, scales)
     for rows in contacts:
         load = load + rows.work()
@@ -358,7 +338,8 @@ def _algebraic(
         fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]
         n0 = n0 + rule.at_rows(joined(fixed))
     loads = Loads(f, n0, t0, plates.b, root, load)
-    return FrictionQVI(stiffness.matrix(problem.mesh.kept), matrices, loads, law_of(contacts))
+    qvi = FrictionQVI(stiffness.matrix(kept), matrices, loads, law_of(contacts))
+    return Discretization(problem, scales, rule, root, contacts, plates, qvi)
 
 
 def law_of(contacts: Sequence[ContactRows]) -> Law:

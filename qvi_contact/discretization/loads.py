@@ -3,7 +3,7 @@
 In `docs/theory.md`: (D1).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
@@ -21,7 +21,7 @@ from qvi_contact.mesh.edges import Edges, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact, Displacement, Law, Traction, has_coulomb
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.initial_strain import is_strained, stress_at_rest
-from qvi_contact.problem.problem import ContactProblem, Prescribed
+from qvi_contact.problem.problem import ContactProblem
 
 LOAD_POINTS = 8
 """Gauss points for data given as functions, on edges: exact up to degree 15; for tractions on parts too."""
@@ -106,10 +106,7 @@ class EdgePoints:
 
 def potential_at(problem: ContactProblem, scales: Scales, points: FloatArray) -> FloatArray:
     """Body-force potential φ/S at dimensionless points, shape (..., 2) to (...)."""
-    return _potential(problem, scales, *physical(problem, scales, points))
-
-
-def _potential(problem: ContactProblem, scales: Scales, x: FloatArray, y: FloatArray) -> FloatArray:
+    x, y = physical(problem, scales, points)
     return evaluate("ContactProblem.body_potential", problem.body_potential, x, y) / scales.stress
 
 
@@ -126,20 +123,19 @@ def physical(problem: ContactProblem, scales: Scales, points: FloatArray) -> tup
 
 def prescribed_tractions(problem: ContactProblem, scales: Scales) -> list[PrescribedTraction]:
     """All prescribed tractions, symmetry lines included, in the order of the problem."""
-    return [_traction(problem, scales, given) for given in problem.prescribed(Traction)]
 
+    def scaled(name: str, field: Field) -> Callable[[FloatArray, FloatArray], FloatArray]:
+        return lambda x, y: evaluate(name, field, x, y) / scales.stress
 
-def _traction(problem: ContactProblem, scales: Scales, given: Prescribed) -> PrescribedTraction:
-    def value(x: FloatArray, y: FloatArray) -> FloatArray:
-        return evaluate(given.name, given.value, x, y) / scales.stress
-
-    def potential(x: FloatArray, y: FloatArray) -> FloatArray:
-        return _potential(problem, scales, x, y)
-
-    edges = given.edges
-    own = potential if has_body_force(problem) else None
-    number = None if own is not None or callable(given.value) else given.value / scales.stress
-    return PrescribedTraction(given.name, edges, given.direction, value, own, given.turns, number)
+    potential = scaled("ContactProblem.body_potential", problem.body_potential) if has_body_force(problem) else None
+    found = []
+    for given in problem.prescribed(Traction):
+        number = None if potential is not None or callable(given.value) else given.value / scales.stress
+        value = scaled(given.name, given.value)
+        found.append(
+            PrescribedTraction(given.name, given.edges, given.direction, value, potential, given.turns, number)
+        )
+    return found
 
 
 def contact_named(problem: ContactProblem, name: str) -> Contact:
@@ -318,7 +314,44 @@ def contact_rows(
     for contact in problem.contacts:
         points = EdgePoints(space, problem.mesh.edges(contact.edges), rule.count)
         stop = start if contact.law == "tied" else start + len(points.weights)
-        found.append(_rows(problem, rule, scales, contact, points, slice(start, stop)))
+        x, y = physical(problem, scales, points.coordinates)
+        limits = row_limits = _limits(contact, scales, x, y)
+        if rule.law_on == "edges":
+            places = points_along(space.vertices, points.edges, rule.places).reshape(-1, 2)
+            row_limits = _limits(contact, scales, *physical(problem, scales, places))
+        motion = np.zeros((2, len(x)))
+        if contact.plate is not None:
+            moved = contact.plate.displacement(x, y).T / scales.displacement
+            motion = np.stack([(moved * along).sum(axis=1) for along in (points.normals, points.tangents)])
+        pressure, misfit = np.zeros(len(x)), 0.0
+        if not callable(contact.pore_pressure):
+            pressure += contact.pore_pressure
+        else:  # the polynomials on edges that are taken for it
+            name, degree = "Contact.pore_pressure", points.count - 1
+            given = (contact.pore_pressure, max(LOAD_POINTS, degree + 3))
+            fluid = along_edges(problem.mesh, points.edges, name, *given, minimum=0.0)
+            coefficients = fluid.coefficients(degree)
+            pressure = (coefficients @ legendre.basis(degree, points.reference).T).ravel()
+            misfit = fluid.misfit(coefficients)
+        rows = ContactRows(
+            contact.name,
+            contact.law,
+            contact in problem.joints,
+            slice(start, stop),
+            rule,
+            points,
+            row_limits,
+            limits.friction,
+            limits.cohesion,
+            limits.cap,
+            evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
+            evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
+            pressure / scales.stress,
+            misfit / scales.stress,
+            motion,
+            scales.reach,
+        )
+        found.append(rows)
         start = stop
     return tuple(found)
 
@@ -344,55 +377,6 @@ def laws_vary(problem: ContactProblem) -> bool:
                 if np.abs(change).max() > _VARIES * np.abs(values).max():
                     return True
     return False
-
-
-def _rows(
-    problem: ContactProblem, rule: EdgeRule, scales: Scales, contact: Contact, points: EdgePoints, rows: slice
-) -> ContactRows:
-    x, y = physical(problem, scales, points.coordinates)
-    limits = row_limits = _limits(contact, scales, x, y)
-    if rule.law_on == "edges":
-        places = points_along(points.space.vertices, points.edges, rule.places).reshape(-1, 2)
-        row_limits = _limits(contact, scales, *physical(problem, scales, places))
-    return ContactRows(
-        contact.name,
-        contact.law,
-        contact in problem.joints,
-        rows,
-        rule,
-        points,
-        row_limits,
-        limits.friction,
-        limits.cohesion,
-        limits.cap,
-        evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
-        evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
-        *_pore_pressure(problem, scales, contact, points),
-        _motion(scales, contact, points, x, y),
-        scales.reach,
-    )
-
-
-def _motion(scales: Scales, contact: Contact, points: EdgePoints, x: FloatArray, y: FloatArray) -> FloatArray:
-    """The given motion of a plate at the points, along normals and tangents (2, m), dimensionless."""
-    if contact.plate is None:
-        return np.zeros((2, len(x)))
-    moved = contact.plate.displacement(x, y).T / scales.displacement
-    return np.stack([(moved * along).sum(axis=1) for along in (points.normals, points.tangents)])
-
-
-def _pore_pressure(
-    problem: ContactProblem, scales: Scales, contact: Contact, points: EdgePoints
-) -> tuple[FloatArray, float]:
-    """Pressure at the points of the polynomials taken for it, and their largest difference from it, dimensionless."""
-    field = contact.pore_pressure
-    if not callable(field):
-        return np.full(len(points.weights), float(field) / scales.stress), 0.0
-    name, degree = "Contact.pore_pressure", points.count - 1
-    found = along_edges(problem.mesh, points.edges, name, field, max(LOAD_POINTS, degree + 3), minimum=0.0)
-    coefficients = found.coefficients(degree)
-    values = coefficients @ legendre.basis(degree, points.reference).T
-    return values.ravel() / scales.stress, found.misfit(coefficients) / scales.stress
 
 
 def _limits(contact: Contact, scales: Scales, x: FloatArray, y: FloatArray) -> Limits:

@@ -29,7 +29,6 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import vectors_along
-from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from solvers.inequality.rows import checked_matrix
 
@@ -202,21 +201,18 @@ class Resultants:
             for row, each in zip(full, driven, strict=True):
                 points = each.points.for_resultants()
                 row += points.traction_load(each.factors(problem, scales, points), points.weights) / each.divisor
-            reduced = [supports.basis.reduced(row) for row in full]
-            return cls._reduced(full, np.array(reduced).reshape(len(full), len(supports.basis.kept)))
+            A = np.array([supports.basis.reduced(row) for row in full]).reshape(len(full), len(supports.basis.kept))
+            independent, combinations = list[int](), dict[int, FloatArray]()
+            for index, row in enumerate(A):
+                basis = A[independent]
+                combination = np.linalg.lstsq(basis.T, row, rcond=None)[0] if independent else np.zeros(0)
+                if np.linalg.norm(row - combination @ basis) > _DEPENDENT * np.linalg.norm(full[index]):
+                    independent.append(index)
+                else:
+                    combinations[index] = combination
+            return cls(full, independent, combinations, checked_matrix("A", A[independent]))
 
         return problem.mesh.kept(cls, key, made)
-
-    @classmethod
-    def _reduced(cls, full: FloatArray, A: FloatArray) -> Resultants:
-        kept, combinations = list[int](), dict[int, FloatArray]()
-        for index, row in enumerate(A):
-            combination = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
-            if np.linalg.norm(row - combination @ A[kept]) > _DEPENDENT * np.linalg.norm(full[index]):
-                kept.append(index)
-            else:
-                combinations[index] = combination
-        return cls(full, kept, combinations, checked_matrix("A", A[kept]))
 
     def checked(self, b: FloatArray, rows: Sequence[PlateRow]) -> list[int]:
         """Indices of the kept rows; `InputError` where a value b (r,) contradicts those of the others."""
@@ -247,79 +243,43 @@ def pressed_pins(problem: ContactProblem) -> dict[str, float]:
     The bore goes around more than half of the pin, and overlaps with it everywhere before anything is loaded. Its
     radius is the mean distance of its vertices from the pin's centre, which is right for chords of a circle too.
     """
-    held = {pin.name: pin for pin in _pins(problem) if pin.enclosed and not pin.misplaced}
-    return {name: pin.interference for name, pin in held.items() if pin.overlaps}
+    found = {}
+    for pin in _pins(problem):
+        first, second = pin.arms[:, :-1], pin.arms[:, 1:]
+        cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+        turns = np.abs(np.arctan2(cross, (first * second).sum(axis=-1)))  # edges may lie either way round
+        enclosed = turns.sum() > np.pi * (1.0 + _SAME)
+        if enclosed and not pin.misplaced and (pin.radius - pin.away).min() > _SAME * pin.radius:
+            found[pin.name] = pin.radius - float(pin.away[:, [0, -1]].mean())
+    return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Pin:
-    """A disc and the edges that it touches.
+class _Pin(NamedTuple):
+    """A disc, arms (n, q, 2) from points of its contact's edges to its centre, their lengths, and its radius [length].
 
-    Attributes
-    ----------
-    name : str
-        Of the contact.
-    centre : (float, float)
-        Of the disc [length].
-    arms : (n, q, 2) array
-        From points of the edges to the centre [length].
-    normals : (n, q, 2) array
-        Of the edges there, out of the body.
-    radius : float
-        Of the disc [length].
-
+    It is misplaced where what is nearest to the centre faces away from it.
     """
 
     name: str
     centre: tuple[float, float]
     arms: FloatArray
-    normals: FloatArray
+    away: FloatArray
     radius: float
-
-    @property
-    def away(self) -> FloatArray:
-        """Distances of the points from the centre, shape (n, q) [length]."""
-        return np.asarray(np.hypot(self.arms[..., 0], self.arms[..., 1]))
-
-    @property
-    def misplaced(self) -> bool:
-        """Whether what is nearest to the centre faces away from it."""
-        nearest = self.away <= self.away.min() * (1.0 + _SAME)
-        return bool((self.normals[nearest] * self.arms[nearest]).sum() < 0.0)
-
-    @property
-    def enclosed(self) -> bool:
-        """Whether the edges go around more than half of the centre."""
-        first, second = self.arms[:, :-1], self.arms[:, 1:]
-        cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-        turns = np.abs(np.arctan2(cross, (first * second).sum(axis=-1)))  # edges may lie either way round
-        return bool(turns.sum() > np.pi * (1.0 + _SAME))
-
-    @property
-    def overlaps(self) -> bool:
-        """Whether all points are nearer to the centre than the disc's radius."""
-        return bool((self.radius - self.away).min() > _SAME * self.radius)
-
-    @property
-    def interference(self) -> float:
-        """Radius of the disc less the mean distance of the vertices from its centre [length]."""
-        return self.radius - float(self.away[:, [0, -1]].mean())
+    misplaced: bool
 
 
 def _pins(problem: ContactProblem) -> Iterator[_Pin]:
     """All plates of a problem whose gap is the distance from a disc."""
+    t = np.linspace(0.0, 1.0, _STEPS + 1)
     for contact in problem.contacts:
-        pin = None if contact.plate is None else _pin(problem, contact, contact.plate.pivot)
-        if pin is not None:
-            yield pin
-
-
-def _pin(problem: ContactProblem, contact: Contact, centre: tuple[float, float]) -> _Pin | None:
-    edges, t = problem.mesh.edges(contact.edges), np.linspace(0.0, 1.0, _STEPS + 1)
-    x, y = problem.mesh.points_along(edges, t)
-    arms = np.stack([centre[0] - x, centre[1] - y], axis=-1)
-    away = np.hypot(arms[..., 0], arms[..., 1])
-    radii = away - evaluate("Contact.gap", contact.gap, x, y)
-    if not (np.ptp(radii) <= _SAME * away.max() and radii.min() > 0.0):
-        return None
-    return _Pin(contact.name, centre, arms, vectors_along(edges, edges.normal, t, turns=True), float(radii.mean()))
+        if contact.plate is not None:
+            edges, centre = problem.mesh.edges(contact.edges), contact.plate.pivot
+            x, y = problem.mesh.points_along(edges, t)
+            arms = np.stack([centre[0] - x, centre[1] - y], axis=-1)
+            away = np.hypot(arms[..., 0], arms[..., 1])
+            radii = away - evaluate("Contact.gap", contact.gap, x, y)
+            if np.ptp(radii) <= _SAME * away.max() and radii.min() > 0.0:
+                nearest = away <= away.min() * (1.0 + _SAME)
+                normals = vectors_along(edges, edges.normal, t, turns=True)
+                misplaced = bool((normals[nearest] * arms[nearest]).sum() < 0.0)
+                yield _Pin(contact.name, centre, arms, away, float(radii.mean()), misplaced)

@@ -196,10 +196,20 @@ class Supports(PicklesFields):
         """The order of the rows, when each vertex is met on the way, and the vertex of the gauge."""
         space, number = self.space, np.concatenate([block.number for block in self._blocks])
         numbers = np.unique(number)
-        lines = space.mesh.topology.ends[numbers]
-        gauge = _gauge(space, lines)
-        last = space.frames.across(lines) | space.cuts.across(_edges_of(space, numbers))
-        place, age = _walked(space, lines, last, gauge)
+        frames, lines = space.frames, space.mesh.topology.ends[numbers]
+        small = space.sizes <= _ALIKE * space.sizes.min()  # without several centres, where cells are smallest
+        on_lines = np.zeros_like(small)
+        on_lines[lines] = True
+        gauge = int(np.argmax(small & on_lines if (small & on_lines).any() else small))
+        seeds = [gauge]
+        if frames.several:
+            gauge, order = int(frames.centres[0]), np.argsort(np.round(np.log2(space.sizes)), kind="stable")
+            seeds = [*frames.centres.tolist(), *order[on_lines[order]].tolist()]
+        last = frames.across(lines) | space.cuts.across(_edges_of(space, numbers))
+        place = np.full(len(lines), len(lines))
+        place[~last], age = walk(lines[~last], seeds, len(space.vertices))
+        if frames.several:
+            age[frames.centres] = 0  # which are solved for where nothing else is left
         return np.argsort(place[np.searchsorted(numbers, number)], kind="stable"), age, gauge
 
     @property
@@ -356,33 +366,6 @@ def _of_component_on_arcs(space: StressSpace, components: Sequence[Component], i
     is_load = np.tile(np.arange(degree + 1) < 2, len(edges))
     number = np.repeat(space.number(edges), degree + 1)
     return _Block(EdgeFunctionals(traces.columns, combined, space.size).rows(), is_load, number, data)
-
-
-def _walked(space: StressSpace, lines: IntArray, last: BoolArray, gauge: int) -> tuple[IntArray, IntArray]:
-    """`walk` along the lines (n, 2), the last ones at the end; centres are solved for where nothing else is left."""
-    frames, seeds = space.frames, [gauge]
-    if frames.several:
-        small = np.argsort(np.round(np.log2(space.sizes)), kind="stable")
-        seeds = [*frames.centres.tolist(), *small[np.isin(small, lines)].tolist()]
-    inside, age = walk(lines[~last], seeds, len(space.vertices))
-    place = np.full(len(lines), len(lines))
-    place[~last] = inside
-    if frames.several:
-        age[frames.centres] = 0
-    return place, age
-
-
-def _gauge(space: StressSpace, lines: IntArray) -> int:
-    """The first of several centres; else the vertex with the smallest cells.
-
-    Of several vertices it is one on the lines (n, 2), and of those the one of lowest number.
-    """
-    if space.frames.several:
-        return int(space.frames.centres[0])
-    small = space.sizes <= _ALIKE * space.sizes.min()
-    on_lines = np.zeros_like(small)
-    on_lines[lines] = True
-    return int(np.argmax(small & on_lines if (small & on_lines).any() else small))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,18 +16,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, evaluate, real_array
+from qvi_contact.basics.checks import FloatArray, evaluate, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem, direction_of
@@ -50,36 +49,16 @@ CONTINUES = (Status.SOLVED, Status.INACCURATE)
 """How a step ends after which the next one is solved."""
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
-_NAME_ONE = "name a contact, or an edge set with a prescribed displacement"
 
-
-@dataclass(frozen=True)
-class _Drives:
+class _Drives(NamedTuple):
     """Displacements and forces of what may drive the body in one step, in pairs.
 
-    Attributes
-    ----------
-    contacts : mapping
-        Of each contact's obstacle along the tangent; x, y and rotation of a plate on edges that face several ways.
-    supports : mapping
-        Of each edge set with a prescribed displacement, by component, those along its tangent first.
-
+    Of each contact's obstacle along the tangent, x, y and rotation of a plate on edges that face several ways; and of
+    each edge set with a prescribed displacement, by component, those along its tangent first.
     """
 
     contacts: Mapping[str, Sequence[tuple[float, float]]]
     supports: Mapping[str, Mapping[str, tuple[float, float]]]
-
-    @classmethod
-    def of(cls, step: ContactResult, supports: Sequence[str]) -> Self:
-        """Those of a step, and of these edge sets."""
-        contacts = {name: _driving(step, name) for name in step.contacts}
-        moved = {
-            name: {
-                component: _moved(step, name, component, value) for component, value in _prescribed(step, name).items()
-            }
-            for name in supports
-        }
-        return cls(contacts, moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,15 +186,13 @@ class History:
             return np.zeros(0), np.zeros(0)
         fitting = {"contacts": drives[0].contacts, "edge sets with a prescribed displacement": drives[0].supports}
         name = known_name("name", name, fitting)
-        return self._contact_loop(name) if name in drives[0].contacts else self._edge_loop(name)
-
-    def _contact_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """The loop of a contact: that which does the most work, if there are several."""
-        if len({len(each.contacts[name]) for each in self._drives}) > 1:
+        if name not in drives[0].contacts:
+            return self._edge_loop(name)
+        if len({len(each.contacts[name]) for each in drives}) > 1:
             raise InputError("name", name, "its plate is there in some steps only: give it in all of them, or in none")
-        pairs = np.array([each.contacts[name] for each in self._drives]).transpose(1, 2, 0)
+        pairs = np.array([each.contacts[name] for each in drives]).transpose(1, 2, 0)
         displacement, force = pairs[np.argmax(np.ptp(pairs[:, 0], axis=1) * np.abs(pairs[:, 1]).max(axis=1))]
-        movers = [edges for edges in self._drives[0].supports if np.ptp(self._edge_loop(edges)[0]) > 0.0]
+        movers = [edges for edges in drives[0].supports if np.ptp(self._edge_loop(edges)[0]) > 0.0]
         if movers and not np.ptp(displacement) > 0.0:
             remedy = f"its obstacle does not move: name what drives the body, {' or '.join(map(repr, movers))}"
             raise InputError("name", name, remedy)
@@ -225,10 +202,9 @@ class History:
         """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
         steps = [each.supports[name] for each in self._drives]
         always = [component for component in steps[0] if all(component in each for each in steps)]
-        pairs = [np.array([each[component] for each in steps]).T for component in always]
-        found = [(displacement, force) for displacement, force in pairs]
+        found = [(np.array(pairs)[:, 0], np.array(pairs)[:, 1]) for c in always for pairs in [[s[c] for s in steps]]]
         if not found:
-            raise InputError("name", name, _NAME_ONE)
+            raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
         return next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
 
     @cached_property
@@ -237,7 +213,13 @@ class History:
         states = self._states
         conditions = states[0].problem.conditions if states else ()
         supports = list(dict.fromkeys(each.edges for each in conditions if isinstance(each, Displacement)))
-        return [_Drives.of(step, supports) for step in states]
+        return [
+            _Drives(
+                {name: _of_obstacle(step, name) for name in step.contacts},
+                {name: _of_support(step, name) for name in supports},
+            )
+            for step in states
+        ]
 
     @property
     def _states(self) -> Sequence[ContactResult]:
@@ -403,53 +385,40 @@ def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
     return float(now.solution.tangential_multiplier @ traction) * now.discretization.scales.energy
 
 
-def _driving(step: ContactResult, name: str) -> list[tuple[float, float]]:
-    """Motion and force of a contact's obstacle; by component if it is a plate on edges that face several ways."""
-    tangents = next(rows.points.tangents for rows in step.discretization.contacts if rows.name == name)
-    across = tangents[:, 0] * tangents[0, 1] - tangents[:, 1] * tangents[0, 0]
-    if name not in step.plates or np.abs(across).max() <= _PARALLEL:
-        return [_obstacle(step, name)]
-    return list(zip(astuple(step.plates[name]), astuple(step.plate_force(name)), strict=True))
+def _of_obstacle(step: ContactResult, name: str) -> list[tuple[float, float]]:
+    """Displacement of a contact's obstacle along the tangent, and the tangential force, which works on it.
 
-
-def _obstacle(step: ContactResult, name: str) -> tuple[float, float]:
-    """Displacement of a contact's obstacle along the tangent, and the tangential force."""
-    problem, scales = step.problem, step.discretization.scales
+    By component if it is a plate on edges that face several ways.
+    """
+    problem, scales, line = step.problem, step.discretization.scales, step.contacts[name]
     index = next(i for i, rows in enumerate(step.discretization.contacts) if rows.name == name)
-    line, points = step.contacts[name], step.discretization.contacts[index].points
+    rows = step.discretization.contacts[index]
+    tangents, plate = rows.points.tangents, problem.contacts[index].plate
+    across = tangents[:, 0] * tangents[0, 1] - tangents[:, 1] * tangents[0, 0]
+    if plate is not None and np.abs(across).max() > _PARALLEL:
+        return list(zip(astuple(step.plates[name]), astuple(step.plate_force(name)), strict=True))
     offset = step.discretization.offsets()[index] * scales.displacement
     along = float(line.weights @ offset / line.weights.sum())
-    plate = problem.contacts[index].plate
     if plate is not None:
-        motion, (x, y) = step.plates[name], centre_of(problem, scales, step.discretization.contacts[index])
+        motion, (x, y) = step.plates[name], centre_of(problem, scales, rows)
         in_x = motion.x - motion.rotation * (y - plate.pivot[1])
         in_y = motion.y + motion.rotation * (x - plate.pivot[0])
-        along += float(points.edges.tangent[0] @ (in_x, in_y))
-    return along, float(line.weights @ line.tangential_stress)  # what works on the offset, along the tangents
+        along += float(rows.points.edges.tangent[0] @ (in_x, in_y))
+    return [(along, float(line.weights @ line.tangential_stress))]
 
 
-def _prescribed(step: ContactResult, name: str) -> dict[str, Field]:
-    """Components of the displacement prescribed on an edge set, those along its tangent first."""
-    edges, found = step.problem.mesh.edges(name), dict[str, Field]()
+def _of_support(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:
+    """Mean of each component prescribed on an edge set, and the force along it; those along its tangent first."""
+    edges, resultant = step.problem.mesh.edges(name), step.resultant(name)
+    middles = step.problem.mesh.points_along(edges, np.array([0.5]))
+    found = list[tuple[float, str, tuple[float, float]]]()
     for condition in step.problem.conditions:
         if isinstance(condition, Displacement) and condition.edges == name:
-            found |= components(condition)
-    return dict(sorted(found.items(), key=lambda item: -abs(_direction(item[0], edges) @ edges.tangent[0])))
-
-
-def _direction(component: str, edges: Edges) -> FloatArray:
-    """Unit vector (2,) of a component, that of the tangent if it is along the edges."""
-    direction, tangent = np.asarray(direction_of(component, edges)[0]), np.asarray(edges.tangent[0])
-    return tangent if abs(float(direction @ tangent)) == 1.0 else direction
-
-
-def _moved(step: ContactResult, name: str, component: str, value: Field) -> tuple[float, float]:
-    """Mean of one component, and the force in its direction."""
-    edges = step.problem.mesh.edges(name)
-    direction = _direction(component, edges)
-    sense = float(np.asarray(direction_of(component, edges)[0]) @ direction)
-    middles = step.problem.mesh.points_along(edges, np.array([0.5]))
-    values = evaluate(f"Displacement.{component}", value, *middles)[:, 0]
-    resultant = step.resultant(name)
-    force = float(direction @ (resultant.x, resultant.y))
-    return sense * float(np.average(values, weights=edges.length)), force
+            for component, value in components(condition).items():
+                given, tangent = np.asarray(direction_of(component, edges)[0]), np.asarray(edges.tangent[0])
+                direction = tangent if abs(float(given @ tangent)) == 1.0 else given
+                values = evaluate(f"Displacement.{component}", value, *middles)[:, 0]
+                mean = float(given @ direction) * float(np.average(values, weights=edges.length))
+                force = float(direction @ (resultant.x, resultant.y))
+                found.append((-abs(float(direction @ edges.tangent[0])), component, (mean, force)))
+    return {component: pair for _, component, pair in sorted(found, key=lambda each: each[0])}

@@ -215,9 +215,19 @@ class ContactResult(PicklesFields, Attached):
         """One sentence about the outcome; if the load cannot be carried, also at which contact, and why."""
         if self.mechanism is not None:
             return f"{self.mechanism.reason}: {self.solution.message}"
-        if self.solution.farkas is not None:
-            return f"{self._overload()}: {self.solution.message}"
-        return self.solution.message
+        if self.solution.farkas is None:
+            return self.solution.message
+        qvi, y = self.solution.problem, self.solution.farkas[0]
+        normal, tangential = AdmissibleRows.of(qvi).shares(y, qvi.m)
+        reason = "the forces on the plates contradict the contact laws"
+        for multipliers, sentence in (
+            (normal, "the load pulls or tips the body off {}, where tension is not carried"),
+            (tangential, "the load exceeds what friction on {} can carry"),
+        ):
+            least = _SHARE * (normal.sum() + tangential.sum())
+            names = [repr(c.name) for c in self.discretization.contacts if multipliers[c.rows].sum() > least]
+            reason = sentence.format(" and ".join(names)) if names else reason
+        return f"On this mesh {reason}: {self.solution.message}"
 
     @cached_property
     def mechanism(self) -> Mechanism | None:
@@ -227,23 +237,6 @@ class ContactResult(PicklesFields, Attached):
         from qvi_contact.mechanism import find_mechanism  # what few results need is loaded when they do
 
         return find_mechanism(self.problem)
-
-    def _overload(self) -> str:
-        """What the proof that the mesh cannot carry the load rests on, as a sentence."""
-        assert self.solution.farkas is not None
-        qvi, y = self.solution.problem, self.solution.farkas[0]
-        normal, tangential = AdmissibleRows.of(qvi).shares(y, qvi.m)
-        names: dict[str, list[str]] = {"slides": [], "pulls": []}
-        for rows in self.discretization.contacts:
-            for reason, multipliers in (("slides", tangential), ("pulls", normal)):
-                if multipliers[rows.rows].sum() > _SHARE * (normal.sum() + tangential.sum()):
-                    names[reason].append(repr(rows.name))
-        if names["slides"]:
-            return f"On this mesh the load exceeds what friction on {' and '.join(names['slides'])} can carry"
-        if names["pulls"]:
-            pulled = " and ".join(names["pulls"])
-            return f"On this mesh the load pulls or tips the body off {pulled}, where tension is not carried"
-        return "On this mesh the forces on the plates contradict the contact laws"
 
     @cached_property
     def stress_rounding(self) -> float:
@@ -352,20 +345,14 @@ class ContactResult(PicklesFields, Attached):
         motion: dict[str, dict[str, float]] = {}
         for row, multiplier in zip(self.discretization.plates.rows, self._multipliers("equality"), strict=True):
             motion.setdefault(row.contact, {})[DRIVES[row.component]] = -float(multiplier) * row.motion
-        moved = {
-            contact.name: self._about_pivot(contact.plate, rows, **motion.get(contact.name, {}))
-            for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True)
-            if contact.plate is not None
-        }
+        moved = {}
+        for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True):
+            if contact.plate is not None:
+                x, y, rotation = (motion.get(contact.name, {}).get(name, 0.0) for name in ("x", "y", "rotation"))
+                place = contact.plate.reference(*centre_of(self.problem, self.discretization.scales, rows))
+                arm_x, arm_y = contact.plate.pivot[0] - place[0], contact.plate.pivot[1] - place[1]
+                moved[contact.name] = plate_motion(contact.plate, x - rotation * arm_y, y + rotation * arm_x, rotation)
         return MappingProxyType(Named("plates", _WITH_PLATE, moved))
-
-    def _about_pivot(
-        self, plate: RigidPlate, rows: ContactRows, x: float = 0.0, y: float = 0.0, rotation: float = 0.0
-    ) -> PlateMotion:
-        """The motion of the pivot from that of the point the equations refer to."""
-        place = plate.reference(*centre_of(self.problem, self.discretization.scales, rows))
-        arm_x, arm_y = plate.pivot[0] - place[0], plate.pivot[1] - place[1]
-        return plate_motion(plate, x - rotation * arm_y, y + rotation * arm_x, rotation)
 
     def plate_force(self, name: str) -> Resultant:
         """Force of a rigid plate or pin on the body, by the name of its contact; the moment is about its pivot."""
@@ -475,7 +462,10 @@ class ContactResult(PicklesFields, Attached):
 
 def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
     """The columns of `ContactResult.forces_frame` by the name of the contact; those of plates where it has one."""
-    return {name: line.summary() | _plate_columns(result, name) for name, line in result.contacts.items()}
+    found = {name: line.summary() for name, line in result.contacts.items()}
+    for name in result.plates:
+        found[name] |= dict(zip(PLATE_COLUMNS, plate_numbers(result, name), strict=True))
+    return found
 
 
 def completed(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -495,10 +485,6 @@ def forces_units(units: Units | None) -> dict[str, str]:
 def plate_numbers(result: ContactResult, name: str) -> tuple[float, ...]:
     """Motion, force and moment of a plate or pin by the name of its contact, as in `PLATE_COLUMNS`."""
     return (*astuple(result.plates[name]), *astuple(result.plate_force(name)))
-
-
-def _plate_columns(result: ContactResult, name: str) -> dict[str, float]:
-    return dict(zip(PLATE_COLUMNS, plate_numbers(result, name), strict=True)) if name in result.plates else {}
 
 
 def overall_status(statuses: Sequence[Status], planned: int) -> Status:

@@ -106,6 +106,8 @@ class Settings(PicklesFields):
         """These settings, or the usual ones, with changes of fields and of options of the method; checked."""
         if settings is not None and not isinstance(settings, Settings):
             raise InputError("settings", settings, "give Settings, or their fields by name, such as method='uzawa'")
+        if settings is not None and not changes:
+            return settings
         own, options = dict[str, Any](), dict[str, Any]({} if settings is None else settings.options)
         for name, value in changes.items():
             (own if name in _FIELDS else options)[name] = value

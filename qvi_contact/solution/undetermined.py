@@ -11,19 +11,16 @@ what presses stays closed, what sticks stays stuck; open points may move, and so
 Stresses and forces are the same for all such v. Gaps and slips are not, if [v] ≠ 0 somewhere: then the motion is found.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.loads import EdgePoints
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.program import Rigid, null_space
-from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import ContactLine, ContactState
+from qvi_contact.solution.contact_line import ContactState
 from solvers import Status
 
 if TYPE_CHECKING:
@@ -80,8 +77,24 @@ def undetermined_motions(result: "ContactResult") -> tuple[UndeterminedMotion, .
     if result.status is not Status.SOLVED or largest_counted(result) is not None:
         return ()
     rigid = Rigid(result.problem)
-    motions = _undetermined(result, rigid)
-    return tuple(_described(result.problem, rigid.bodies, motions)) if motions.shape[1] else ()
+    problem, bodies, motions = result.problem, rigid.bodies, _undetermined(result, rigid)
+    moving = {}
+    for body in range(len(bodies) if motions.shape[1] else 0):
+        x, y, turn = motions[3 * body : 3 * body + _ALL]  # as that of the first body's centre, rotation over one length
+        arm, turn = bodies.centre[0] - bodies.centre[body], turn / bodies.size[body]
+        moved = np.stack([x - turn * arm[1], y + turn * arm[0], turn * bodies.size[0]])
+        if np.abs(moved).max() > _MOVES:
+            moving[body] = moved
+    found = []
+    while moving:  # those with the same motion together
+        first, moved = next(iter(moving.items()))
+        alike = [body for body, other in moving.items() if np.abs(other - moved).max() <= _MOVES * np.abs(moved).max()]
+        moving = {body: other for body, other in moving.items() if body not in alike}
+        own = motions[3 * first : 3 * first + _ALL]
+        names, count = tuple(_name(problem, bodies, b) for b in alike), int(np.linalg.matrix_rank(own, tol=_MOVES))
+        words = motions_in_words(own, bodies, first)
+        found.append(UndeterminedMotion(names, count, words, max(alike) >= bodies.blocks))
+    return tuple(found)
 
 
 def largest_counted(result: "ContactResult") -> float | None:
@@ -93,55 +106,33 @@ def largest_counted(result: "ContactResult") -> float | None:
 
 def _undetermined(result: "ContactResult", rigid: Rigid) -> FloatArray:
     """Columns (3 k, d) of motions that change gaps or slips and nothing else; of what moves together one body rests."""
-    problem, bodies = result.problem, rigid.bodies
+    problem, bodies, mesh = result.problem, rigid.bodies, result.problem.mesh
     if not rigid.free.shape[1] or not problem.contacts:
         return np.zeros((3 * len(bodies), 0))
     rows, holding = [], []
     for contact, known in zip(problem.contacts, result.discretization.contacts, strict=True):
-        line = result.contacts[contact.name]
-        relative = _relative(problem, bodies, contact, known.points)
-        rows.append(relative.reshape(-1, 3 * len(bodies)))
-        holding.append(np.ravel(line.weights * _resistance(contact, line)))
+        line, points, edges = result.contacts[contact.name], known.points, known.points.edges
+        x, y = mesh.points_along(edges, points.reference)
+        places, first = np.column_stack([x.ravel(), y.ravel()]), bodies.of_cells[edges.cells[:, 0]]
+        second = np.full(len(edges), bodies.number(contact))
+        if contact in problem.joints:
+            second = bodies.of_cells[edges.cells[:, 1]]
+        pair = [np.repeat(body, points.count) for body in (first, second)]
+        for along in (points.normals, points.tangents):  # [v]_N, then [v]_T at the points
+            ours, theirs = (bodies.rows(body, places, along) for body in pair)
+            rows.append(ours - theirs)
+        holds = np.zeros((2, len(line.x)))  # [stress]; ties are equations, not here
+        if contact.law != "tied":
+            holds[0] = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
+            slack = line.friction_bound - np.abs(line.tangential_stress)
+            holds[1] = np.where(line.state == ContactState.STICK, slack, 0.0)
+        holding.append(np.ravel(line.weights * np.maximum(holds, 0.0)))
     speeds, weights = np.concatenate(rows), np.concatenate(holding)
     unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
     held = np.sqrt(weights / (unit * length))[:, None] * speeds
     free = _still(rigid.free, held, float(np.sqrt(_HELD)))
-    return _beside_others(bodies, free, speeds)
-
-
-def _relative(problem: ContactProblem, bodies: Bodies, contact: Contact, points: EdgePoints) -> FloatArray:
-    """Rows (2, m, 3 k) of [v]_N and [v]_T at the points of a contact."""
-    edges, mesh = points.edges, problem.mesh
-    x, y = mesh.points_along(edges, points.reference)
-    places, first = np.column_stack([x.ravel(), y.ravel()]), bodies.of_cells[edges.cells[:, 0]]
-    second = (
-        bodies.of_cells[edges.cells[:, 1]] if contact in problem.joints else np.full(len(edges), bodies.number(contact))
-    )
-    pair = [np.repeat(body, points.count) for body in (first, second)]
-    rows = [[bodies.rows(body, places, along) for body in pair] for along in (points.normals, points.tangents)]
-    return np.stack([ours - theirs for ours, theirs in rows])
-
-
-def _resistance(contact: Contact, line: ContactLine) -> FloatArray:
-    """What holds the normal and the tangential motion at each point (2, m) [stress]; ties are equations, not here."""
-    if contact.law == "tied":
-        return np.zeros((2, len(line.x)))
-    closed = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
-    stuck = np.where(line.state == ContactState.STICK, line.friction_bound - np.abs(line.tangential_stress), 0.0)
-    return np.asarray(np.maximum(np.stack([closed, stuck]), 0.0))
-
-
-def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
-    """The part of the space of orthonormal motions (n, d) on which rows (m, n) are nothing."""
-    if not motions.shape[1]:
-        return motions
-    return np.asarray(motions @ null_space(rows @ motions, least))
-
-
-def _beside_others(bodies: Bodies, free: FloatArray, speeds: FloatArray) -> FloatArray:
-    """Motions without those that move all that touches together: of that the largest body rests."""
-    together = _still(free, speeds, _MOVES)
+    together = _still(free, speeds, _MOVES)  # what moves all that touches together: of that the largest body rests
     for body in np.argsort(-bodies.size, kind="stable").tolist():
         if not together.shape[1]:
             break
@@ -152,25 +143,11 @@ def _beside_others(bodies: Bodies, free: FloatArray, speeds: FloatArray) -> Floa
     return free
 
 
-def _described(problem: ContactProblem, bodies: Bodies, motions: FloatArray) -> Iterator[UndeterminedMotion]:
-    """The bodies that move, those with the same motions together."""
-    waiting = {body: _about(bodies, body, motions) for body in range(len(bodies))}
-    waiting = {body: moved for body, moved in waiting.items() if np.abs(moved).max() > _MOVES}
-    while waiting:
-        first, moved = next(iter(waiting.items()))
-        alike = [body for body, other in waiting.items() if np.abs(other - moved).max() <= _MOVES * np.abs(moved).max()]
-        names = tuple(_name(problem, bodies, body) for body in alike)
-        waiting = {body: other for body, other in waiting.items() if body not in alike}
-        own = motions[3 * first : 3 * first + _ALL]
-        motions_of = int(np.linalg.matrix_rank(own, tol=_MOVES))
-        yield UndeterminedMotion(names, motions_of, motions_in_words(own, bodies, first), max(alike) >= bodies.blocks)
-
-
-def _about(bodies: Bodies, body: int, motions: FloatArray) -> FloatArray:
-    """Motions (3, d) of a body as those of the first body's centre, and rotations over one length."""
-    x, y, turn = motions[3 * body : 3 * body + _ALL]
-    arm, turn = bodies.centre[0] - bodies.centre[body], turn / bodies.size[body]
-    return np.stack([x - turn * arm[1], y + turn * arm[0], turn * bodies.size[0]])
+def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
+    """The part of the space of orthonormal motions (n, d) on which rows (m, n) are nothing."""
+    if not motions.shape[1]:
+        return motions
+    return np.asarray(motions @ null_space(rows @ motions, least))
 
 
 def motions_in_words(own: FloatArray, bodies: Bodies, body: int) -> str:
