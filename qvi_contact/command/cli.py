@@ -126,10 +126,12 @@ def group() -> None:
         qvi-contact check examples/punch.toml --plot punch.png
         qvi-contact solve examples/punch.toml --plot answer.png --npz answer.npz
         qvi-contact verify answer.npz
+
     \b
     Exit status: 0 the answer was found and passes its checks
                  1 it was not, or a check failed: the message gives the reason
                  2 something is wrong with the input, or a file cannot be written
+
     \b
     Reproduce the paper that the method comes from:
         python -m comparisons paper

@@ -246,14 +246,9 @@ def _nested(
     centre: tuple[float, float] | None = None,
 ) -> TriangleMesh:
     """A ring, or a disc if it has a centre, and the ring around it, on so many quarters; see `fan`."""
-    angles, (inner, between, outer) = _angles(sectors, quarters), radii
+    count, (inner, between, outer) = quarters * whole_number("sectors", sectors, _MOST), radii
+    angles = np.linspace(0.0, quarters * 0.5 * np.pi, count + 1)
+    angles = angles[:-1] if quarters == 4 else angles  # of a whole circle without its end
     first, second = radii_between(inner, between, sectors), radii_between(between, outer, sectors)
     lines = [arc(radius, angles) for radius in (*first, *second[1:])]
     return fan(lines, closed=quarters == 4, centre=centre, joints={joint: len(first) - 1}, arcs=arcs)
-
-
-def _angles(sectors: int, quarters: int) -> FloatArray:
-    """Angles of the vertices on so many quarters; a whole circle without its end."""
-    count = quarters * whole_number("sectors", sectors, _MOST)
-    angles = np.linspace(0.0, quarters * 0.5 * np.pi, count + 1)
-    return angles[:-1] if quarters == 4 else angles

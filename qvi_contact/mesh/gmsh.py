@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import cross
@@ -133,7 +133,7 @@ class _Drawing:
             both = [abs(point) for _, point in gmsh.model.getBoundary([(1, tag)])]
             ends[tag] = np.array([gmsh.model.getValue(0, point, [])[:2] for point in both]) / self._unit
             pairs[tag] = vertex[self._elements(1, tag)]
-        edge_sets = {name: np.concatenate([pairs[tag] for tag in on]) for name, on in self._named(ends).items()}
+        edge_sets, arcs = self._known(ends, pairs, vertices)
         for name, found in edge_sets.items():
             if (found < 0).any():
                 remedy = "this inner line leaves the body: end it on the boundary or inside"
@@ -144,7 +144,7 @@ class _Drawing:
         for name, chosen in regions.items():
             if not len(chosen):
                 raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
-        return MeshParts(vertices, cells, edge_sets, regions, self._arcs(ends, pairs, vertices))
+        return MeshParts(vertices, cells, edge_sets, regions, arcs)
 
     def _drawn(self, polygon: Polygon) -> list[int]:
         """The polygon's pieces as lines and arcs."""
@@ -176,39 +176,32 @@ class _Drawing:
         nodes = self._gmsh.model.mesh.getElementsByType(dimension, tag)[1]
         return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)
 
-    def _on(self, polygon: Polygon, pieces: BoolArray, ends: Mapping[int, FloatArray]) -> list[int]:
-        """The curves both ends of which lie on one and the same of some pieces (k,) of a polygon."""
-        near = {tag: polygon.distances(both)[:, pieces] <= self._shape.rounding for tag, both in ends.items()}
-        return [tag for tag, close in near.items() if close.all(axis=0).any()]
-
-    def _named(self, ends: Mapping[int, FloatArray]) -> dict[str, list[int]]:
-        """Curves by the name of the piece of the outline on which they lie."""
-        shape, found = self._shape, dict[str, list[int]]()
-        lines = [(name, p) for p in (shape.outer, *shape.holes) for name in dict.fromkeys(filter(None, p.names))]
-        for name, polygon in (*lines, *shape.joints.items()):
-            joint = shape.joints.get(name) is polygon
-            pieces = np.array([joint or other == name for other in polygon.names])
-            found[name] = sorted({*found.get(name, []), *self._on(polygon, pieces, ends)})
-        return found
-
-    def _arcs(self, ends: Mapping[int, FloatArray], pairs: Mapping[int, IntArray], vertices: FloatArray) -> list[Curve]:
-        """The edges on each circle, from the edges (k, 2) of each curve."""
-        found = dict[tuple[float, float, float], set[int]]()
-        for polygon in self._shape.every:
-            for centre in np.unique(polygon.centres[np.isfinite(polygon.centres[:, 0])], axis=0):
-                radii = np.hypot(*(polygon.pieces[:, 0] - centre).T)
-                alike = (polygon.centres == centre).all(axis=1)
-                for radius in np.unique((self._unit * radii[alike]).round(12) / self._unit).tolist():
-                    own = alike & (np.abs(radii - radius) <= _ON_CIRCLE * radius)
-                    found.setdefault((*centre.tolist(), radius), set()).update(self._on(polygon, own, ends))
-        taken, arcs = set[int](), []
-        for (x, y, radius), tags in found.items():
-            new = sorted(tags - taken)  # a line that two parts of the outline share is one
-            taken.update(tags)
-            if new:
-                edges = np.concatenate([pairs[tag] for tag in new])
-                arcs.append(circle((x, y), radius, edges, vertices, "TriangleMesh.arcs."))
-        return arcs
+    def _known(
+        self, ends: Mapping[int, FloatArray], pairs: Mapping[int, IntArray], vertices: FloatArray
+    ) -> tuple[dict[str, IntArray], list[Curve]]:
+        """Edges by name, and edges on circles: of curves that have both ends on one piece of a line of the outline."""
+        shape, joints = self._shape, {id(polygon): name for name, polygon in self._shape.joints.items()}
+        named, circles = dict[str, list[IntArray]](), dict[tuple[float, float, float], list[IntArray]]()
+        for tag, both in ends.items():
+            names, around = set[str](), None
+            for polygon in shape.every:
+                for k in np.flatnonzero((polygon.distances(both) <= shape.rounding).all(axis=0)).tolist():
+                    if polygon is shape.outer or polygon in shape.holes or id(polygon) in joints:
+                        names.add(joints.get(id(polygon), polygon.names[k]))
+                    if around is None and np.isfinite(polygon.centres[k]).all():
+                        x, y = polygon.centres[k].tolist()
+                        radius = float(np.hypot(*(polygon.pieces[k, 0] - polygon.centres[k])))
+                        around = x, y, float(np.round(self._unit * radius, 12)) / self._unit
+            for name in names - {""}:
+                named.setdefault(name, []).append(pairs[tag])
+            if around is not None and (pairs[tag] >= 0).all():
+                circles.setdefault(around, []).append(pairs[tag])
+        arcs = [
+            circle((x, y), radius, np.concatenate(found), vertices, "TriangleMesh.arcs.")
+            for (x, y, radius), found in circles.items()
+        ]
+        order = [name for polygon in (shape.outer, *shape.holes) for name in polygon.names]
+        return {n: np.concatenate(named[n]) for n in dict.fromkeys((*order, *shape.joints)) if n in named}, arcs
 
 
 def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:

@@ -77,9 +77,19 @@ class Database:
         """
         writable_folder(path.parent, "store")
         with self._locked(path):
-            if not self._has_rows(path):
+            rows = None
+            if path.exists():
+                with self.opened(path) as connection:
+                    rows = connection.execute(f"SELECT * FROM {self._rows} LIMIT 1").fetchone()
+            if rows is None:
                 with replacing(path) as temporary, self._connected(temporary) as connection:
-                    self._make(connection, fill)
+                    connection.execute("BEGIN IMMEDIATE")
+                    with connection:  # all or nothing
+                        connection.execute(f"PRAGMA application_id = {self._application}")
+                        connection.execute(f"PRAGMA user_version = {self._schema}")
+                        for statement in self._tables:
+                            connection.execute(statement)
+                        fill(connection)
             with self.opened(path) as connection:
                 # beginning alone is possible with files that are read-only
                 connection.execute("BEGIN IMMEDIATE")
@@ -91,7 +101,22 @@ class Database:
     def opened(self, path: Path) -> Iterator[sqlite3.Connection]:
         """A connection to a file that is there, after a look whether it is sound, and of this kind and version."""
         with self._connected(path) as connection:
-            self._check(connection, path)
+            pages, application, schema = (
+                connection.execute(f"PRAGMA {name}").fetchone()[0]
+                for name in ("page_count", "application_id", "user_version")
+            )
+            if pages == 0:
+                raise InputError("store", str(path), f"is an empty file, not {self._what}: delete it, or give another")
+            if application != self._application:
+                raise InputError("store", str(path), self._not_one)
+            if schema != self._schema:
+                remedy = f"has tables of version {schema}, not {self._schema}: give another file, or use the release "
+                raise InputError("store", str(path), f"{remedy}that wrote it")
+            with closing(sqlite3.connect(":memory:")) as known:
+                for statement in self._tables:
+                    known.execute(statement)
+                if _statements(connection) != _statements(known):  # a view in place of a table never ends
+                    raise InputError("store", str(path), "has other tables than it was made with: give another file")
             if connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
                 raise self.damaged(path)
             yield connection
@@ -106,30 +131,6 @@ class Database:
             for setting in SETTINGS:
                 connection.execute(f"PRAGMA {setting}")
             yield connection
-
-    def _has_rows(self, path: Path) -> bool:
-        if not path.exists():
-            return False
-        with self.opened(path) as connection:
-            ((found,),) = connection.execute(f"SELECT EXISTS (SELECT * FROM {self._rows})")
-            return bool(found)
-
-    def _check(self, connection: sqlite3.Connection, path: Path) -> None:
-        ((pages,),) = connection.execute("PRAGMA page_count")
-        if pages == 0:
-            raise InputError("store", str(path), f"is an empty file, not {self._what}: delete it, or give another")
-        ((application,),) = connection.execute("PRAGMA application_id")
-        ((schema,),) = connection.execute("PRAGMA user_version")
-        if application != self._application:
-            raise InputError("store", str(path), self._not_one)
-        if schema != self._schema:
-            remedy = f"has tables of version {schema}, not {self._schema}: give another file, or use the release that "
-            raise InputError("store", str(path), f"{remedy}wrote it")
-        with closing(sqlite3.connect(":memory:")) as known:
-            for statement in self._tables:
-                known.execute(statement)
-            if _statements(connection) != _statements(known):  # a view in place of a table never ends
-                raise InputError("store", str(path), "has other tables than it was made with: give another file")
 
     @contextmanager
     def explained(self, path: Path) -> Iterator[None]:
@@ -158,16 +159,6 @@ class Database:
                 remedy = "another run is at work on it: wait until it has ended, or give another file"
                 raise InputError("store", str(path), remedy) from error
             raise self._explanation(path, error) from error
-
-    def _make(self, connection: sqlite3.Connection, fill: Callable[[sqlite3.Connection], object]) -> None:
-        """Make an empty file one of these: all or nothing."""
-        connection.execute("BEGIN IMMEDIATE")
-        with connection:
-            connection.execute(f"PRAGMA application_id = {self._application}")
-            connection.execute(f"PRAGMA user_version = {self._schema}")
-            for statement in self._tables:
-                connection.execute(statement)
-            fill(connection)
 
     def _explanation(self, path: Path, error: sqlite3.Error) -> InputError:
         code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # without the extension
