@@ -165,7 +165,8 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
     result : ContactResult
         The state.
     component : str
-        The stress, see `stress_field`.
+        "xx", "yy", "xy" (tension positive), "von_mises" (with σ_zz in plane strain), or "first", "second": the
+        principal stresses σ₁ ≥ σ₂ in the plane.
     units : Units, optional
         Labels.
 

@@ -21,7 +21,6 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import arc_offsets, reversed_bends
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.solution.contact_line import ContactState
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -42,14 +41,6 @@ LONGEST: Final = 0.08
 
 LEAST: Final = 1e-5
 """Share of what strains the body, below which displacements are not magnified any further."""
-
-STATE_LOOK: Final[dict[ContactState, tuple[str, str, str]]] = {
-    ContactState.OPEN: (GREY, "o", "white"),
-    ContactState.STICK: (BLUE, "s", BLUE),
-    ContactState.SLIP: (VERMILLION, "^", "white"),
-    ContactState.CLOSED: (GREEN, "D", GREEN),
-}
-"""Colour, marker and the marker's filling for each state of a contact point."""
 
 _SETTINGS: Final[Any] = {"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5}
 

@@ -13,7 +13,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.plots.style import BLUE, STATE_LOOK, VERMILLION, plain_units
+from qvi_contact.plots.style import BLUE, VERMILLION, plain_units
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
         curves.append(("pressure $-\\sigma_N$", -line.normal_stress, _TOTAL))
         curves.append(("fluid $p_w$", line.pore_pressure, _FLUID))
     curves.append(("friction $|\\sigma_T|$", np.abs(line.tangential_stress), _TANGENTIAL))
-    _draw_states(axes, abscissa, line, np.abs(line.tangential_stress))
+    _draw_states(axes, abscissa, line)
     lowest = 0.0
     for label, values, look in (curve for curve in curves if not np.isnan(curve[1]).all()):
         x, y, marked = abscissa.curve(values, line.state == ContactState.OPEN, line.has_fluid)
@@ -66,21 +66,6 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
     axes.set_ylim(bottom=1.05 * lowest, auto=None)  # the top still follows what is drawn
     axes.set_xlabel(abscissa.label)
     axes.set_ylabel(f"traction [{units.stress}]")
-
-
-def friction_used(axes: "Axes", line: ContactLine, units: Units | None = None) -> None:
-    """Draw |σ_T| over its bound along a contact, 1 where it slips; points without a bound are left out."""
-    abscissa = _along(line, plain_units(units))
-    bound, tangential = line.friction_bound, np.abs(line.tangential_stress)
-    loaded = np.isfinite(bound) & (bound > 1e-9 * float(np.abs(line.normal_stress).max(initial=0.0)))
-    share = np.divide(tangential, bound, out=np.full_like(bound, np.nan), where=loaded)
-    _draw_states(axes, abscissa, line, share)
-    axes.axhline(1.0, color=BLUE, linestyle="--", linewidth=1.0)
-    chosen = abscissa.points.ravel()[loaded[abscissa.points].ravel()]
-    axes.plot(abscissa.at(chosen), share[chosen], color=VERMILLION, linestyle=":", marker="o", markersize=3)
-    axes.set_ylim(0.0, 1.1)
-    axes.set_xlabel(abscissa.label)
-    axes.set_ylabel("$|\\sigma_T|$ / bound [-]")
 
 
 def closed_ends(s: FloatArray, values: FloatArray, ends: FloatArray, opened: BoolArray | None = None) -> FloatArray:
@@ -193,40 +178,20 @@ def _along(line: ContactLine, units: Units) -> _Abscissa:
     return _Abscissa(points, path.starts, path.lengths, np.diff(path.line) == 0, label)
 
 
-def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine, heights: FloatArray) -> None:
-    """Shade the parts of the contact that are open, stick or slip; mark single points that differ from both sides.
+def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine) -> None:
+    """Shade the parts of the contact that are open, stick or slip.
 
-    Each point has its share of its edge: Gauss weights add up to the edge, so the shares meet. A single point, at the
-    height given for it, takes the shade of the points before it.
+    Each point has its share of its edge: Gauss weights add up to the edge, so the shares meet.
     """
     ends = abscissa.starts[:, None] + np.cumsum(line.weights[abscissa.points], axis=1)
     bands: dict[int, list[tuple[float, float]]] = {}
-    single: dict[int, list[int]] = {}
     for piece in abscissa.pieces():
-        points, stops = abscissa.points[piece].ravel(), ends[piece].ravel()
-        differs = np.diff(line.state[points]) != 0
-        single_ones = np.concatenate([[False], differs[:-1] & differs[1:], [False]])[: len(points)]
-        before = np.maximum.accumulate(np.where(single_ones, 0, np.arange(len(points))))
-        shown = line.state[points][before]
-        for point in points[shown != line.state[points]].tolist():
-            single.setdefault(int(line.state[point]), []).append(point)
-        changes = np.flatnonzero(np.diff(shown))
+        states, stops = line.state[abscissa.points[piece].ravel()], ends[piece].ravel()
+        changes = np.flatnonzero(np.diff(states))
         borders = [float(abscissa.starts[piece][0]), *stops[changes].tolist(), float(stops[-1])]
-        for kind, borders_of in zip(shown[[*changes.tolist(), -1]].tolist(), pairwise(borders), strict=True):
+        for kind, borders_of in zip(states[[*changes.tolist(), -1]].tolist(), pairwise(borders), strict=True):
             bands.setdefault(kind, []).append(borders_of)
     for kind in sorted(bands):
         ranges, name = np.array(bands[kind]), ContactState(kind).name.lower()
         bars: dict[str, Any] = {"align": "edge", "linewidth": 0, "label": name, "transform": axes.get_xaxis_transform()}
         axes.bar(ranges[:, 0], 1.0, np.diff(ranges, axis=1)[:, 0], **bars, **_STATE_STYLE[ContactState(kind)])
-    for kind in sorted(single):
-        colour, marker, filling = STATE_LOOK[ContactState(kind)]
-        chosen = np.array(single[kind])
-        look: dict[str, Any] = {
-            "marker": marker,
-            "color": colour,
-            "markerfacecolor": filling,
-            "markersize": 7,
-            "linestyle": "none",
-        }
-        label = f"single point: {ContactState(kind).name.lower()}"
-        axes.plot(abscissa.at(chosen), heights[chosen], label=label, zorder=4, **look)

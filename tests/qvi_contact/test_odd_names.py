@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from qvi_contact import Contact, InputError, Material, save_problem, solve
+from qvi_contact import Contact, History, InputError, Material, save_problem, solve
 from qvi_contact.cli import main
 from qvi_contact.export import write_contacts_vtu, write_vtu
 from qvi_contact.gallery import compressed_plate
@@ -43,7 +43,7 @@ def shown(figure, path):
     [
         lambda result: result_figure(result, UNITS),
         lambda result: problem_figure(result.problem, UNITS),
-        lambda _: history_figure({FORMULA: ([0.0, 1.0], [0.0, 2.0])}, UNITS),
+        lambda result: history_figure(History((result, result), 2), UNITS),
     ],
     ids=["result", "problem", "history"],
 )
