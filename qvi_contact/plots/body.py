@@ -49,7 +49,7 @@ _HATCH: Final = 0.016  # of obstacles, as a share of the body's length
 
 _ARROW: Final[dict[str, Any]] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
 _PRESSURE: Final[dict[str, Any]] = {"color": VERMILLION, "width": 0.007, "headwidth": 5.0, "headlength": 6.0}
-_FRICTION: Final[dict[str, Any]] = {"color": "black", "width": 0.01, "headwidth": 4.0, "headlength": 5.0}
+_FRICTION: Final[dict[str, Any]] = {"color": "black", "width": 0.011, "headwidth": 4.5, "headlength": 5.0}
 _RESULTANT: Final[dict[str, Any]] = {"color": "black", "width": 0.025, "headwidth": 4.0, "headlength": 4.5}
 THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
 """Colour, style and width of lines of thrust."""
@@ -212,7 +212,7 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
     few = len(carried) <= _LABELLED
     spacing = _SPACING * mesh.length
-    reach = 0.85 * spacing / max(friction, _LEAST * pressure, 1e-300)
+    reach = 1.8 * spacing / max(friction, _LEAST * pressure, 1e-300)
     for part in carried:
         extent.append(_tractions(axes, part, height / max(pressure, 1e-300), reach, spacing if few else np.inf))
     thrust = _thrust(axes, carried)
@@ -303,8 +303,8 @@ def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing:
     pushed, rubbed = -scale * pressure[:, None] * normal, reach * shear[:, None] * tangent
     drawn = scale * np.abs(pressure) > 0.35 * spacing
     axes.quiver(*(place - pushed)[drawn].T, *pushed[drawn].T, zorder=3.1, **_ARROW, **_PRESSURE)
-    drawn = reach * np.abs(shear) > 0.15 * spacing
-    tails = place - 0.4 * spacing * normal - rubbed / 2.0
+    drawn = (reach * np.abs(shear) > 0.3 * spacing) & (np.arange(count) % 2 == 0)
+    tails = place - 0.55 * spacing * normal - rubbed / 2.0
     axes.quiver(*tails[drawn].T, *rubbed[drawn].T, zorder=4, **_ARROW, **_FRICTION)
     return outer
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
@@ -139,9 +139,10 @@ def _placed(
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
         spread(body, written)
-        corners = [text.get_window_extent().get_points() for text, _ in written]
-        found = body.transData.inverted().transform(np.concatenate([body.transData.transform(box), *corners]))
-        box = np.array([found.min(axis=0), found.max(axis=0)])
+        for text, _ in written:
+            low, high = body.transData.inverted().transform(text.get_window_extent().get_points())
+            margin = 0.01 * (box[1] - box[0])
+            box = np.array([np.minimum(box[0], low - margin), np.maximum(box[1], high + margin)])
 
 
 def _answer(result: ContactResult, units: Units) -> str:
@@ -187,6 +188,13 @@ def _explained(axes: "Axes", drawn: Drawn, result: ContactResult, units: Units) 
     if drawn.thrust:
         colour, style, width = THRUST
         entries.append(Line2D([], [], color=colour, linestyle=style, linewidth=width, label="line of thrust"))
+    if callable(result.problem.body_potential):
+        mesh, field = result.problem.mesh, result.problem.body_potential
+        (x, y), edges = mesh.points_along(mesh.boundary, np.array([0.5])), mesh.boundary
+        values = evaluate("ContactProblem.body_potential", field, x[:, 0], y[:, 0])
+        force = -(values * edges.length) @ edges.normal  # ∫ −∇φ dx
+        sign = "→↗↑↖←↙↓↘"[round(float(np.arctan2(force[1], force[0])) / (np.pi / 4.0)) % 8]
+        entries.append(Line2D([], [], linestyle="none", label=f"{sign} body force"))
     text = f"before; displacements × {drawn.factor:g}"
     entries.append(Line2D([], [], color=GREY, linestyle=(0, (4, 3)), linewidth=0.6, label=text))
     legend_below(axes, entries)

@@ -48,7 +48,7 @@ _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": Non
 """Kinds of files; the same picture makes the same file on any day."""
 
 
-_LETTERS: Final = 128  # of a small legend in the width of a picture of a result
+_LETTERS: Final = 114  # of a small legend in the width of a picture of a result
 _HANDLE: Final = 6.5  # letters that the sign before a text is wide
 
 _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet
@@ -259,7 +259,7 @@ def legend_below(axes: "Axes", handles: "Sequence[Artist]") -> None:
     """Add a legend under the label of the horizontal axis, in as many lines as a picture of a result has room for."""
     widths = [len(re.sub(r"\\\\\w+|[${}_|]", "", str(handle.get_label()))) + _HANDLE for handle in handles]
     columns = len(handles)
-    while columns > 1 and sum(max(widths[k::columns]) for k in range(columns)) > _LETTERS:
+    while columns > 1 and sum(float(part.max()) for part in np.array_split(widths, columns)) > _LETTERS:
         columns -= 1
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
     look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}
