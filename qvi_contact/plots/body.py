@@ -1,6 +1,6 @@
 """The one drawing that answers: the deformed body with a field, and what its contacts carry drawn on them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -123,6 +123,29 @@ class Carried:
 
 
 @dataclass(frozen=True)
+class Scales:
+    """The largest displacement [length], pressure and friction stress [stress] of what is drawn in one scale."""
+
+    displacement: float
+    pressure: float
+    friction: float
+
+    @classmethod
+    def of(cls, results: Iterable[ContactResult]) -> "Scales":
+        """Those of results that are looked at beside each other, such as the steps of a history."""
+        found = [(0.0, 0.0, 0.0)]
+        for result in results:
+            moved = float(np.hypot(*Shape.of(result).coefficients.T).max())
+            lines = result.contacts.values()
+            found.append((
+                max(moved, LEAST * result.discretization.scales.displacement),
+                max((float(np.abs(line.normal_stress).max()) for line in lines), default=0.0),
+                max((float(np.abs(line.tangential_stress).max()) for line in lines), default=0.0),
+            ))  # fmt: skip
+        return cls(*np.max(found, axis=0).tolist())
+
+
+@dataclass(frozen=True)
 class Drawn:
     """What a drawing of a body says of itself.
 
@@ -149,7 +172,13 @@ class Drawn:
     written: list[Written]
 
 
-def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises", units: Units | None = None) -> Drawn:
+def draw_body(
+    axes: "Axes",
+    result: ContactResult,
+    component: str = "von_mises",
+    units: Units | None = None,
+    scales: Scales | None = None,
+) -> Drawn:
     """Draw the deformed body with a stress as a field with contour lines, and its contacts as a textbook does.
 
     On each contact stand the pressure, as a diagram in one scale for all contacts, with arrows towards the body; the
@@ -169,6 +198,8 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
         principal stresses σ₁ ≥ σ₂ in the plane.
     units : Units, optional
         Labels.
+    scales : Scales, optional
+        Those of several results that are looked at beside each other; by default those of this one.
 
     Raises
     ------
@@ -177,8 +208,8 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
 
     """
     units, mesh, shape = plain_units(units), result.problem.mesh, Shape.of(result)
-    largest = max(float(np.hypot(*shape.coefficients.T).max()), LEAST * result.discretization.scales.displacement)
-    factor = magnified(largest, _CALM * mesh.length)
+    scales = Scales.of([result]) if scales is None else scales
+    factor = magnified(scales.displacement, _CALM * mesh.length)
     samples = sample_body(result, _SAMPLES)
     held = held_along_z(result.problem, samples.cells, *samples.points.T)
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
@@ -212,9 +243,10 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
     few = len(carried) <= _LABELLED
     spacing = _SPACING * mesh.length
-    reach = 1.8 * spacing / max(friction, _LEAST * pressure, 1e-300)
+    reach = 1.8 * spacing / max(scales.friction, _LEAST * scales.pressure, 1e-300)
     for part in carried:
-        extent.append(_tractions(axes, part, height / max(pressure, 1e-300), reach, spacing if few else np.inf))
+        scale = height / max(scales.pressure, 1e-300)
+        extent.append(_tractions(axes, part, scale, reach, spacing if few else np.inf))
     thrust = _thrust(axes, carried)
     labelled = [part for part in carried if few or not part.joint]
     written: list[Written] = []

@@ -11,7 +11,7 @@ from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
 from qvi_contact.mechanism import Mechanism
-from qvi_contact.plots.body import THRUST, Drawn, draw_body
+from qvi_contact.plots.body import THRUST, Drawn, Scales, draw_body
 from qvi_contact.plots.labels import Written, beside, spread
 from qvi_contact.plots.mechanism import draw_collapse, draw_mechanism
 from qvi_contact.plots.problem import draw_problem, draw_symbols
@@ -54,6 +54,7 @@ def result_figure(
     title: str = "",
     panels: Sequence[str] | None = None,
     component: str = "von_mises",
+    scales: Scales | None = None,
 ) -> "Figure":
     """A result as one would put it in a report: the deformed body, and charts along contacts.
 
@@ -72,6 +73,8 @@ def result_figure(
         Contacts with a chart of pressure and friction each; by default at most two, which are no more than one line.
     component : str
         The stress, see `draw_body`.
+    scales : Scales, optional
+        Those of several results that are looked at beside each other.
 
     Raises
     ------
@@ -90,7 +93,7 @@ def result_figure(
     with settings():
         figure = new_figure(_WIDTH, _WIDTH)
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
-        drawn = draw_body(body, result, component, units)
+        drawn = draw_body(body, result, component, units, scales)
         _explained(body, drawn, result, units)
         for number, (panel, name) in enumerate(zip(charts, panels, strict=True), 1):
             contact_tractions(panel, result.contacts[name], units)

@@ -6,6 +6,7 @@ from functools import cache
 from hashlib import sha256
 from html import unescape
 from operator import methodcaller
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -235,13 +236,29 @@ class TestCommand:
         assert "The problem" in said
         assert "The answer" not in said
 
-    def test_load_steps_have_a_table(self, shell, tmp_path):
+    def test_load_steps_have_a_table_and_pictures_to_slide_through(self, shell, browser, tmp_path):
         (tmp_path / "a.toml").write_text(TEXT.replace("x = 0.004", 'x = "0.004*t"') + "[history]\ntimes = [0.0, 2.0]\n")
         code, _, err = shell("solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")
         assert (code, err) == (0, "")
         text = (tmp_path / "a.html").read_text(encoding="utf-8")
         assert "Load steps" in words(text)
         assert text.count("<td>solved</td>") == 2
+        with browser.new_page(offline=True) as tab:
+            tab.goto((tmp_path / "a.html").as_uri())
+            pictures = tab.locator("#result-figure img")
+            assert [picture.is_visible() for picture in pictures.all()] == [False, True]
+            tab.locator("#step").fill("0")
+            assert [picture.is_visible() for picture in pictures.all()] == [True, False]
+            assert tab.locator("#step-value").inner_text() == "0"
+
+    def test_a_limit_load_has_a_page_with_the_mechanism(self, shell, tmp_path):
+        example = Path(__file__).parents[2] / "examples/dragged_block_holds.toml"
+        code, out, err = shell("limit", example, "--load", "drag", "--report", tmp_path / "a.html")
+        assert (code, err) == (0, "")
+        text = (tmp_path / "a.html").read_text(encoding="utf-8")
+        assert " ".join(out.split()) in words(text)
+        assert re.search(r"contact opens \[m\] slides \[m\] base 0\.\d+ ", words(text))
+        assert text.count("<svg") == 2
 
     def test_a_mesh_file_is_named_with_its_digest(self, shell, tmp_path):
         meshio = pytest.importorskip("meshio")
