@@ -7,7 +7,7 @@ Nothing here needs a screen, keeps state or changes matplotlib's settings. Colou
 and nothing depends on colour alone.
 """
 
-from qvi_contact.plots.body import Scales, draw_body
+from qvi_contact.plots.body import Drawn, Scales, draw_body
 from qvi_contact.plots.fields import COMPONENT_LABELS
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
 from qvi_contact.plots.history import history_figure
@@ -34,6 +34,7 @@ __all__ = [
     "GREY",
     "ORANGE",
     "VERMILLION",
+    "Drawn",
     "Scales",
     "contact_tractions",
     "draw_body",

@@ -28,7 +28,7 @@ from qvi_contact.plots.style import (
     show_all,
 )
 from qvi_contact.plots.symbols import ground
-from qvi_contact.plots.tractions import closed_ends
+from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.sampling import cell_factors, held_along_z, sample_body, stress_component
 
@@ -277,39 +277,24 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     face = place + factor * shape.along(edges, points.reference).reshape(-1, 2)
     obstacle = place + factor * faces(result, name)[1]
     blocks = np.where(edges.cells >= 0, shape.space.block[edges.cells], -1)
-    numbers, s = line.path.points(points.count), line.path.places(points.reference)
-    found = []
-    for number in range(int(line.path.line.max()) + 1):
-        own = line.path.line == number
-        chosen, along = numbers[own].ravel(), s[own].ravel()
-        ends = np.array([line.path.starts[own][0], line.path.starts[own][-1] + line.path.lengths[own][-1]])
-        opened = line.state[chosen] == 0
-        pressure, shear, fluid = (
-            closed_ends(along, values[chosen], ends, opened)
-            for values in (-line.normal_stress, line.tangential_stress, line.pore_pressure)
+    blocks = np.repeat(blocks, points.count, axis=0)
+    return [
+        Carried(
+            name=name,
+            joint=rows.joint,
+            s=piece.with_ends,
+            place=piece.extended(face),
+            obstacle=piece.extended(obstacle),
+            normal=piece.extended(points.normals),
+            tangent=piece.extended(points.tangents),
+            pressure=piece.closed(line, -line.normal_stress),
+            shear=piece.closed(line, line.tangential_stress),
+            fluid=piece.closed(line, line.pore_pressure),
+            weights=np.concatenate([[0.0], line.weights[piece.points], [0.0]]),
+            blocks=blocks[piece.points[[0, *range(len(piece.points)), -1]]],
         )
-        face_there, obstacle_there, normals, tangents = (
-            np.column_stack([closed_ends(along, values[chosen, k], ends) for k in (0, 1)])
-            for values in (face, obstacle, points.normals, points.tangents)
-        )
-        beside_it = np.repeat(blocks[line.path.edges[own]], points.count, axis=0)
-        found.append(
-            Carried(
-                name=name,
-                joint=rows.joint,
-                s=np.concatenate([ends[:1], along, ends[1:]]),
-                place=face_there,
-                obstacle=obstacle_there,
-                normal=normals,
-                tangent=tangents,
-                pressure=pressure,
-                shear=shear,
-                fluid=fluid,
-                weights=np.concatenate([[0.0], line.weights[chosen], [0.0]]),
-                blocks=beside_it[[0, *range(len(beside_it)), -1]],
-            )
-        )
-    return found
+        for piece in pieces_along(line, coordinates=False)[0]
+    ]
 
 
 def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float) -> FloatArray:

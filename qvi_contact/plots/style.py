@@ -209,21 +209,6 @@ def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
     return np.array([low - margin, high + margin])
 
 
-def frame(axes: "Axes", mesh: TriangleMesh, units: Units | None = None, margin: float = 0.03) -> None:
-    """Show the whole body, equal scales in both directions, with a margin as a share of its length.
-
-    Axes are labelled where units are given.
-    """
-    axes.set_aspect("equal")
-    low, high = bounding_box(mesh)
-    margin *= mesh.length
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
-    if units is not None:
-        axes.set_xlabel(f"x [{units.length}]")
-        axes.set_ylabel(f"y [{units.length}]")
-
-
 def magnified(largest: float, length: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that keeps displacements within `LONGEST` of the body's length."""
     wanted = LONGEST * length / largest

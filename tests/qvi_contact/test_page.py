@@ -38,7 +38,6 @@ from qvi_contact.command import (
     step_tables,
 )
 from qvi_contact.files import problem_from_toml, summary
-from qvi_contact.gallery import compressed_plate
 from qvi_contact.solution import ContactPath
 from qvi_contact.units import Units
 from tests.qvi_contact.broken_files import PROBLEMS
@@ -212,15 +211,6 @@ class TestBrowser:
         assert opened.evaluate("document.documentElement.scrollWidth") <= 720
         assert opened.locator("#drawing").is_visible()
         assert opened.pdf(format="A4").startswith(b"%PDF")
-
-
-def test_teeth_of_curves_are_explained_where_the_state_of_a_contact_changes():
-    changing = solve(compressed_plate(0.2, (2, 2)))
-    sticking = solve(compressed_plate(5.0, (2, 2)))
-    states = [set(result.contacts["plate"].state.tolist()) for result in (changing, sticking)]
-    assert [len(each) > 1 for each in states] == [True, False]
-    request = Request(problem_from_toml(TEXT), TEXT, "qvi-contact solve a.toml")
-    assert ["teeth" in result_page(request, [result]) for result in (changing, sticking)] == [True, False]
 
 
 class TestCommand:

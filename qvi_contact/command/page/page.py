@@ -226,7 +226,6 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     return {
         "name": line.name,
         "id": name,
-        "changes": bool((line.state != line.state[0]).any()),
         "picture": _picture(figure, name, f"Tractions along contact {line.name}"),
         "data": contact_data(line, units) | frame,
     }
