@@ -56,7 +56,7 @@ nitpick_ignore_regex = [
     (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.basics\.shown\.Rounding"),
-    (r"py:class", r"(ContactRows|EdgeRule|Parameter|PlateRows|Root|Scales|StressSpace|Supports)"),
+    (r"py:class", r"(ContactRows|EdgeRule|Parameter|PlateRows|Root|Scales|Spot|StressSpace|Supports)"),
     (r"py:class", r"qvi_contact\.(discretization|element|basics\.schema|files\.problem_file)\.(\w+\.)?\w+"),
     (
         r"py:class",
