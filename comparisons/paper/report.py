@@ -13,11 +13,11 @@ from comparisons.lab.drawing import drawn, grid, legend_below
 from comparisons.lab.numbers import fixed, scientific, seconds
 from comparisons.lab.reports import Form, Report, render
 from comparisons.paper.study import TOLERANCE, PaperStudy, Row
+from qvi_contact import principal_stresses as principal
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.writing import write_text
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from qvi_contact.plots.fields import stress_crosses
-from qvi_contact.plots.style import new_figure
+from qvi_contact.plots.style import lines, new_figure
 from solvers import QVISolution, Status
 
 if TYPE_CHECKING:
@@ -141,9 +141,31 @@ def _map(axes: "Axes", row: Row, solution: QVISolution, largest: float) -> float
     axes.hlines(plate.y, plate.x[0], plate.x[-1], color="#cccccc", linewidth=0.6)
     x, y, stress = plate.stress(solution.z)
     spacing = np.full(len(x), np.sqrt(plate.x[-1] * plate.y[-1] / len(x)))
-    stress_crosses(axes, np.stack([x, y], axis=-1), stress, spacing, largest)
+    _crosses(axes, np.stack([x, y], axis=-1), stress, spacing, largest)
     axes.set_aspect("equal")
     return row.largest_principal_stress(solution)
+
+
+def _crosses(axes: "Axes", points: FloatArray, stress: FloatArray, spacing: FloatArray, full: float) -> None:
+    """Principal stresses (..., 3) as crosses at points (..., 2): compression solid, tension dotted with round ends.
+
+    A stress of the size `full` is drawn as long as the distance (...) of neighbouring points.
+    """
+    from matplotlib.collections import EllipseCollection
+
+    first, second, angle = principal(stress)
+    least = 1e-3 * float(max(np.abs(first).max(), np.abs(second).max()))
+    for values, turn in ((first, 0.0), (second, np.pi / 2)):
+        direction = np.stack([np.cos(angle + turn), np.sin(angle + turn)], axis=-1)
+        half = direction * (0.5 * spacing * np.abs(values) / full)[..., None]
+        ends = points[..., None, :] + half[..., None, :] * np.array([[-1.0], [1.0]])
+        pushed, pulled = values < -least, values > least
+        axes.add_collection(lines(ends[pushed], BLUE, "solid", 0.8))
+        axes.add_collection(lines(ends[pulled], VERMILLION, (0, (1, 1)), 0.8))
+        size = 0.1 * np.repeat(spacing[pulled], 2)  # of round dots at both ends, smaller in small cells
+        dots: dict[str, Any] = {"offsets": ends[pulled].reshape(-1, 2), "offset_transform": axes.transData}
+        look: dict[str, Any] = {"units": "xy", "facecolors": VERMILLION, "edgecolors": "none"}
+        axes.add_collection(EllipseCollection(size, size, np.zeros_like(size), **look, **dots))
 
 
 def contact_tractions(study: PaperStudy) -> "Figure":

@@ -20,7 +20,7 @@ EXAMPLES = DOCS.parent / "examples"
 PAGE, PICTURES = DOCS / "gallery.md", DOCS / "gallery"
 _SECONDS = 90.0  # after which a command is given up, and the page says so
 _AT_ONCE = 2
-_WIDTH = 1000  # of a picture, in pixels
+_WIDTH = 1000  # of a picture at most, in pixels
 _COLOURS = 64  # in a picture, which makes its file small
 
 
@@ -92,8 +92,9 @@ def _made_small(path: Path) -> None:
     from PIL import Image
 
     with Image.open(path) as picture:
-        height = round(picture.height * _WIDTH / picture.width)
-        small = picture.convert("RGB").resize((_WIDTH, height), Image.Resampling.LANCZOS)
+        width = min(_WIDTH, picture.width)
+        height = round(picture.height * width / picture.width)
+        small = picture.convert("RGB").resize((width, height), Image.Resampling.LANCZOS)
     small.quantize(_COLOURS).save(path, optimize=True)
 
 

@@ -49,8 +49,8 @@ def writable_folder(path: str | Path, field: str = "output") -> Path:
     return folder
 
 
-def page_template(package: str) -> "Template":
-    """The template ``page.html`` of a package, which extends ``frame.html`` of this one.
+def page_template(package: str, name: str = "page.html") -> "Template":
+    """The template of this name of a package, which extends ``frame.html`` of this one.
 
     The frame has the head, the style that pages share and the package's own ``page.css``, and the blocks "title",
     "body" and "script".
@@ -64,4 +64,4 @@ def page_template(package: str) -> "Template":
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("page.html")
+    return environment.get_template(name)

@@ -495,7 +495,10 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
-@_writes("plot", "proof", plot="Draw how the body gives way beyond the limit: .png, .svg or .pdf.")
+@_writes(
+    "plot", "report", "proof", plot="Draw how the body gives way beyond the limit: .png, .svg or .pdf.",
+    report="Write a report on one page (.html): both numbers, and how the body gives way.",
+)  # fmt: skip
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bounds of the largest multiple of the named loads that contacts and body can carry. The other loads are fixed.
 
@@ -516,7 +519,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
         qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_report import document, drawn, lines, proved
+    from qvi_contact.command.limit_report import document, drawn, lines, proved, reported
     from qvi_contact.command.progress_line import solving
     from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
@@ -542,6 +545,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         click.echo(f"qvi-contact: there is no mechanism to draw in {targets['plot']}", err=True)
     elif "plot" in targets:
         drawn(targets["plot"], loads, problem, found, problem_file)
+    if "report" in targets:
+        reported(targets["report"], file, problem_file, problem, found, lines(loads, found, refinement))
     if as_json:
         _show(problem_file, {"loads": list(loads), **document(found, refinement)})
     else:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
+from qvi_contact.basics.writing import write_text
 from qvi_contact.errors import InputError
 from qvi_contact.limit.check_proof import check, sentences
 from qvi_contact.limit.load_factor import limit_proof
@@ -60,6 +63,16 @@ def drawn(path: str, loads: Sequence[str], problem: ContactProblem, limit: Limit
 
     answer = f"{'; '.join(lines(loads, limit, None))}."
     save_figure(path, limit_figure(problem, limit, file.units, file.title, answer))
+
+
+def reported(
+    path: str, source: str, file: ProblemFile, problem: ContactProblem, limit: LimitLoad, said: Sequence[str]
+) -> None:
+    """Write the page of a limit load of the problem file `source`."""
+    from qvi_contact.command.page.page import Request, limit_page
+
+    command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
+    write_text(path, limit_page(Request.read(source, file, command), problem, limit, said))
 
 
 def lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:

@@ -7,9 +7,10 @@ Nothing here needs a screen, keeps state or changes matplotlib's settings. Colou
 and nothing depends on colour alone.
 """
 
-from qvi_contact.plots.body import draw_body
-from qvi_contact.plots.fields import COMPONENT_LABELS, stress_field
-from qvi_contact.plots.figures import history_figure, hysteresis_loop, limit_figure, problem_figure, result_figure
+from qvi_contact.plots.body import Drawn, Scales, draw_body
+from qvi_contact.plots.fields import COMPONENT_LABELS
+from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
+from qvi_contact.plots.history import history_figure
 from qvi_contact.plots.mechanism import draw_mechanism
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import (
@@ -23,7 +24,7 @@ from qvi_contact.plots.style import (
     require_matplotlib,
     save_figure,
 )
-from qvi_contact.plots.tractions import contact_tractions, friction_used
+from qvi_contact.plots.tractions import contact_tractions
 from solvers.basics.front import front
 
 __all__ = [
@@ -33,27 +34,27 @@ __all__ = [
     "GREY",
     "ORANGE",
     "VERMILLION",
+    "Drawn",
+    "Scales",
     "contact_tractions",
     "draw_body",
     "draw_mechanism",
     "draw_problem",
-    "friction_used",
     "has_matplotlib",
     "history_figure",
-    "hysteresis_loop",
     "limit_figure",
     "picture_suffix",
     "problem_figure",
     "require_matplotlib",
     "result_figure",
     "save_figure",
-    "stress_field",
 ]
 
 __getattr__ = front(
     __name__,
     {
         "bounds": ("bracket_figure",),
+        "fields": ("draw_contours",),
         "labels": ("beside", "value_range"),
         "shape": ("Shape",),
         "mechanism": ("block_outlines",),

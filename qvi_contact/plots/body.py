@@ -1,6 +1,6 @@
 """The one drawing that answers: the deformed body with a field, and what its contacts carry drawn on them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,7 +28,7 @@ from qvi_contact.plots.style import (
     show_all,
 )
 from qvi_contact.plots.symbols import ground
-from qvi_contact.plots.tractions import closed_ends
+from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.sampling import cell_factors, held_along_z, sample_body, stress_component
 
@@ -49,7 +49,7 @@ _HATCH: Final = 0.016  # of obstacles, as a share of the body's length
 
 _ARROW: Final[dict[str, Any]] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
 _PRESSURE: Final[dict[str, Any]] = {"color": VERMILLION, "width": 0.007, "headwidth": 5.0, "headlength": 6.0}
-_FRICTION: Final[dict[str, Any]] = {"color": "black", "width": 0.01, "headwidth": 4.0, "headlength": 5.0}
+_FRICTION: Final[dict[str, Any]] = {"color": "black", "width": 0.011, "headwidth": 4.5, "headlength": 5.0}
 _RESULTANT: Final[dict[str, Any]] = {"color": "black", "width": 0.025, "headwidth": 4.0, "headlength": 4.5}
 THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
 """Colour, style and width of lines of thrust."""
@@ -123,6 +123,29 @@ class Carried:
 
 
 @dataclass(frozen=True)
+class Scales:
+    """The largest displacement [length], pressure and friction stress [stress] of what is drawn in one scale."""
+
+    displacement: float
+    pressure: float
+    friction: float
+
+    @classmethod
+    def of(cls, results: Iterable[ContactResult]) -> "Scales":
+        """Those of results that are looked at beside each other, such as the steps of a history."""
+        found = [(0.0, 0.0, 0.0)]
+        for result in results:
+            moved = float(np.hypot(*Shape.of(result).coefficients.T).max())
+            lines = result.contacts.values()
+            found.append((
+                max(moved, LEAST * result.discretization.scales.displacement),
+                max((float(np.abs(line.normal_stress).max()) for line in lines), default=0.0),
+                max((float(np.abs(line.tangential_stress).max()) for line in lines), default=0.0),
+            ))  # fmt: skip
+        return cls(*np.max(found, axis=0).tolist())
+
+
+@dataclass(frozen=True)
 class Drawn:
     """What a drawing of a body says of itself.
 
@@ -149,7 +172,13 @@ class Drawn:
     written: list[Written]
 
 
-def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises", units: Units | None = None) -> Drawn:
+def draw_body(
+    axes: "Axes",
+    result: ContactResult,
+    component: str = "von_mises",
+    units: Units | None = None,
+    scales: Scales | None = None,
+) -> Drawn:
     """Draw the deformed body with a stress as a field with contour lines, and its contacts as a textbook does.
 
     On each contact stand the pressure, as a diagram in one scale for all contacts, with arrows towards the body; the
@@ -165,9 +194,12 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
     result : ContactResult
         The state.
     component : str
-        The stress, see `stress_field`.
+        "xx", "yy", "xy" (tension positive), "von_mises" (with σ_zz in plane strain), or "first", "second": the
+        principal stresses σ₁ ≥ σ₂ in the plane.
     units : Units, optional
         Labels.
+    scales : Scales, optional
+        Those of several results that are looked at beside each other; by default those of this one.
 
     Raises
     ------
@@ -176,8 +208,8 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
 
     """
     units, mesh, shape = plain_units(units), result.problem.mesh, Shape.of(result)
-    largest = max(float(np.hypot(*shape.coefficients.T).max()), LEAST * result.discretization.scales.displacement)
-    factor = magnified(largest, _CALM * mesh.length)
+    scales = Scales.of([result]) if scales is None else scales
+    factor = magnified(scales.displacement, _CALM * mesh.length)
     samples = sample_body(result, _SAMPLES)
     held = held_along_z(result.problem, samples.cells, *samples.points.T)
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
@@ -211,9 +243,10 @@ def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises",
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
     few = len(carried) <= _LABELLED
     spacing = _SPACING * mesh.length
-    reach = 0.85 * spacing / max(friction, _LEAST * pressure, 1e-300)
+    reach = 1.8 * spacing / max(scales.friction, _LEAST * scales.pressure, 1e-300)
     for part in carried:
-        extent.append(_tractions(axes, part, height / max(pressure, 1e-300), reach, spacing if few else np.inf))
+        scale = height / max(scales.pressure, 1e-300)
+        extent.append(_tractions(axes, part, scale, reach, spacing if few else np.inf))
     thrust = _thrust(axes, carried)
     labelled = [part for part in carried if few or not part.joint]
     written: list[Written] = []
@@ -244,39 +277,24 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     face = place + factor * shape.along(edges, points.reference).reshape(-1, 2)
     obstacle = place + factor * faces(result, name)[1]
     blocks = np.where(edges.cells >= 0, shape.space.block[edges.cells], -1)
-    numbers, s = line.path.points(points.count), line.path.places(points.reference)
-    found = []
-    for number in range(int(line.path.line.max()) + 1):
-        own = line.path.line == number
-        chosen, along = numbers[own].ravel(), s[own].ravel()
-        ends = np.array([line.path.starts[own][0], line.path.starts[own][-1] + line.path.lengths[own][-1]])
-        opened = line.state[chosen] == 0
-        pressure, shear, fluid = (
-            closed_ends(along, values[chosen], ends, opened)
-            for values in (-line.normal_stress, line.tangential_stress, line.pore_pressure)
+    blocks = np.repeat(blocks, points.count, axis=0)
+    return [
+        Carried(
+            name=name,
+            joint=rows.joint,
+            s=piece.with_ends,
+            place=piece.extended(face),
+            obstacle=piece.extended(obstacle),
+            normal=piece.extended(points.normals),
+            tangent=piece.extended(points.tangents),
+            pressure=piece.closed(line, -line.normal_stress),
+            shear=piece.closed(line, line.tangential_stress),
+            fluid=piece.closed(line, line.pore_pressure),
+            weights=np.concatenate([[0.0], line.weights[piece.points], [0.0]]),
+            blocks=blocks[piece.points[[0, *range(len(piece.points)), -1]]],
         )
-        face_there, obstacle_there, normals, tangents = (
-            np.column_stack([closed_ends(along, values[chosen, k], ends) for k in (0, 1)])
-            for values in (face, obstacle, points.normals, points.tangents)
-        )
-        beside_it = np.repeat(blocks[line.path.edges[own]], points.count, axis=0)
-        found.append(
-            Carried(
-                name=name,
-                joint=rows.joint,
-                s=np.concatenate([ends[:1], along, ends[1:]]),
-                place=face_there,
-                obstacle=obstacle_there,
-                normal=normals,
-                tangent=tangents,
-                pressure=pressure,
-                shear=shear,
-                fluid=fluid,
-                weights=np.concatenate([[0.0], line.weights[chosen], [0.0]]),
-                blocks=beside_it[[0, *range(len(beside_it)), -1]],
-            )
-        )
-    return found
+        for piece in pieces_along(line, coordinates=False)[0]
+    ]
 
 
 def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float) -> FloatArray:
@@ -302,8 +320,8 @@ def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing:
     pushed, rubbed = -scale * pressure[:, None] * normal, reach * shear[:, None] * tangent
     drawn = scale * np.abs(pressure) > 0.35 * spacing
     axes.quiver(*(place - pushed)[drawn].T, *pushed[drawn].T, zorder=3.1, **_ARROW, **_PRESSURE)
-    drawn = reach * np.abs(shear) > 0.15 * spacing
-    tails = place - 0.4 * spacing * normal - rubbed / 2.0
+    drawn = (reach * np.abs(shear) > 0.3 * spacing) & (np.arange(count) % 2 == 0)
+    tails = place - 0.55 * spacing * normal - rubbed / 2.0
     axes.quiver(*tails[drawn].T, *rubbed[drawn].T, zorder=4, **_ARROW, **_FRICTION)
     return outer
 

@@ -15,11 +15,11 @@ from qvi_contact.plots.style import (
     colour_bar,
     draw_outline,
     edge_lines,
-    frame,
     lines,
     new_figure,
     plain_text,
     plain_units,
+    show_all,
 )
 
 if TYPE_CHECKING:
@@ -81,5 +81,5 @@ def _gap_map(axes: "Axes", bracket: Bracket, units: Units) -> None:
         ends = edge_lines(mesh, mesh.edges(contact.edges))
         axes.add_collection(lines(ends, "white", "solid", 2.4))
         axes.add_collection(lines(ends, "black", "solid", 1.0))
-    frame(axes, mesh, units)
+    show_all(axes, mesh.vertices, units)
     colour_bar(axes, cells, f"duality gap per area [{units.stress}]")

@@ -1,19 +1,17 @@
-"""Whole figures: a result, a problem, a history at a glance."""
+"""Whole figures: a result, a problem, a limit load."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, real_array
+from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
 from qvi_contact.mechanism import Mechanism
-from qvi_contact.plots.body import THRUST, Drawn, draw_body
+from qvi_contact.plots.body import THRUST, Drawn, Scales, draw_body
 from qvi_contact.plots.labels import Written, beside, spread
 from qvi_contact.plots.mechanism import draw_collapse, draw_mechanism
 from qvi_contact.plots.problem import draw_problem, draw_symbols
@@ -31,7 +29,6 @@ from qvi_contact.plots.style import (
     show_all,
 )
 from qvi_contact.plots.tractions import contact_tractions
-from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
@@ -43,7 +40,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PANELS: Final = 2  # at most so many charts unless some are asked for
-_LOOPS: Final = 4  # at most so many loops, and forces of contacts
 _WIDTH: Final = 6.3  # of a picture of a result [inch]: that of the text on a page
 _BODY: Final = 4.6  # about the width of the body in it
 _PASSES: Final = 3  # until texts beside the body have room
@@ -52,23 +48,13 @@ _SAID: Final = 2  # contacts named in the answer
 _SHARE: Final = 0.005  # of a contact's length from which on a state is named
 
 
-class LoadHistory(Protocol):
-    """What is drawn of a load history."""
-
-    @property
-    def steps(self) -> Sequence[ContactResult]:
-        """The state after each step."""
-
-    def loop(self, contact: str, /) -> tuple[FloatArray, FloatArray]:
-        """Displacement [length] and force [stress × length] of a contact or edge set, step by step."""
-
-
 def result_figure(
     result: ContactResult,
     units: Units | None = None,
     title: str = "",
     panels: Sequence[str] | None = None,
     component: str = "von_mises",
+    scales: Scales | None = None,
 ) -> "Figure":
     """A result as one would put it in a report: the deformed body, and charts along contacts.
 
@@ -86,7 +72,9 @@ def result_figure(
     panels : sequence of str, optional
         Contacts with a chart of pressure and friction each; by default at most two, which are no more than one line.
     component : str
-        The stress, see `stress_field`.
+        The stress, see `draw_body`.
+    scales : Scales, optional
+        Those of several results that are looked at beside each other.
 
     Raises
     ------
@@ -105,7 +93,7 @@ def result_figure(
     with settings():
         figure = new_figure(_WIDTH, _WIDTH)
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
-        drawn = draw_body(body, result, component, units)
+        drawn = draw_body(body, result, component, units, scales)
         _explained(body, drawn, result, units)
         for number, (panel, name) in enumerate(zip(charts, panels, strict=True), 1):
             contact_tractions(panel, result.contacts[name], units)
@@ -154,9 +142,10 @@ def _placed(
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
         spread(body, written)
-        corners = [text.get_window_extent().get_points() for text, _ in written]
-        found = body.transData.inverted().transform(np.concatenate([body.transData.transform(box), *corners]))
-        box = np.array([found.min(axis=0), found.max(axis=0)])
+        for text, _ in written:
+            low, high = body.transData.inverted().transform(text.get_window_extent().get_points())
+            margin = 0.01 * (box[1] - box[0])
+            box = np.array([np.minimum(box[0], low - margin), np.maximum(box[1], high + margin)])
 
 
 def _answer(result: ContactResult, units: Units) -> str:
@@ -202,6 +191,13 @@ def _explained(axes: "Axes", drawn: Drawn, result: ContactResult, units: Units) 
     if drawn.thrust:
         colour, style, width = THRUST
         entries.append(Line2D([], [], color=colour, linestyle=style, linewidth=width, label="line of thrust"))
+    if callable(result.problem.body_potential):
+        mesh, field = result.problem.mesh, result.problem.body_potential
+        (x, y), edges = mesh.points_along(mesh.boundary, np.array([0.5])), mesh.boundary
+        values = evaluate("ContactProblem.body_potential", field, x[:, 0], y[:, 0])
+        force = -(values * edges.length) @ edges.normal  # ∫ −∇φ dx
+        sign = "→↗↑↖←↙↓↘"[round(float(np.arctan2(force[1], force[0])) / (np.pi / 4.0)) % 8]
+        entries.append(Line2D([], [], linestyle="none", label=f"{sign} body force"))
     text = f"before; displacements × {drawn.factor:g}"
     entries.append(Line2D([], [], color=GREY, linestyle=(0, (4, 3)), linewidth=0.6, label=text))
     legend_below(axes, entries)
@@ -246,153 +242,6 @@ def limit_figure(
         raise InputError("limit", repr(limit), "there is no mechanism to draw: no load is the largest one")
     found = limit.mechanism if limit.mechanism is not None else limit.collapse
     return _motion_figure(problem, found, title, answer or repr(limit)[1:-1], "", plain_units(units))
-
-
-def history_figure(
-    history: LoadHistory | Mapping[str, tuple[ArrayLike, ArrayLike]],
-    units: Units | None = None,
-    times: Sequence[float] | None = None,
-    title: str = "",
-) -> "Figure":
-    """Hysteresis loops of up to four contacts, and for a history their forces step by step.
-
-    A loop needs something that moves, such as an obstacle or a prescribed displacement. Under loads alone there are
-    forces only.
-
-    Parameters
-    ----------
-    history : load history or mapping
-        A history with `steps` and `loop(contact)`, or (displacements [length], forces [stress × length]) by name.
-    units : Units, optional
-        Labels.
-    times : sequence of float, optional
-        The value of t in each step: forces are drawn over t instead of the number of the step, a hollow square at the
-        first step.
-    title : str
-        The problem's title; what the history says of itself stands below it.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to draw, or not a time for each step.
-
-    """
-    units = plain_units(units)
-    abscissa = None if times is None else real_array("times", times)
-    forces: dict[str, list[tuple[float, float]]] = {}
-    if isinstance(history, Mapping):
-        loops: Mapping[str, tuple[ArrayLike, ArrayLike]] = history
-    else:
-        first = _read(history, forces)
-        loops = {} if first is None else _loops(history, first)
-    contacts, shown = list(forces)[:_LOOPS], list(loops)[:_LOOPS]
-    if not contacts and not shown:
-        raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
-    count = max(map(len, forces.values()), default=0)
-    if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
-        raise InputError("times", times, f"give the times of all {count} steps")
-    with settings():
-        rows = bool(contacts) + bool(shown)
-        figure = new_figure(max(4.6, 3.6 * max(len(contacts), len(shown))), 3.6 if rows == 1 else 6.8)
-        parts = figure.subfigures(rows, 1, squeeze=False)
-        for number, name in enumerate(shown, 1):
-            panel = parts[0, 0].add_subplot(1, len(shown), number)
-            hysteresis_loop(panel, *loops[name], units)
-            panel.set_title(plain_text(name))
-        for number, name in enumerate(contacts, 1):
-            panel = parts[rows - 1, 0].add_subplot(1, len(contacts), number)
-            _forces(panel, forces[name], name, units, abscissa)
-        said = [title, getattr(history, "message", "")]
-        if len(loops) > len(shown):
-            said.append(f"loops not shown: {', '.join(list(loops)[_LOOPS:])}")
-        figure.suptitle(plain_text("\n".join(filter(None, said))), x=0.02, ha="left")
-    return figure
-
-
-def hysteresis_loop(axes: "Axes", displacement: ArrayLike, force: ArrayLike, units: Units | None = None) -> None:
-    """Draw the tangential force of a contact against the displacement that drives it: a dot a step, the first hollow.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw.
-    displacement : (steps,) array
-        Displacement of the obstacle or plate [length].
-    force : (steps,) array
-        Tangential force a unit of thickness [stress × length].
-    units : Units, optional
-        Labels.
-
-    Raises
-    ------
-    InputError
-        If the two are not rows of numbers of one length.
-
-    """
-    units = plain_units(units)
-    moved, carried = real_array("displacement", displacement), real_array("force", force)
-    if moved.ndim != 1 or moved.shape != carried.shape or not len(moved):
-        shapes = (moved.shape, carried.shape)
-        raise InputError("hysteresis_loop", shapes, "give displacements and forces as rows of one length")
-    axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
-    axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
-    axes.plot(moved, carried, color=BLUE, marker="o", markersize=3, linewidth=1.0)
-    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
-    axes.locator_params(axis="x", nbins=6)
-    axes.plot(moved[:1], carried[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
-    axes.set_xlabel(f"displacement [{units.displacement}]")
-    axes.set_ylabel(f"force [{units.engineering_force}]")
-
-
-def _read(history: LoadHistory, forces: dict[str, list[tuple[float, float]]]) -> ContactProblem | None:
-    """Add the forces of all steps by contact, and return the problem of the first; no step is kept in memory."""
-    first = None
-    for step in history.steps:
-        if step.has_state:
-            first = first or step.problem
-            for name, line in step.contacts.items():
-                forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
-    return first
-
-
-def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[ArrayLike, ArrayLike]]:
-    """Loops of what is moved sideways: contacts, and edge sets whose tangential displacement is prescribed.
-
-    Edge sets moved across if these move the body; none if nothing moves, as under loads that change.
-    """
-    moved = [condition for condition in problem.conditions if isinstance(condition, Displacement)]
-    driven = []
-    for condition in moved:
-        tangent = problem.mesh.edges(condition.edges).tangent[0]
-        if {CARTESIAN[int(np.argmax(np.abs(tangent)))], "tangential"} & set(components(condition)):
-            driven.append(condition.edges)
-    loops: dict[str, tuple[FloatArray, FloatArray]] = {}
-    for name in (*(contact.name for contact in problem.contacts), *driven):
-        with suppress(InputError):  # an obstacle at rest while displacements move the body
-            loops.setdefault(name, history.loop(name))
-    for condition in moved if not loops else ():
-        loops.setdefault(condition.edges, history.loop(condition.edges))
-    return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
-
-
-def _forces(
-    axes: "Axes", forces: Sequence[tuple[float, float]], name: str, units: Units, times: FloatArray | None
-) -> None:
-    """Normal and tangential force of one contact step by step, over t where times are given."""
-    place = np.arange(1, len(forces) + 1) if times is None else times[: len(forces)]
-    looks: list[tuple[str, dict[str, Any]]] = [
-        ("N", {"color": GREY, "marker": "s"}),
-        ("T", {"color": BLUE, "marker": "o", "linestyle": "--"}),
-    ]
-    for (label, look), values in zip(looks, zip(*forces, strict=True), strict=True):
-        axes.plot(place, values, markersize=3, linewidth=1.0, label=label, **look)
-        if times is not None:
-            axes.plot(place[:1], values[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
-    axes.set_title(plain_text(f"{name}: forces"))
-    axes.set_xlabel("step [-]" if times is None else "t")
-    axes.set_ylabel(f"force [{units.engineering_force}]")
-    axes.locator_params(axis="x", integer=times is None)
-    axes.legend(frameon=False)
 
 
 def _motion_figure(

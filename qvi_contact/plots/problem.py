@@ -16,13 +16,14 @@ from qvi_contact.plots.style import (
     GREY,
     ORANGE,
     VERMILLION,
+    bounding_box,
     cell_outlines,
     draw_grid,
     draw_outline,
-    frame,
     plain_text,
     plain_units,
     require_matplotlib,
+    show_all,
 )
 from qvi_contact.plots.symbols import Places, Run, arrows, ground, runs
 from qvi_contact.problem.conditions import (
@@ -115,7 +116,9 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
         sketch.condition(condition)
     sketch.names()
     sketch.legend()
-    frame(axes, problem.mesh, sketch.units, margin=_AWAY + _ARROW + 0.06)
+    low, high = bounding_box(problem.mesh)
+    margin = (_AWAY + _ARROW + 0.06) * problem.mesh.length
+    show_all(axes, np.array([low - margin, high + margin]), sketch.units)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
     spread(axes, sketch.written)
 

@@ -21,7 +21,6 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import arc_offsets, reversed_bends
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.solution.contact_line import ContactState
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -43,21 +42,13 @@ LONGEST: Final = 0.08
 LEAST: Final = 1e-5
 """Share of what strains the body, below which displacements are not magnified any further."""
 
-STATE_LOOK: Final[dict[ContactState, tuple[str, str, str]]] = {
-    ContactState.OPEN: (GREY, "o", "white"),
-    ContactState.STICK: (BLUE, "s", BLUE),
-    ContactState.SLIP: (VERMILLION, "^", "white"),
-    ContactState.CLOSED: (GREEN, "D", GREEN),
-}
-"""Colour, marker and the marker's filling for each state of a contact point."""
-
 _SETTINGS: Final[Any] = {"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5}
 
 _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 """Kinds of files; the same picture makes the same file on any day."""
 
 
-_LETTERS: Final = 128  # of a small legend in the width of a picture of a result
+_LETTERS: Final = 114  # of a small legend in the width of a picture of a result
 _HANDLE: Final = 6.5  # letters that the sign before a text is wide
 
 _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet
@@ -218,21 +209,6 @@ def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
     return np.array([low - margin, high + margin])
 
 
-def frame(axes: "Axes", mesh: TriangleMesh, units: Units | None = None, margin: float = 0.03) -> None:
-    """Show the whole body, equal scales in both directions, with a margin as a share of its length.
-
-    Axes are labelled where units are given.
-    """
-    axes.set_aspect("equal")
-    low, high = bounding_box(mesh)
-    margin *= mesh.length
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
-    if units is not None:
-        axes.set_xlabel(f"x [{units.length}]")
-        axes.set_ylabel(f"y [{units.length}]")
-
-
 def magnified(largest: float, length: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that keeps displacements within `LONGEST` of the body's length."""
     wanted = LONGEST * length / largest
@@ -268,7 +244,7 @@ def legend_below(axes: "Axes", handles: "Sequence[Artist]") -> None:
     """Add a legend under the label of the horizontal axis, in as many lines as a picture of a result has room for."""
     widths = [len(re.sub(r"\\\\\w+|[${}_|]", "", str(handle.get_label()))) + _HANDLE for handle in handles]
     columns = len(handles)
-    while columns > 1 and sum(max(widths[k::columns]) for k in range(columns)) > _LETTERS:
+    while columns > 1 and sum(float(part.max()) for part in np.array_split(widths, columns)) > _LETTERS:
         columns -= 1
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
     look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}

@@ -4,16 +4,17 @@ Curves run through the values at the points, monotone between them, and are clos
 polynomials of the element do beyond their points, teeth and jumps where edges meet, is nothing but the mesh.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.plots.style import BLUE, STATE_LOOK, VERMILLION, plain_units
+from qvi_contact.plots.style import BLUE, VERMILLION, plain_units
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
 
     """
     units = plain_units(units)
-    abscissa, prime = _along(line, units), "'" if line.has_fluid else ""
+    (pieces, label), prime = pieces_along(line), "'" if line.has_fluid else ""
     effective, limit = line.effective_normal_stress, line.friction_bound
     coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0, equal_nan=True)
     bound = np.where(np.isfinite(limit), limit, np.nan)  # a tied contact has none
@@ -57,46 +58,90 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
         curves.append(("pressure $-\\sigma_N$", -line.normal_stress, _TOTAL))
         curves.append(("fluid $p_w$", line.pore_pressure, _FLUID))
     curves.append(("friction $|\\sigma_T|$", np.abs(line.tangential_stress), _TANGENTIAL))
-    _draw_states(axes, abscissa, line, np.abs(line.tangential_stress))
-    lowest = 0.0
-    for label, values, look in (curve for curve in curves if not np.isnan(curve[1]).all()):
-        x, y, marked = abscissa.curve(values, line.state == ContactState.OPEN, line.has_fluid)
-        axes.plot(x, y, markevery=marked[:: -(-len(marked) // _MARKERS)], markersize=3, label=label, **look)
-        lowest = min(lowest, float(np.nanmin(y, initial=0.0)))
+    _draw_states(axes, pieces, line)
+    lowest, every = 0.0, -(-len(line.x) // _MARKERS)
+    for name, values, look in (curve for curve in curves if not np.isnan(curve[1]).all()):
+        x, y, marked = [np.empty(0)], [np.empty(0)], list[int]()
+        for piece in pieces:
+            s, curve = monotone(piece.with_ends, piece.closed(line, values))
+            marked += (sum(map(len, x)) + _BETWEEN * np.arange(1, len(piece.points) + 1)).tolist()
+            x += [s, np.array([np.nan])]  # a line breaks where the contact does
+            y += [curve, np.array([np.nan])]
+        drawn = np.concatenate(y)[:-1]
+        axes.plot(np.concatenate(x)[:-1], drawn, markevery=marked[::every], markersize=3, label=name, **look)
+        lowest = min(lowest, float(np.nanmin(drawn, initial=0.0)))
     axes.set_ylim(bottom=1.05 * lowest, auto=None)  # the top still follows what is drawn
-    axes.set_xlabel(abscissa.label)
+    axes.set_xlabel(f"{label} [{units.length}]")
     axes.set_ylabel(f"traction [{units.stress}]")
 
 
-def friction_used(axes: "Axes", line: ContactLine, units: Units | None = None) -> None:
-    """Draw |σ_T| over its bound along a contact, 1 where it slips; points without a bound are left out."""
-    abscissa = _along(line, plain_units(units))
-    bound, tangential = line.friction_bound, np.abs(line.tangential_stress)
-    loaded = np.isfinite(bound) & (bound > 1e-9 * float(np.abs(line.normal_stress).max(initial=0.0)))
-    share = np.divide(tangential, bound, out=np.full_like(bound, np.nan), where=loaded)
-    _draw_states(axes, abscissa, line, share)
-    axes.axhline(1.0, color=BLUE, linestyle="--", linewidth=1.0)
-    chosen = abscissa.points.ravel()[loaded[abscissa.points].ravel()]
-    axes.plot(abscissa.at(chosen), share[chosen], color=VERMILLION, linestyle=":", marker="o", markersize=3)
-    axes.set_ylim(0.0, 1.1)
-    axes.set_xlabel(abscissa.label)
-    axes.set_ylabel("$|\\sigma_T|$ / bound [-]")
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A line of a contact that hangs together.
 
+    Attributes
+    ----------
+    points : (k,) int array
+        Numbers of its points, one behind the other.
+    s : (k,) array
+        Their places [length].
+    ends : (2,) array
+        Places of its ends [length].
 
-def closed_ends(s: FloatArray, values: FloatArray, ends: FloatArray, opened: BoolArray | None = None) -> FloatArray:
-    """Values at places s (k,) with those at both ends of the line before and after, (k + 2,).
-
-    Those at the ends go on as the values do, to zero at most, and are zero where the nearest point is `opened`.
     """
-    found = []
-    for end, near, next_ in ((ends[0], 0, 1), (ends[1], -1, -2)):
-        value = float(values[near])
-        if len(s) > 1:
-            value += float((end - s[near]) / (s[near] - s[next_]) * (values[near] - values[next_]))
-        if opened is not None:
-            value = 0.0 if opened[near] or value * values[near] < 0.0 else value
-        found.append(value)
-    return np.array([found[0], *values, found[1]])
+
+    points: IntArray
+    s: FloatArray
+    ends: FloatArray
+
+    @property
+    def with_ends(self) -> FloatArray:
+        """Places of the points between those of both ends (k + 2,)."""
+        return np.concatenate([self.ends[:1], self.s, self.ends[1:]])
+
+    def extended(self, values: FloatArray) -> FloatArray:
+        """Values (m, …) of the contact at the points of this line, and at both ends, where they go on, (k + 2, …)."""
+        found = values[self.points]
+        if len(found) == 1:
+            return found[[0, 0, 0]]
+        first, last = (
+            found[near] + (end - self.s[near]) / (self.s[near] - self.s[next_]) * (found[near] - found[next_])
+            for end, near, next_ in ((self.ends[0], 0, 1), (self.ends[1], -1, -2))
+        )
+        return np.concatenate([[first], found, [last]])
+
+    def closed(self, line: ContactLine, values: FloatArray) -> FloatArray:
+        """The same of a traction (m,), which is zero at an end that is open, and has no other sign there."""
+        found, opened = self.extended(values), line.state[self.points] == ContactState.OPEN
+        for end, near in ((0, 1), (-1, -2)):
+            if found[end] * found[near] < 0.0 or (opened[end] and not line.has_fluid):
+                found[end] = 0.0
+        return found
+
+
+def pieces_along(line: ContactLine, *, coordinates: bool = True) -> tuple[list[Piece], str]:
+    """The lines of a contact, from left to right, and what their places are.
+
+    That is the coordinate along a horizontal or vertical contact, if asked for, else the length along it. The latter
+    too where coordinates of lines above or beside each other would overlap.
+    """
+    path, ends = line.path, line.ends
+    numbers, s = path.points(line.points_per_edge), path.places(gauss_legendre(line.points_per_edge)[0])
+    lines = [np.flatnonzero(path.line == number) for number in range(int(path.line.max(initial=-1)) + 1)]
+    stops = path.starts + path.lengths
+    found = [
+        Piece(numbers[own].ravel(), s[own].ravel(), np.array([path.starts[own[0]], stops[own[-1]]])) for own in lines
+    ]
+    rise = np.abs(ends[:, 1] - ends[:, 0])
+    for axis, name in enumerate("xy" if coordinates else ""):
+        places = ends[path.edges, :, axis]
+        reach = np.array([(places[own].min(), places[own].max()) for own in lines]).reshape(-1, 2)
+        order = np.argsort(reach[:, 0], kind="stable")
+        apart = reach[order][1:, 0] - reach[order][:-1, 1] >= -1e-6 * path.lengths.max()
+        if (rise[:, 1 - axis] <= _SLANTED * rise[:, axis]).all() and apart.all():
+            along = (line.x, line.y)[axis]
+            return [Piece(found[k].points, along[found[k].points], reach[k]) for k in order.tolist()], name
+    return found, f"length along the contact{', line by line' if len(found) > 1 else ''}"
 
 
 def monotone(s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -110,123 +155,19 @@ def monotone(s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]
     return dense, np.asarray(PchipInterpolator(s, values)(dense))
 
 
-def places_along(line: ContactLine) -> tuple[IntArray, FloatArray]:
-    """Numbers of the points from left to right, and their places on the horizontal axis of these pictures [length]."""
-    abscissa = _along(line, Units())
-    points = abscissa.points.ravel()
-    return points, abscissa.at(points)
+def _draw_states(axes: "Axes", pieces: Sequence[Piece], line: ContactLine) -> None:
+    """Shade the parts of the contact that are open, stick or slip.
 
-
-@dataclass(frozen=True, eq=False)
-class _Abscissa:
-    """Where the edges and points of a contact lie on the horizontal axis of a graph, from left to right.
-
-    Attributes
-    ----------
-    points : (n, q) int array
-        Numbers of the points on each edge.
-    starts, lengths : (n,) arrays
-        Where each edge begins, and how long it is [length].
-    joined : (n − 1,) bool array
-        Whether the next edge goes on where this one ends.
-    label : str
-        Label of the axis.
-
+    Each point has its share of its edge: Gauss weights add up to the edge, so the shares meet.
     """
-
-    points: IntArray
-    starts: FloatArray
-    lengths: FloatArray
-    joined: BoolArray
-    label: str
-
-    @property
-    def _gauss(self) -> FloatArray:
-        return gauss_legendre(self.points.shape[1])[0]
-
-    def at(self, points: IntArray) -> FloatArray:
-        """Places of points given by number."""
-        places = np.empty(self.points.size)
-        places[self.points] = self.starts[:, None] + self.lengths[:, None] * self._gauss
-        return np.asarray(places[points])
-
-    def curve(self, values: FloatArray, opened: BoolArray, held_open: bool) -> tuple[FloatArray, FloatArray, list[int]]:
-        """A curve through values at the points: x, y, and which of these are points; NaN between lines.
-
-        At the ends of lines it is zero if the contact is `opened` there, unless something else holds it open.
-        """
-        x, y, marked = [np.empty(0)], [np.empty(0)], list[int]()
-        for piece in self.pieces():
-            points = self.points[piece].ravel()
-            place, ends = self.at(points), np.array([self.starts[piece][0], (self.starts + self.lengths)[piece][-1]])
-            given = closed_ends(place, values[points], ends, None if held_open else opened[points])
-            count = sum(map(len, x))
-            s, curve = monotone(np.concatenate([ends[:1], place, ends[1:]]), given)
-            marked += (count + _BETWEEN * np.arange(1, len(points) + 1)).tolist()
-            x += [s, np.array([np.nan])]
-            y += [curve, np.array([np.nan])]
-        return np.concatenate(x)[:-1], np.concatenate(y)[:-1], marked
-
-    def pieces(self) -> list[slice]:
-        """Edges that hang together."""
-        ends = [0, *(np.flatnonzero(~self.joined) + 1).tolist(), len(self.starts)]
-        return [slice(a, b) for a, b in pairwise(ends)]
-
-
-def _along(line: ContactLine, units: Units) -> _Abscissa:
-    """The coordinate along a horizontal or vertical contact, else the length along it.
-
-    The latter too where coordinates of lines above or beside each other would overlap.
-    """
-    path, ends = line.path, line.ends
-    rise = np.abs(ends[:, 1] - ends[:, 0])
-    for axis, name in enumerate("xy"):
-        starts, lengths = ends[:, 0, axis], ends[:, 1, axis] - ends[:, 0, axis]
-        order = np.argsort(starts, kind="stable")
-        apart = (starts[order][1:] - (starts + lengths)[order][:-1]) / path.lengths.max()
-        if (rise[:, 1 - axis] <= _SLANTED * rise[:, axis]).all() and (apart >= -1e-6).all():
-            points = np.arange(len(line.x)).reshape(-1, line.points_per_edge)[order]
-            return _Abscissa(points, starts[order], lengths[order], apart <= 1e-6, f"{name} [{units.length}]")
-    several = ", line by line" if path.line[-1] else ""
-    label = f"length along the contact{several} [{units.length}]"
-    points = path.points(line.points_per_edge)
-    return _Abscissa(points, path.starts, path.lengths, np.diff(path.line) == 0, label)
-
-
-def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine, heights: FloatArray) -> None:
-    """Shade the parts of the contact that are open, stick or slip; mark single points that differ from both sides.
-
-    Each point has its share of its edge: Gauss weights add up to the edge, so the shares meet. A single point, at the
-    height given for it, takes the shade of the points before it.
-    """
-    ends = abscissa.starts[:, None] + np.cumsum(line.weights[abscissa.points], axis=1)
     bands: dict[int, list[tuple[float, float]]] = {}
-    single: dict[int, list[int]] = {}
-    for piece in abscissa.pieces():
-        points, stops = abscissa.points[piece].ravel(), ends[piece].ravel()
-        differs = np.diff(line.state[points]) != 0
-        single_ones = np.concatenate([[False], differs[:-1] & differs[1:], [False]])[: len(points)]
-        before = np.maximum.accumulate(np.where(single_ones, 0, np.arange(len(points))))
-        shown = line.state[points][before]
-        for point in points[shown != line.state[points]].tolist():
-            single.setdefault(int(line.state[point]), []).append(point)
-        changes = np.flatnonzero(np.diff(shown))
-        borders = [float(abscissa.starts[piece][0]), *stops[changes].tolist(), float(stops[-1])]
-        for kind, borders_of in zip(shown[[*changes.tolist(), -1]].tolist(), pairwise(borders), strict=True):
+    for piece in pieces:
+        states, stops = line.state[piece.points], piece.ends[0] + np.cumsum(line.weights[piece.points])
+        changes = np.flatnonzero(np.diff(states))
+        borders = [float(piece.ends[0]), *stops[changes].tolist(), float(stops[-1])]
+        for kind, borders_of in zip(states[[*changes.tolist(), -1]].tolist(), pairwise(borders), strict=True):
             bands.setdefault(kind, []).append(borders_of)
     for kind in sorted(bands):
         ranges, name = np.array(bands[kind]), ContactState(kind).name.lower()
         bars: dict[str, Any] = {"align": "edge", "linewidth": 0, "label": name, "transform": axes.get_xaxis_transform()}
         axes.bar(ranges[:, 0], 1.0, np.diff(ranges, axis=1)[:, 0], **bars, **_STATE_STYLE[ContactState(kind)])
-    for kind in sorted(single):
-        colour, marker, filling = STATE_LOOK[ContactState(kind)]
-        chosen = np.array(single[kind])
-        look: dict[str, Any] = {
-            "marker": marker,
-            "color": colour,
-            "markerfacecolor": filling,
-            "markersize": 7,
-            "linestyle": "none",
-        }
-        label = f"single point: {ContactState(kind).name.lower()}"
-        axes.plot(abscissa.at(chosen), heights[chosen], label=label, zorder=4, **look)

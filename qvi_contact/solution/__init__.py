@@ -9,7 +9,7 @@ __getattr__ = front(
         "contact_path": ("ContactPath", "leads_one_way", "turning_senses"),
         "history": ("loop_area", "solve_history"),
         "result": ("ContactResult",),
-        "sampling": ("cell_factors", "sample_body", "von_mises"),
+        "sampling": ("cell_factors", "sample_body", "stress_component", "von_mises"),
         "solver": ("discretized", "solve"),
         "stress": ("stress_at", "stress_in_cells"),
         "undetermined": ("UndeterminedMotion", "motions_in_words", "undetermined_motions"),

@@ -13,6 +13,7 @@ from qvi_contact import (
     Contact,
     ContactProblem,
     Displacement,
+    History,
     InputError,
     Material,
     Region,
@@ -181,7 +182,7 @@ def shown(figure):
     [
         lambda result: result_figure(result, UNITS),
         lambda result: problem_figure(result.problem, UNITS),
-        lambda _: history_figure({FORMULA: ([0.0, 1.0], [0.0, 2.0])}, UNITS),
+        lambda result: history_figure(History((result, result), 2), UNITS),
     ],
     ids=["result", "problem", "history"],
 )

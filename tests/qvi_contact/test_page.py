@@ -6,6 +6,7 @@ from functools import cache
 from hashlib import sha256
 from html import unescape
 from operator import methodcaller
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -37,7 +38,6 @@ from qvi_contact.command import (
     step_tables,
 )
 from qvi_contact.files import problem_from_toml, summary
-from qvi_contact.gallery import compressed_plate
 from qvi_contact.solution import ContactPath
 from qvi_contact.units import Units
 from tests.qvi_contact.broken_files import PROBLEMS
@@ -203,14 +203,6 @@ class TestBrowser:
             assert drawn() == before
 
 
-def test_teeth_of_curves_are_explained_where_the_state_of_a_contact_changes():
-    sticking = solve(compressed_plate(5.0, (2, 2)))
-    states = [set(next(iter(result.contacts.values())).state.tolist()) for result in (answer(), sticking)]
-    assert [len(each) > 1 for each in states] == [True, False]
-    request = Request(problem_from_toml(TEXT), TEXT, "qvi-contact solve a.toml")
-    assert ["teeth" in text for text in (page(), result_page(request, [sticking]))] == [True, False]
-
-
 class TestCommand:
     """solve --report."""
 
@@ -224,13 +216,29 @@ class TestCommand:
         assert "The problem" in said
         assert "The answer" not in said
 
-    def test_load_steps_have_a_table(self, shell, tmp_path):
+    def test_load_steps_have_a_table_and_pictures_to_slide_through(self, shell, browser, tmp_path):
         (tmp_path / "a.toml").write_text(TEXT.replace("x = 0.004", 'x = "0.004*t"') + "[history]\ntimes = [0.0, 2.0]\n")
         code, _, err = shell("solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")
         assert (code, err) == (0, "")
         text = (tmp_path / "a.html").read_text(encoding="utf-8")
         assert "Load steps" in words(text)
         assert text.count("<td>solved</td>") == 2
+        with browser.new_page(offline=True) as tab:
+            tab.goto((tmp_path / "a.html").as_uri())
+            pictures = tab.locator("#result-figure img")
+            assert [picture.is_visible() for picture in pictures.all()] == [False, True]
+            tab.locator("#step").fill("0")
+            assert [picture.is_visible() for picture in pictures.all()] == [True, False]
+            assert tab.locator("#step-value").inner_text() == "0"
+
+    def test_a_limit_load_has_a_page_with_the_mechanism(self, shell, tmp_path):
+        example = Path(__file__).parents[2] / "examples/dragged_block_holds.toml"
+        code, out, err = shell("limit", example, "--load", "drag", "--report", tmp_path / "a.html")
+        assert (code, err) == (0, "")
+        text = (tmp_path / "a.html").read_text(encoding="utf-8")
+        assert " ".join(out.split()) in words(text)
+        assert re.search(r"contact opens \[m\] slides \[m\] base 0\.\d+ ", words(text))
+        assert text.count("<svg") == 2
 
 
 @pytest.mark.parametrize(

@@ -36,21 +36,21 @@ from qvi_contact import (
 from qvi_contact.element import gauss_legendre
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import (
+    Scales,
     Shape,
     beside,
     block_outlines,
     bracket_figure,
     contact_tractions,
     draw_body,
-    friction_used,
+    draw_contours,
     history_figure,
     limit_figure,
     problem_figure,
     result_figure,
     save_figure,
-    stress_field,
 )
-from qvi_contact.solution import ContactLine, cell_factors, sample_body, von_mises
+from qvi_contact.solution import ContactLine, cell_factors, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
 
@@ -91,9 +91,6 @@ STATES = ([STICK, STICK, SLIP, SLIP], [SLIP, SLIP, OPEN, OPEN], [OPEN, STICK, OP
 EDGES = ((1.0, 1.5), (1.5, 3.5), (4.0, 4.4))
 """Edges of unequal length; the last apart from the others."""
 
-SINGLE = 4.0 + 0.4 * float(gauss_legendre(4)[0][1])
-"""The point that sticks between two that are open."""
-
 
 def shaded(axes):
     """Label to (n, 2) ranges, and to the look without colour."""
@@ -118,7 +115,6 @@ class TestTractions:
         return line, axes
 
     def test_each_point_lies_in_a_range_of_its_state_alone(self, order, vertical):
-        """But for a single point between others, which is marked and makes no band."""
         line, axes = self.draw(order, vertical)
         ranges, looks = shaded(axes)
         along = line.y if vertical else line.x
@@ -127,19 +123,16 @@ class TestTractions:
         for place, state in zip(along, line.state, strict=True):
             for label, parts in ranges.items():
                 inside = ((parts[:, 0] < place) & (place < parts[:, 1])).sum()
-                assert inside == (label == ("open" if place == SINGLE else ContactState(state).name.lower()))
-        (marked,) = (drawn for drawn in axes.lines if drawn.get_label().startswith("single"))
-        assert marked.get_label() == "single point: stick"
-        assert marked.get_xydata() == pytest.approx(np.array([[SINGLE, 0.2 * (1.0 + SINGLE)]]))
+                assert inside == (label == ContactState(state).name.lower())
         parts = np.sort(np.concatenate(list(ranges.values())), axis=0)
         borders = np.unique(parts.round(12))
-        assert len(parts) == 5
-        assert parts[:, 1] - parts[:, 0] == pytest.approx(np.diff(borders)[[0, 1, 2, 4, 5]])  # not between the lines
+        assert len(parts) == 7
+        assert parts[:, 1] - parts[:, 0] == pytest.approx(np.delete(np.diff(borders), 3))  # not between the lines
         assert {1.0, 3.5, 4.0, 4.4} < set(borders.tolist())
 
     def test_curves_run_through_the_points_and_are_closed_where_the_contact_opens(self, order, vertical):
         line, axes = self.draw(order, vertical)
-        pressure, bound, tangential = axes.lines[1:]
+        pressure, bound, tangential = axes.lines
         along, values = pressure.get_data()
         (gap,) = np.flatnonzero(np.isnan(along))  # the line breaks where the contact does
         ends = [0, gap - 1, gap + 1, -1]
@@ -151,7 +144,7 @@ class TestTractions:
             assert x == pytest.approx(np.sort(line.y if vertical else line.x))
             assert y == pytest.approx(factor * (1.0 + x))
         assert np.nanmax(values) == pytest.approx(5.4)  # nothing beyond the values at points and ends
-        assert len({(drawn.get_linestyle(), drawn.get_marker()) for drawn in axes.lines[1:]}) == 3
+        assert len({(drawn.get_linestyle(), drawn.get_marker()) for drawn in axes.lines}) == 3
         assert axes.get_xlabel() == ("y [mm]" if vertical else "x [mm]")
         assert axes.get_ylabel() == "traction [MPa]"
         assert axes.get_ylim()[0] == 0.0
@@ -174,7 +167,6 @@ class TestOtherContacts:
         contact_tractions(axes, line)
         assert [drawn.get_label()[:8] for drawn in axes.lines] == ["pressure", "friction"]
         assert np.isfinite(axes.get_ylim()).all()
-        friction_used(new_axes(), line)
 
 
 @cache
@@ -189,29 +181,15 @@ def notched(plane="stress"):
     return solve(ContactProblem(mesh, material, conditions, lambda x, y: 3.0 * y + x, regions))
 
 
-class Seen(Axes):
-    """Axes that remember the triangles that are drawn."""
-
-    def tripcolor(self, shape, *values, **look):
-        self.shape = shape
-        return super().tripcolor(shape, *values, **look)
-
-
 class TestField:
     """Values in the small triangles of a field."""
 
-    @staticmethod
-    def values(result, component, **options):
-        """Values (n,) at points (n, 2) of the field, the triangles and the field."""
-        axes = Figure().add_subplot(axes_class=Seen)
-        field = stress_field(axes, result, component, **options)
-        points = np.column_stack([axes.shape.x, axes.shape.y])
-        return np.ma.getdata(field.get_array()), points, axes.shape.triangles, field
-
     @classmethod
     def inside(cls, result, component):
-        """The same at some points inside the three parts of a triangle, between which stresses may jump."""
-        drawn, points, *_ = cls.values(result, component)
+        """Values at some points inside the three parts of a triangle, between which stresses may jump."""
+        samples = sample_body(result, 80)
+        drawn = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells])
+        points = samples.points
         chosen = np.random.default_rng(5).permutation(len(points))[:400]
         pairs = np.unique(np.column_stack(result.problem.mesh.around(points[chosen])), axis=0)
         point, count = np.unique(pairs[:, 0], return_counts=True)
@@ -234,8 +212,8 @@ class TestField:
         assert drawn == pytest.approx(wanted, rel=1e-9, abs=1e-8 * np.abs(stress).max())
 
     def test_triangles_fill_the_body_and_nothing_else(self):
-        _, points, triangles, _ = self.values(notched(), "yy")
-        corners = points[triangles]
+        samples = sample_body(notched(), 80)
+        corners = samples.points[samples.triangles]
         areas = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 2.0
         assert areas.min() > 0.0
         assert areas.sum() == pytest.approx(2.0 * 3.0 - 1.5 * 1.8)
@@ -270,17 +248,27 @@ class TestField:
         assert set(cell_factors(notched().problem)) == {0.0}
         assert von_mises(np.array([0.0, -10.0, 0.0]), 0.3) == pytest.approx(10 * np.sqrt(1 - 0.3 + 0.09))
 
-    def test_colours_of_both_signs_are_centred_on_zero_and_rounding_is_not_shown(self):
-        drawn, _, _, field = self.values(notched(), "xx")
-        assert field.get_cmap().name == "PuOr_r"
-        assert field.get_clim() == pytest.approx((-np.abs(drawn).max(), np.abs(drawn).max()))
-        assert self.values(notched(), "xx", limits=(-1.0, 3.0))[-1].get_clim() == (-1.0, 3.0)
-        field = self.values(uniform_result(xx=10.0), "xx")[-1]
-        assert field.get_cmap().name == "cividis"  # one sign only
-        low, high = field.get_clim()
-        assert low < 9.7 < 10.3 < high
-        with pytest.raises(InputError, match="xx, yy, xy, von_mises"):
-            stress_field(new_axes(), notched(), "zz")
+    @pytest.mark.parametrize(
+        ("values", "ends"),
+        [
+            ([0.0, 1.0, 2.0, 3.0], (0.0, 3.0)),
+            ([-1.0, 3.0, 0.0, 0.0], (-3.0, 3.0)),
+            ([5.0, 5.0, 5.0, 5.0 + 1e-9], (4.75, 5.25)),
+        ],
+    )
+    def test_bands_hold_all_values_are_centred_where_both_signs_occur_and_show_no_rounding(self, values, ends):
+        points, triangles = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), np.array([[0, 1, 2], [1, 3, 2]])
+        bands = draw_contours(new_axes(), points, points, triangles, np.array(values), np.zeros(4, dtype=int))
+        low, high = bands.levels[[0, -1]]
+        assert (low, high) == pytest.approx(ends, rel=0.35)
+        assert low <= min(values) <= max(values) <= high
+
+    def test_coinciding_points_of_one_part_have_their_mean(self):
+        points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]] * 2)
+        values, triangles = np.array([0.0, 1.0, 2.0, 4.0, 5.0, 6.0]), np.array([[0, 1, 2], [3, 4, 5]])
+        for part, highest in ((np.zeros(6, dtype=int), 4.0), (np.array([0, 0, 0, 1, 1, 1]), 6.0)):
+            bands = draw_contours(new_axes(), points, points, triangles, values, part)
+            assert bands.zmax == highest
 
 
 TANGENT, NORMAL = np.array([np.sqrt(0.75), 0.5]), np.array([-0.5, np.sqrt(0.75)])
@@ -342,10 +330,23 @@ class TestBody:
         x, y = diagram.get_xy().T
         area = abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2.0
         line, length = result.contacts["plane"], result.problem.mesh.length
-        assert drawn.pressure >= (-line.normal_stress).max()
-        assert area * drawn.pressure / (0.14 * length) == pytest.approx(line.normal_force, rel=0.05)
+        largest = (-line.normal_stress).max()
+        assert drawn.pressure >= largest  # which may be at an end
+        assert area * largest / (0.14 * length) == pytest.approx(line.normal_force, rel=0.05)
         assert (diagram.get_xy() @ NORMAL).max() == pytest.approx(0.0, abs=1e-2)  # below the body, on the plane
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
+
+    def test_results_beside_each_other_have_one_scale(self):
+        """The pressure of the second is half as long in the scale of both as in its own; so are displacements."""
+        strong, weak = solve(compressed_plate(0.2, (2, 2))), solve(compressed_plate(0.2, (2, 2), displacement=5e-4))
+        both, heights, factors = Scales.of([strong, weak]), [], []
+        for scales in (both, None):
+            axes = new_axes()
+            factors.append(draw_body(axes, weak, scales=scales).factor)
+            (diagram,) = (patch for patch in axes.patches if isinstance(patch, Polygon))
+            heights.append(np.ptp(diagram.get_xy()[:, 1]))
+        assert heights[1] == pytest.approx(2.0 * heights[0], rel=0.1)
+        assert factors[1] > factors[0] == draw_body(new_axes(), strong).factor
 
     def test_the_resultant_is_an_arrow_to_the_centre_of_pressure_with_its_number(self):
         result, axes = slanted_result(), new_axes()
@@ -508,6 +509,9 @@ class TestFigures:
         assert loop.get_title() == "plate"
         assert forces.lines[0].get_ydata() == pytest.approx([step.contacts["plate"].normal_force for step in steps])
         assert forces.lines[0].get_xdata().tolist() == [1, 2]
+        assert loop.lines[2].get_xydata() == pytest.approx(np.column_stack(History(steps, 2).loop("plate")))
+        with pytest.raises(InputError, match="no contact"):
+            history_figure(History((), 2))
 
 
 @pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".pdf", b"%PDF"), (".PNG", b"\x89PNG")])

@@ -9,7 +9,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.plots.tractions import places_along
+from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.problem.initial_strain import is_strained
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult
@@ -57,7 +57,8 @@ def field_data(result: ContactResult, companion: "CompanionResult | None", units
 
 def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
     """The points of a contact as its picture shows them from left to right, numbers with seven digits."""
-    order, places = places_along(line)
+    pieces = pieces_along(line)[0]
+    order, places = (np.concatenate(part) for part in zip(*((piece.points, piece.s) for piece in pieces), strict=True))
     bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
     columns = {
         "x": line.x, "y": line.y, "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,

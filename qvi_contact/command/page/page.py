@@ -31,10 +31,13 @@ from qvi_contact.command.report import STATES, plate_headings, refinement_headin
 from qvi_contact.command.series import Series
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.plots.figures import problem_figure, result_figure
+from qvi_contact.limit.load_factor import LimitLoad
+from qvi_contact.plots.body import Scales
+from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
 from qvi_contact.plots.inline import inline_svg, svg_text
 from qvi_contact.plots.style import laid_out, new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions
+from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult
@@ -135,6 +138,28 @@ def result_page(
     return text
 
 
+def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]) -> str:
+    """The page about a limit load: what people read of it, and how the body gives way, on the mesh of the analysis."""
+    file, moved = request.file, limit.mechanism
+    picture = ""
+    if moved is not None or limit.collapse is not None:
+        figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
+        picture = _picture(figure, "result", "How the body gives way")
+    contacts = {} if moved is None else moved.contacts
+    text: str = page_template("qvi_contact.command.page", "limit.html").render(
+        title=file.title or "Limit load",
+        paragraphs=[part for part in file.description.split("\n\n") if part.strip()],
+        made=datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        request=request,
+        units=file.units,
+        lines=lines,
+        picture=picture,
+        motions=[(name, *(number(value, 3, 1e-6) for value in (at.opening, at.slip))) for name, at in contacts.items()],
+        problem=_picture(problem_figure(problem, file.units), "problem", "The problem: mesh, loads, contacts"),
+    )
+    return text
+
+
 def _refinement(found: Refinement, units: Units) -> dict[str, Any]:
     """Rounds of a refinement, how it ended, and how far the number can be trusted."""
     return {
@@ -154,10 +179,10 @@ def _pictures(
         figure = result_figure(steps[-1], file.units, panels=())
         return [("", _picture(figure, "result", "The deformed body and what its contacts carry"))]
     chosen = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_STEPS)).round().astype(int)).tolist()
-    found = []
+    found, scales = [], Scales.of(step for step in map(steps.__getitem__, chosen) if step.has_state)
     for step in chosen:
         picture = io.BytesIO()
-        figure = result_figure(steps[step], file.units, panels=())
+        figure = result_figure(steps[step], file.units, panels=(), scales=scales)
         with settings(), laid_out(figure, "png", _DOTS):
             figure.savefig(picture, format="png", dpi=_DOTS, metadata={"Software": None})
         source = f"data:image/png;base64,{base64.b64encode(picture.getvalue()).decode('ascii')}"
@@ -201,7 +226,6 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     return {
         "name": line.name,
         "id": name,
-        "changes": bool((line.state != line.state[0]).any()),
         "picture": _picture(figure, name, f"Tractions along contact {line.name}"),
         "data": contact_data(line, units) | frame,
     }
