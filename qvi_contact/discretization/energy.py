@@ -26,6 +26,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.curved import Rule
 from qvi_contact.discretization.space import StressSpace
 from qvi_contact.discretization.springs import Springs
@@ -33,7 +34,7 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
 from qvi_contact.element.triangle import AffineTriangles
 from qvi_contact.errors import InputError
-from solvers.basics.types import Stated
+from solvers.basics.types import PicklesFields
 from solvers.inequality.stiffness import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
@@ -65,7 +66,7 @@ class BodyLoad:
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleEnergy(Stated):
+class TriangleEnergy(PicklesFields):
     """The energies of all triangles of a body, dimensionless.
 
     Attributes
@@ -220,7 +221,7 @@ def _stress_load(
 
 
 @dataclass(frozen=True, eq=False)
-class BodyStiffness(Stated):
+class BodyStiffness(PicklesFields):
     """K of (D2) and its root R: the energy of a body on the unknowns that supports leave.
 
     Attributes
@@ -240,16 +241,11 @@ class BodyStiffness(Stated):
 
     @classmethod
     def on(
-        cls, supports: Supports, materials: IntArray, compliances: FloatArray, springs: Springs | None = None
+        cls, supports: Supports, materials: IntArray, compliances: FloatArray, springs: Springs | None, kept: Kept
     ) -> BodyStiffness:
-        """That of supports, materials and springs; the latest is kept."""
-        key = materials.tobytes(), compliances.tobytes(), None if springs is None else springs.key
-        kept, found = supports.kept.get(cls, (None, None))
-        if kept != key:
-            found = cls(supports, TriangleEnergy(supports.space, materials, compliances), springs)
-            supports.kept[cls] = key, found
-        assert isinstance(found, cls)
-        return found
+        """That of supports, materials and springs, made once."""
+        key = supports, materials.tobytes(), compliances.tobytes(), None if springs is None else springs.key
+        return kept(cls, key, lambda: cls(supports, TriangleEnergy(supports.space, materials, compliances), springs))
 
     @cached_property
     def K(self) -> Any:  # noqa: N802  # letter of (D2)
@@ -277,10 +273,15 @@ class BodyStiffness(Stated):
             raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
         return K
 
-    @cached_property
-    def matrix(self) -> Stiffness:
-        """K with its root, and what is factorised of it."""
-        return Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+    def matrix(self, kept: Kept) -> Stiffness:
+        """K with its root, and what is factorised of it, made once; it refers to this, not the other way round."""
+
+        def made() -> Stiffness:
+            found = Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+            read_only(found.K)
+            return found
+
+        return kept(Stiffness, self, made)
 
     @cached_property
     def places(self) -> FloatArray | None:
@@ -298,7 +299,7 @@ class BodyStiffness(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class Root(Stated):
+class Root(PicklesFields):
     """z ↦ r(z) = R z + r₀ with ½|r|² the strain energy: U w + U⁻ᵀs triangle by triangle, √(2 rest), then springs.
 
     It is evaluated without the cancellation inside K.

@@ -58,6 +58,8 @@ class Springs:
         """Those of the contacts of a problem; None if all are rigid."""
         parts = []
         for rows, contact in zip(contacts, problem.contacts, strict=True):
+            if contact.normal_stiffness is None and contact.tangential_stiffness is None:
+                continue
             points = EdgePoints(space, rows.points.edges, space.degree + 1)
             x, y = physical(problem, scales, points.coordinates)
             table = space.trace_rows([points.edges], points.reference).matrix(space.size)

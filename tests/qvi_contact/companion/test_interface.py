@@ -8,8 +8,6 @@ import pytest
 from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, Traction, TriangleMesh
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
-from qvi_contact.plots import deformed_figure, save_figure
-from qvi_contact.units import Units
 from solvers import Status
 from tests.cases import every_pair
 
@@ -120,25 +118,6 @@ class TestReasons:
         (reason,) = solve_companion(rough).reasons
         assert reason.startswith("Traction.y")
 
-    @pytest.mark.parametrize(
-        ("kind", "field", "exact"),
-        [
-            ("cohesion", lambda x, y: 0.1 + x**15 + 0 * y, True),
-            ("shear_limit", lambda x, y: np.where(x < 0.5, 0.1, 0.3 * x) + 0 * y, True),  # the step is on a grid line
-            ("cohesion", lambda x, y: np.where(x < 0.47, 0.1, 0.3) + 0 * y, False),
-            ("shear_limit", lambda x, y: np.sqrt(x) + 0 * y, False),
-            ("cohesion", lambda x, y: 0.1 + peak(x, PEAK, 5e-4) + 0 * y, False),
-            ("shear_limit", lambda x, y: 0.1 + peak(x, 0.5, 3e-4) + 0 * y, False),
-        ],
-        ids=["polynomial", "step on a line", "step", "root", "peak", "peak on a line"],
-    )
-    def test_friction_bounds_that_no_quadrature_integrates(self, kind, field, exact):
-        law = {"cohesion": 1.0, kind: field}
-        problem = block(Contact("bottom", 0.0, name="base", **law))
-        reasons = solve_companion(problem).reasons
-        assert [f"The {kind} of 'base'" in reason for reason in reasons] == [True] * (not exact)
-        assert solve_companion(problem, bounds={"base": np.ones((2, 3))}).reasons == ()
-
     @pytest.mark.parametrize("kind", ["gap", "offset", "support"])
     def test_peaks_between_nodes_and_quadrature(self, kind):
         """Half a percent of an edge wide, away from all points of the rules; none on the edge beside it."""
@@ -181,17 +160,6 @@ def lifted():
 class TestOutput:
     """Files and pictures hold the numbers of the result."""
 
-    def test_deformed_shape(self, base, tmp_path):
-        figure = deformed_figure(base, scale=50.0, units=Units("m", "Pa"))
-        axes = figure.axes[0]
-        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
-        assert "× 50" in axes.get_legend().get_title().get_text()
-        fills = axes.collections[1].get_paths()
-        first = fills[0].vertices[0]
-        assert first == pytest.approx(50.0 * base.displacement(0.0, 0.0), abs=1e-9)
-        save_figure(tmp_path / "a.png", figure)
-        assert (tmp_path / "a.png").stat().st_size > 5000
-
     def test_nothing_to_show(self, lifted):
         for use in (
             lambda: lifted.energy,
@@ -200,7 +168,6 @@ class TestOutput:
             lambda: lifted.stress(0.5, 0.5),
             lambda: lifted.cell_strain([0.5], [0.5]),
             lambda: lifted.nodal_displacements,
-            lambda: deformed_figure(lifted),
         ):
             with pytest.raises(InputError, match="infeasible"):
                 use()
