@@ -420,6 +420,9 @@ KNOWN: Final[dict[str, Table]] = {
               "F + n c_b/(c_b + c_m) P, n = 1/2 for a load that is spread over the height"),
         Known("N of the base [N/mm]", "base.normal_force", 1000.0 + (0.5 * 2e4 / (2e4 + 1.4e5) - 1.0) * 800.0, 1e-9,
               "what is left of the preload, balance"),
+        Known("derivative of the bolt's force by a factor of the load [N/mm]",
+              _of(lambda result: result.derivative("bolt.normal_force", "load.body")),
+              0.5 * 2e4 / (2e4 + 1.4e5) * 800.0, 1e-9, "n c_b/(c_b + c_m) P"),
         Known("T of the base over N", _slope("base"), 0.0, 1e-9, "symmetry"),
     ], [partial(_by_another_method, contact="base")]),
     "punch": Table("A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure.", [
@@ -441,6 +444,12 @@ KNOWN: Final[dict[str, Table]] = {
         Known("T over N", _slope("fit"), 0.0, 1e-4, "symmetry"),
         Known("hoop stress at the bore of the hub [MPa]", _of(lambda result: float(result.stress(25.0 + 1e-6, 0.0)[1])),
               78.75, 5e-3, "(E α ΔT/2)(1 + R²/b²), Lamé"),
+        Known("derivative of N by the temperature of the shaft [N/mm/K]",
+              _of(lambda result: result.derivative("fit.normal_force", "shaft.temperature")),
+              47.25 * 25.0 * pi / 2.0 / 50.0, 1e-5, "N is proportional to ΔT"),
+        Known("derivative of N by the gap [N/mm/mm]",
+              _of(lambda result: result.derivative("fit.normal_force", "fit.gap")),
+              -47.25 * 25.0 * pi / 2.0 / (1.2e-5 * 50.0 * 25.0), 1e-5, "N over the interference α ΔT R"),
     ], [partial(_by_displacements, contact="fit", tolerance=1e-3)], degree=5),
     "ssnv128": Table("SSNV128 on 32 × 32 cells.", [
         Known("N [Pa m]", "base.normal_force", 2e6, 1e-9, "p a, balance"),

@@ -72,6 +72,24 @@ def test_a_beam_on_an_elastic_bed():
     assert -line.normal_stress.min() == pytest.approx(force * beta / 2.0, rel=5e-3)
 
 
+@pytest.mark.parametrize("plate", [None, RigidPlate(force_y=0.0, x=0.0, rotation=0.0)])
+def test_a_bolt_between_two_spots(plate):
+    """Two parts pressed together, then pulled apart by P: n c_b/(c_b + c_m) of it goes into the bolt, n = 1/2."""
+    mesh = TriangleMesh.grid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0, 1.5, 2.0]).with_joint(
+        "joint", lambda _, y: np.abs(y - 1.0) < 0.1
+    )
+    mesh = mesh.with_edges("spots", lambda _, y: np.abs(y - 1.0) > 0.99)
+    bolt, part, preload, load = 100.0, E / 2.0, 5.0, 4.0
+    gap = -preload * (1.0 / bolt + 1.0 / part) / 2.0  # at either end
+    spots = Contact("spots", 0.0, name="bolt", law="bilateral", normal_stiffness=2.0 * bolt, gap=gap, plate=plate)
+    pull = Expression("-4 * abs(y - 1)")  # a force of 4 on either part
+    problem = ContactProblem(mesh, Material(E, NU), [*FREE, spots, Contact("joint", 0.3)], pull)
+    result = solve(problem)
+    force = preload + 0.5 * bolt / (bolt + part) * load
+    assert result.contacts["bolt"].normal_force == pytest.approx(2.0 * force, rel=1e-9)
+    assert result.contacts["joint"].normal_force == pytest.approx(force - load, rel=1e-9)
+
+
 def test_files_hold_them():
     base = Contact("bottom", 0.3, normal_stiffness=50.0, tangential_stiffness=Expression("10 + x"))
     problem = column(base, Contact("joint", 0.0, law="tied"), Contact("top", 0.3, gap=-0.01))
