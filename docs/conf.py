@@ -38,7 +38,7 @@ smartquotes = False  # two hyphens are an option, not a dash
 
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
-_ALIASES = ["Field", "Law", "Plane", "Quantity", "RowKind"]  # of qvi_contact.types
+_ALIASES = ["Field", "Law", "LawOn", "Plane", "Quantity"]  # of qvi_contact.types
 autodoc_type_aliases = {name: name for name in _ALIASES}
 autodoc_member_order = "bysource"
 python_use_unqualified_type_names = True

@@ -6,7 +6,7 @@ def pressed(friction: Field, law: Law = "unilateral") -> Contact: ...
 """
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
-from qvi_contact.discretization.space import RowKind
+from qvi_contact.discretization.space import LawOn
 from qvi_contact.problem.conditions import Condition, Law
 from qvi_contact.problem.material import Plane
 from qvi_contact.refinement.outcome import Quantity
@@ -18,7 +18,7 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "Law",
+    "LawOn",
     "Plane",
     "Quantity",
-    "RowKind",
 ]

@@ -33,7 +33,7 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from solvers.basics.checks import whole_number
-from solvers.basics.progress import Progress, expired, tell
+from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.certificate.certificate import certify
@@ -157,7 +157,7 @@ class _Run:
             time.perf_counter() - self.began,
         )  # fmt: skip
         self.best.history.append(entry)
-        tell(Progress("pivoting", entry))
+        report(Progress("pivoting", entry))
         if self.options.callback is not None:
             self.options.callback(entry)
         if certificate.accuracy < self.accuracy:
@@ -185,7 +185,7 @@ def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions 
         if _try(run, number):
             run.best.reason = Status.SOLVED
             break
-        if expired():
+        if deadline.over:
             run.best.reason, run.best.message = Status.TIME_LIMIT, "the time limit was reached on the path of pivots"
             break
         if run.spent:
@@ -331,7 +331,7 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector) -> Vertex | None:
             return _vertex(table, basis, pivots)
         entering = leaving + n if leaving < n else leaving - n
         found = _leaving_row(table, basis, entering)
-        if found is None or expired():
+        if found is None or deadline.over:
             return None
         row = found
     return None

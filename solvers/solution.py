@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from solvers.basics.frames import columns_of, frame
-from solvers.basics.progress import expired
+from solvers.basics.progress import deadline
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate, certify
@@ -288,7 +288,7 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
     certificate = certify(qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, tolerance)
     status = _status(outcome.reason, certificate)
     feasibility = outcome.feasibility
-    undecided = status not in (Status.SOLVED, Status.INACCURATE) and outcome.check_feasible and not expired()
+    undecided = status not in (Status.SOLVED, Status.INACCURATE) and outcome.check_feasible and not deadline.over
     if undecided and feasibility is None:
         feasibility = check_feasibility(qvi)
     if undecided and feasibility is not None and feasibility.feasible is False:

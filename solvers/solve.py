@@ -13,7 +13,7 @@ import numpy as np
 
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.names import closest
-from solvers.basics.progress import Progress, expired, narrated, tell, watched
+from solvers.basics.progress import Log, Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.condensed.method import CondensedOptions, solve_condensed
@@ -211,10 +211,10 @@ def solve_qvi(
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     settings = Settings.of(method, inner, tolerance, throw, factorisation, threads, **options)
-    with watched(time_limit), narrated("solve_qvi", verbose) as story:
-        story.begin(facts_of(qvi, settings))
+    with deadline(time_limit), Log("solve_qvi", verbose) as log:
+        log.begin(facts_of(qvi, settings))
         solution = solved(qvi, settings)
-        story.end(str(solution.status), solution.message, solution.timings, solution.solved)
+        log.end(str(solution.status), solution.message, solution.timings, solution.solved)
     if settings.throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
@@ -231,9 +231,9 @@ def solved(qvi: FrictionQVI, settings: Settings) -> QVISolution:
         spent = solution.iterations >= settings.options.get("max_iterations", np.inf)
         if not spent and solution.status in _WORTH_A_FALL_BACK and FALL_BACKS[-1].serves(qvi):
             seconds = max(LEAST_SECONDS, time.perf_counter() - began)
-            over = expired()
+            over = deadline.over
             solution = out_of_time(solution) if over else _fallen_back(qvi, solution, settings, later, seconds)
-        if solution.solved and not expired():
+        if solution.solved and not deadline.over:
             doubted = solution.method != settings.method or bool(solution.remarks)
             remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
             solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
@@ -274,7 +274,7 @@ def check_choice(method: object, inner: object) -> None:
 
 def _attempt(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
     """By method; a factorisation that fails ends in a status."""
-    tell(Progress(method))
+    report(Progress(method))
     try:
         return _solve(qvi, method, inner, tolerance, options)
     except (FactorisationError, MemoryError) as error:
@@ -298,8 +298,8 @@ def _fallen_back(
     for way in FALL_BACKS:
         if way.serves(qvi):
             if way is FALL_BACKS[-1]:
-                tell(Progress(way.method, remark=tried))
-            with watched(seconds):
+                report(Progress(way.method, remark=tried))
+            with deadline(seconds):
                 last = _attempt(qvi, way.method, DEFAULT_INNER, settings.tolerance, given[way.method])
             attempts += (Attempt(way.method, tried, last.status, last.iterations),)
             if last.solved:
@@ -307,7 +307,7 @@ def _fallen_back(
     better, subject = last.certificate.accuracy < first.certificate.accuracy, way.subject
     if last.solved or (last.status is Status.INACCURATE and better):
         found, remark = last, f"{subject} found this solution after {tried}."
-    elif expired():
+    elif deadline.over:
         found = out_of_time(last if better else first)
         remark = f"The time limit ended the fixed point, which was tried because {tried}."
     elif last.status is Status.TIME_LIMIT:
@@ -407,7 +407,7 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
     found, qvi = [solution], solution.problem
     if not (qvi.mu > 0.0).any():
         return (solution,)
-    with watched(time_limit):
+    with deadline(time_limit):
         for end in _ends(solution):
             if end.solved and all(traction_difference(end, other) > _OTHER for other in found):
                 found.append(end)
@@ -429,16 +429,15 @@ def _ends(solution: QVISolution) -> Iterator[QVISolution]:
     """What the ways end at, until the time is over; those that begin at the same friction begin at the same state."""
     begun: dict[float, QVISolution] = {}
     for first, count in WAYS:
-        if expired():
-            return
-        if first not in begun:
-            begun[first] = _at_friction(first, solution, None)
-        step = begun[first]
-        state = step if step.solved else None
-        for factor in np.linspace(first, 1.0, count + 1)[1:]:
-            if expired():
+        state = None
+        for factor in np.linspace(first, 1.0, count + 1):
+            if deadline.over:
                 return
-            step = _at_friction(factor, solution, state)
+            if factor == first and first in begun:
+                step = begun[first]
+            else:
+                step = _at_friction(factor, solution, state)
+                begun.setdefault(first, step)
             state = step if step.solved else state
         yield step
 

@@ -38,7 +38,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from solvers.basics.checks import one_of, positive_number, whole_number
-from solvers.basics.progress import Progress, expired, tell
+from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import certify
@@ -176,7 +176,7 @@ def _record(state: _State, qvi: FrictionQVI, W2: Vector, options: UzawaOptions, 
         return
     entry = _iteration(state, qvi, W2, began)
     state.history.append(entry)
-    tell(Progress("uzawa", entry))
+    report(Progress("uzawa", entry))
     if options.callback is not None:
         options.callback(entry)
 
@@ -215,7 +215,7 @@ def _terminate(
         state.reason, state.message = Status.CYCLING, "the multipliers repeat themselves"
     if state.reason is None and i >= options.max_iterations:
         state.reason = Status.MAX_ITERATIONS
-    if state.reason is None and expired():
+    if state.reason is None and deadline.over:
         state.reason = Status.TIME_LIMIT
 
 

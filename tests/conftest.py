@@ -41,7 +41,7 @@ def _hypothesis_starts():
     from hypothesis import given, settings
     from hypothesis import strategies as st
 
-    from tests.effort import examples
+    from tests.cases import examples
 
     @settings(max_examples=1)
     @given(st.none())

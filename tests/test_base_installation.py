@@ -33,7 +33,7 @@ from solvers import available
 from solvers.factorisation import available_backends, missing_backends
 
 found = {"backends": list(available_backends()), "missing": missing_backends(), "inner": list(available())}
-ways = [{}, {"contact_rows": "gauss"}, {"method": "pivoting"}, {"method": "uzawa"}]
+ways = [{}, {"law_on": "points"}, {"method": "pivoting"}, {"method": "uzawa"}]
 ways += [{"inner": name} for name in ("qp:clarabel", "qp:osqp", "socp:clarabel")]
 plate = compressed_plate(0.2, (2, 2))
 found["solves"] = [solve(plate, tolerance=1e-6, **way).status for way in ways]

@@ -26,7 +26,7 @@ from qvi_contact.bracket import bracket
 from qvi_contact.cli import group
 from qvi_contact.gallery import compressed_plate
 from solvers import Status, solve_qvi
-from solvers.basics import Progress, narrated, tell
+from solvers.basics import Log, Progress, report
 from solvers.solution import Iteration
 from solvers.solve import METHODS
 
@@ -72,7 +72,7 @@ def parts(found):
 
 def test_a_bracket_counts_and_calls_back(capsys):
     """The stress violates the law between its points: it is solved for again, twice, then displacements three times."""
-    result = solve(PLATE, contact_rows="gauss")
+    result = solve(PLATE, law_on="points")
     called = []
     found = bracket(result, callback=called.append, verbose=True)
     counted = [entry.number for entry in called]
@@ -130,11 +130,11 @@ def test_histories_refinements_and_limits_have_a_line_for_each_step(capsys):
 
 
 def test_long_runs_have_a_line_where_two_digits_change(capsys):
-    with narrated("long", verbose=True) as story:
-        story.begin({})
+    with Log("long", verbose=True) as log:
+        log.begin({})
         for number in range(1, 1001):
-            tell(Progress("uzawa", Iteration(number, 1.0, 1.0, 1.0)))
-        story.end("solved", "", {}, solved=True)
+            report(Progress("uzawa", Iteration(number, 1.0, 1.0, 1.0)))
+        log.end("solved", "", {}, solved=True)
     assert numbers(capsys.readouterr().out) == [*range(1, 100), *range(100, 1001, 10)]
 
 

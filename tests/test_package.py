@@ -110,7 +110,7 @@ def test_signatures_of_what_users_call_are_short(package):
         signature = str(inspect.signature(getattr(module, name)))
         assert len(signature) < 420, name
         assert not re.search(r"numpy|typing\.|collections\.abc|Literal", signature), name
-    assert len(str(inspect.signature(qvi_contact.Contact))) < 300
+    assert len(str(inspect.signature(qvi_contact.Contact))) < 260
 
 
 def test_names_of_types_are_on_the_page():

@@ -142,7 +142,7 @@ def body(problem: str, cells: int, friction: float) -> Body:
     if problem == "plate":
         plate = paper.plate(friction, (cells, cells))
         return Body(plate.qvi, plate.stress_unit * plate.length_unit, plate.displacement, plate.stress_unit)
-    discretization = discretize(_MECHANICS[problem](friction, (cells, cells)), contact_rows="gauss")
+    discretization = discretize(_MECHANICS[problem](friction, (cells, cells)), law_on="points")
     scales = discretization.scales
     return Body(discretization.qvi, scales.stress * scales.length, scales.displacement, scales.stress)
 

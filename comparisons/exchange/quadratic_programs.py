@@ -113,7 +113,7 @@ def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: C
     target.mkdir(exist_ok=True)
     written = []
     for name, problem in problems.items():
-        solution = solve(problem, contact_rows="gauss").solution
+        solution = solve(problem, law_on="points").solution
         qvi, pressure = solution.problem, solution.problem.pressure(solution.z) if solution.solved else None
         written += [program.save(target) for program in programs_of(name, qvi, pressure)]
         advance(name)

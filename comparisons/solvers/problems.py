@@ -163,7 +163,7 @@ def instance(name: str) -> Instance:
 
 
 def _algebra(problem: ContactProblem) -> FrictionQVI:
-    return discretize(problem, contact_rows="gauss").rescaled().qvi
+    return discretize(problem, law_on="points").rescaled().qvi
 
 
 def _plate(cells: int, friction: float = 0.2, grading: float = 1.0) -> Callable[[], FrictionQVI]:

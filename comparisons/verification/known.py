@@ -100,7 +100,7 @@ class Answer:
         At Gauss points: nothing opens there in the files there are. A Bernstein coefficient in a toe does, and then
         pressure does work between steps.
         """
-        return solve_history(self.file.problems, contact_rows="gauss", **self.options)
+        return solve_history(self.file.problems, law_on="points", **self.options)
 
     def limit(self, load: str) -> LimitLoad:
         """Of `limit_load`, for the load of this name."""

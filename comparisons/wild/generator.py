@@ -91,7 +91,7 @@ def _settings(dice: Dice, traits: frozenset[str]) -> dict[str, Any]:
     """Degree and kind of contact rows, for the most part the usual ones."""
     often = "degrees" in traits
     degree = dice.pick((3, 5, 6, 7, 8)) if dice.chance(0.9 if often else 0.15) else 4
-    return {"degree": degree, **({"contact_rows": "gauss"} if dice.chance(0.5 if often else 0.1) else {})}
+    return {"degree": degree, **({"law_on": "points"} if dice.chance(0.5 if often else 0.1) else {})}
 
 
 def _traits(dice: Dice, family: str) -> frozenset[str]:

@@ -12,6 +12,7 @@ RETIRED: Final = {
     "on_lines": "was retired in version 0.2: give other lines to TriangleMesh.grid, or take refine",
     "refined": "was retired in version 0.2: take refine(problem, target=…), or refined and graded of the mesh",
     "element": "was retired in version 0.2: there is one element, on triangles, into which grids are cut; leave it out",
+    "contact_rows": "was renamed in version 0.2: give law_on='edges' for 'bernstein', 'points' for 'gauss'",
     "refined_where_apart": "was retired in version 0.2: call refine(problem, quantity='energy'), or bisect what holds "
     "most of result.bracket.cell_gaps by the mesh's own refined",
     "stream_sweep": "was retired in version 0.2: call solve_sweep(problem, parameter, values, of, store=FILE)",

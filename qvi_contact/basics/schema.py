@@ -2,7 +2,7 @@
 
 From type, default and metadata follow the key of problem files, its check and message, and what is written:
 
-    cohesion: NotNegative = field(default=0.0, metadata=key(tied=False, symbol="c", unit="stress"))
+    cohesion: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="c", unit="stress"))
 
 What it means says the docstring of the class, or a text below the field: "meaning: `cohesion = 0.1`.", the last part an
 example in TOML. The page of all keys is made of these.
@@ -74,8 +74,8 @@ class Reader(Protocol):
     """What reads functions in a file, which knows its constants and the time."""
 
     @property
-    def top(self) -> Iterable[str]:
-        """Keys at the top of the file."""
+    def whole(self) -> type:
+        """The class that states the whole file."""
 
     def field(self, value: Any) -> Any:
         """A number, expression or polynomial."""
@@ -392,7 +392,7 @@ class Key:
 
 
 def key(**said: Any) -> dict[str, Any]:
-    """The metadata of a field: entries of its `Key` but for the kind, which follows from its type."""
+    """The metadata of a field: entries of its `Key`, where the type does not say all of its kind that too."""
     return {"key": said}
 
 
@@ -425,7 +425,7 @@ def keys_of(kind: type) -> dict[str, Key]:
     """The keys of a dataclass, in the order of its fields."""
     hints = get_type_hints(kind, include_extras=True)
     said = {each.name: each.metadata.get("key", {}) for each in fields(kind)}
-    return {name: Key(kind_of(hints[name]), **more) for name, more in said.items() if more is not None}
+    return {name: Key(**{"kind": kind_of(hints[name])} | more) for name, more in said.items() if more is not None}
 
 
 @_cached
@@ -579,14 +579,31 @@ def _further(path: str, error: InputError) -> InputError:
 
 
 def _instead(name: str, known: Iterable[str], reader: Reader) -> str:
-    """What to write in place of an unknown key."""
-    listed = f"the keys here are {', '.join(known)}"
-    near = closest(name, known)
-    if near is not None:
-        return f"there is no such key; did you mean {near}? ({listed})"
-    if name in reader.top:
-        return f"this belongs to the top of the file, before the first [table]; {listed}"
-    return f"there is no such key; {listed}"
+    """What to write in place of an unknown key: one of those known, or where in the file a key like it belongs."""
+    places = places_of(reader.whole)
+    near, listed = closest(name, {**dict.fromkeys(known), **places}), f"the keys here are {', '.join(known)}"
+    if near is None:
+        return f"there is no such key; {listed}"
+    if near == name:
+        return f"this belongs to {places[near]}; {listed}"
+    where = "" if near in known else f", of {places[near]}"
+    return f"there is no such key; did you mean {near}{where}? ({listed})"
+
+
+@_cached
+def places_of(whole: type) -> dict[str, str]:
+    """Every key of a file, and the first table that has it."""
+    found = dict.fromkeys(file_keys(whole), "the top of the file, before the first [table]")
+
+    def walk(kind: type, path: str) -> None:
+        for name, each in file_keys(kind).items():
+            if isinstance(each.kind, Table | Tables):
+                heading = f"[[{path}{name}]]" if isinstance(each.kind, Tables) else f"[{path}{name}]"
+                found.update({key: heading for key in file_keys(each.kind.of) if key not in found})
+                walk(each.kind.of, f"{path}{name}.")
+
+    walk(whole, "")
+    return found
 
 
 FINITE: Final = Number()

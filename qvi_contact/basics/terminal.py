@@ -93,7 +93,7 @@ def _status(command: click.Command, name: str) -> int:
         _say(error.format_message())
         return 2
     except click.NoSuchOption as error:
-        remedy = RETIRED.get(error.option_name.lstrip("-"))
+        remedy = RETIRED.get(error.option_name.lstrip("-").replace("-", "_"))
         return _complain(name, f"{error.option_name} {remedy}" if remedy else error.format_message())
     except click.ClickException as error:
         return _complain(name, error.format_message())

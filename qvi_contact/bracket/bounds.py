@@ -60,7 +60,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
 from solvers import Iteration, solve_qvi
-from solvers.basics.progress import narrated, watched
+from solvers.basics.progress import Log, deadline
 from solvers.factorisation import FactorisationError
 from solvers.solve import Settings
 
@@ -281,8 +281,8 @@ def bracket(
         options["max_iterations"] = max_iterations
     _ = Settings.of(**options)
     given = fixed_bound_problem(result)
-    with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
-        story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
+    with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
+        log.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance, **options)
         shared: SharedStress | str = ""
         laws: list[Mapping[str, FloatArray] | None] = [given.bounds]
@@ -308,7 +308,7 @@ def bracket(
             found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
         bounded = math.isfinite(found.gap)
-        story.end("bounded" if bounded else "no bound", found.message, {}, bounded)
+        log.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found
 
 

@@ -84,9 +84,9 @@ def fixed_bound_problem(result: ContactResult) -> FixedBoundProblem:
 
 def with_bernstein_rows(known: Discretization) -> Discretization:
     """The same problem on the same elements and in the same units, with rows that hold the law on whole edges."""
-    if known.rule.kind == "bernstein":
+    if known.rule.law_on == "edges":
         return known
-    return discretize(known.problem, degree=known.space.degree, contact_rows="bernstein", scales=known.scales)
+    return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
 
 
 def check_no_history(result: ContactResult) -> None:

@@ -27,7 +27,7 @@ _TARGETS: Final = {
 }
 """Files that commands write, by option: what stands for their names, and what they are."""
 
-_SPACE: Final = ("degree", "contact_rows")
+_SPACE: Final = ("degree", "law_on")
 _METAVARS: Final = {"time_limit": "SECONDS", "quantity": "NAME", "max_unknowns": "N", "max_rounds": "N"}
 
 
@@ -92,7 +92,7 @@ def _writes(*names: str, **texts: str) -> Callable[[_Command], _Command]:
 
 
 _FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind: the shell completes its name
-_ELEMENT = _options(SolveOptions, "degree", "contact_rows")
+_ELEMENT = _options(SolveOptions, "degree", "law_on")
 _TIME_LIMIT = _options(SolveOptions, "time_limit")
 _VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
@@ -183,10 +183,13 @@ def solve(
 
     A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
     last step. With --store each step is written to a folder as soon as it is done. After an interruption the same
-    command goes on with the next step. --set, or a [sweep] in the file, solves for several values of the friction, of a
-    load factor, or of what is added to gap or offset. Files that are written hold the last value. For thousands of
-    values give --store: each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers
-    or --dask share the values.
+    command goes on with the next step.
+
+    --set, or a [sweep] in the file, solves for several values of the friction, of a load factor, or of what is added to
+    gap or offset; --set also of a constant of the file. One value of a constant changes the file, so that it goes with
+    a history and with another --set. Files that are written hold the last value. For thousands of values give --store:
+    each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers or --dask share the
+    values.
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
@@ -209,6 +212,7 @@ def solve(
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
         qvi-contact solve examples/cyclic_shear.toml --store cycle
         qvi-contact solve examples/punch.toml --set friction=0.1,0.2,0.3
+        qvi-contact solve examples/punch.toml --set P=50 --set friction=0.1,0.2
         qvi-contact solve examples/punch.toml --set friction=0.1:0.5:41 --store punch.sqlite
     """  # noqa: D301
     from qvi_contact.basics.writing import write_text
@@ -218,7 +222,8 @@ def solve(
     from qvi_contact.files.export import summary
 
     with _opened(file, given) as (problem_file, targets, options):
-        plan, units = several.plan_of(problem_file, swept), problem_file.units
+        problem_file, plan = several.asked(problem_file, swept)
+        units = problem_file.units
         shared = {name: given[name] for name in ("workers", "dask")}
         several.check_asked(plan, store, {**given, "certificate": certificate})
         if plan is not None and store is not None:
@@ -366,11 +371,11 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
     from qvi_contact.command.report import result_lines
     from qvi_contact.files.export import summary
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.progress import watched
+    from solvers.basics.progress import deadline
 
     with _opened(file, given, "a bracket") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "bracket", problem_file.units
-        with solving(title, 3, verbose=verbose) as advance, watched(limit):
+        with solving(title, 3, verbose=verbose) as advance, deadline(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
             advance("stress model solved")
             tolerance = given["tolerance"]
@@ -417,11 +422,11 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     from qvi_contact.command.progress_line import solving
     from qvi_contact.command.report import branches_document, branches_lines
     from qvi_contact.solution.solver import solve as solve_one
-    from solvers.basics.progress import watched
+    from solvers.basics.progress import deadline
 
     with _opened(file, given, "a search for other solutions") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "branches", problem_file.units
-        with solving(title, 2, verbose=verbose) as advance, watched(limit):
+        with solving(title, 2, verbose=verbose) as advance, deadline(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
             advance("solved; friction is followed from other values")
             found = other_solutions(result) if result.status == "solved" else None
@@ -442,7 +447,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     "[default: estimated]",
 )
 @_options(
-    SolveOptions, "degree", "contact_rows", "method", "inner", "tolerance", "time_limit",
+    SolveOptions, "degree", "law_on", "method", "inner", "tolerance", "time_limit",
     degree="Degree of the element, 3 to 11; 5 by default.",
 )  # fmt: skip
 @_VERBOSE
@@ -634,6 +639,25 @@ def check_proof(file: str) -> int:
     holds, line = checked_proof(file)
     click.echo(line)
     return 0 if holds else 1
+
+
+@group.command(short_help="List the keys of problem files.")
+@click.argument("name", metavar="[NAME]", default="")
+def keys(name: str) -> None:
+    """List the tables of problem files with their keys, or say all about the table or key called NAME.
+
+    Of each key there are the values that it takes, its default, its meaning with the unit, and an example.
+
+    \b
+    Examples:
+        qvi-contact keys
+        qvi-contact keys contacts
+        qvi-contact keys contacts.friction
+        qvi-contact keys mesh.outline
+    """  # noqa: D301
+    from qvi_contact.files.keys import listed
+
+    click.echo("\n".join(listed(name)))
 
 
 @group.command(short_help="List what can be used on this machine.")

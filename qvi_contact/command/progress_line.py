@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from qvi_contact.basics import terminal
 from qvi_contact.basics.terminal import Advance
-from solvers.basics.progress import Progress, watched
+from solvers.basics.progress import Progress, listening
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,7 +40,7 @@ def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float
     timer.start()
     Thread(target=line.speak, args=(silence,), daemon=True).start()
     try:
-        with watched(report=line.report):
+        with listening(line.report):
             yield line.advance
     finally:
         timer.cancel()

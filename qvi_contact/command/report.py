@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qvi_contact.refinement.outcome import Outcome
 
 STATES = [state.name.lower() for state in ContactState]
-_ROWS = {"gauss": "Gauss points", "bernstein": "Bernstein coefficients"}
+_LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
 _KINDS: Final = {Certainty.ESTIMATE: "estimate", Certainty.GUARANTEED: "guaranteed"}
 _HIDDEN = ("kind", "edges", "length", "joint")
 
@@ -167,7 +167,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         f"x from {mesh['x'][0]:g} to {mesh['x'][1]:g}, y from {mesh['y'][0]:g} to {mesh['y'][1]:g}"
     )
     element = outline["element"]
-    yield f"element: {element['name']}, degree {element['degree']}, contact rows: {_ROWS[element['contact_rows']]}"
+    yield f"element: {element['name']}, degree {element['degree']}, contact law {_LAW_ON[element['law_on']]}"
     yield f"unknowns: {outline['unknowns']}, contact points: {outline['contact_points']}"
     for material in outline["materials"]:
         yield (

@@ -12,6 +12,7 @@ import numpy as np
 
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan
+from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from qvi_contact.basics.terminal import Advance
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.sweep import Sweep
 
 _MOST: Final = 1_000_000  # values that are asked for at once
+_PARAMETERS: Final = ("friction", "load", "gap", "offset")
 _OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
 
 
@@ -80,6 +82,9 @@ def solved_series(
     if store is not None and not file.times:
         remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
         raise InputError("--store", store, remedy)
+    if plan is not None and plan.parameter not in _PARAMETERS:
+        steps = _of_constants(file, plan, options, verbose)
+        return Series(plan.parameter, plan.values, steps), steps.steps
     if plan is not None:
         from qvi_contact.solution.sweep import solve_sweep
 
@@ -107,6 +112,27 @@ def solved_series(
         return None, (solve(file.problem, **options, verbose=verbose),)
 
 
+def _of_constants(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool) -> Sweep:
+    """The file solved with each value of a constant; `time_limit` is for all of them."""
+    from qvi_contact.command.progress_line import solving
+    from qvi_contact.solution.solver import solve
+    from qvi_contact.solution.sweep import Sweep
+    from solvers.basics.progress import expired, watched
+
+    options = dict(options)
+    steps: list[ContactResult] = []
+    with (
+        solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance,
+        watched(options.pop("time_limit", None)),
+    ):
+        for value in plan.values:
+            if steps and expired():
+                break
+            steps.append(solve(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose))
+            advance()
+    return Sweep(plan.parameter, plan.values, tuple(steps))
+
+
 class _UpToStep:
     """Advances to the number of a step: the first that is told need not be the first of all."""
 
@@ -122,6 +148,8 @@ class _UpToStep:
 def check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, Any]) -> None:
     """Refuse options, by name, that have no sense without a sweep that goes to a file, or with one."""
     streams = plan is not None and store is not None
+    if streams and plan is not None and plan.parameter not in _PARAMETERS:
+        raise InputError("--store", store, f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it")
     for name in ("workers", "dask"):
         if not streams and asked[name] is not None:
             remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
@@ -188,32 +216,42 @@ def _named_errors(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
         raise type(error)(place, error.value, error.remedy) from error
 
 
-def plan_of(file: ProblemFile, given: Sequence[str]) -> SweepPlan | None:
-    """The sweep that an option --set or the file asks for; `InputError` if the option is given more than once."""
-    if not given:
-        return file.sweep
-    if len(given) > 1:
-        raise InputError("--set", " ".join(given), "one number can be swept at a time: give this option once")
-    if file.times:
+def asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:
+    """The file with constants that options --set give one value, and the sweep that another one or the file asks for.
+
+    Each is `NAME=V1,V2,…`, or `NAME=START:STOP:COUNT`. The name is that of a constant of the file, of a parameter of
+    sweeps, or `CONTACT.PARAMETER`, `load.NAME` or `constants.NAME`.
+    """
+    plans, constants = list[SweepPlan](), dict[str, float]()
+    for text in given:
+        name, separator, listed = text.partition("=")
+        owner, _, parameter = name.strip().rpartition(".")
+        if owner == "load" and parameter not in _PARAMETERS:
+            owner, parameter = parameter, owner
+        try:
+            values = _evenly(*listed.split(":")) if ":" in listed else tuple(float(part) for part in listed.split(","))
+        except (ValueError, TypeError):
+            values = ()
+        if not (separator and parameter and values):
+            remedy = (
+                "write friction=0.1,0.2,0.3 (or load, gap, offset, a constant of the file), friction=0.1:0.3:21 for 21 "
+                "values, or with a name base.friction=0.1,0.2 or load.thrust=1.2"
+            )
+            raise InputError("--set", text, remedy)
+        known = {} if owner == "constants" else {"parameters": _PARAMETERS}
+        known_name("--set", parameter, {**known, "constants": () if owner not in ("", "constants") else file.constants})
+        if owner == "constants" or parameter not in _PARAMETERS:
+            if len(values) == 1:
+                constants[parameter] = values[0]
+                continue
+            owner = ""
+        plans.append(SweepPlan(parameter, values, (owner,) if owner else None))
+    if len(plans) > 1:
+        remedy = "one number can be swept at a time: give one value of constants, and one option for something else"
+        raise InputError("--set", " ".join(given), remedy)
+    if plans and file.times:
         raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")
-    return _parsed(given[0])
-
-
-def _parsed(text: str) -> SweepPlan:
-    """`NAME=V1,V2,…` or `CONTACT.NAME=V1,V2,…`, or `START:STOP:COUNT` for the values."""
-    name, separator, listed = text.partition("=")
-    owner, _, parameter = name.strip().rpartition(".")
-    try:
-        values = _evenly(*listed.split(":")) if ":" in listed else tuple(float(part) for part in listed.split(","))
-    except (ValueError, TypeError):
-        values = ()
-    if not (separator and parameter and values):
-        remedy = (
-            "write friction=0.1,0.2,0.3 (or load, gap, offset), friction=0.1:0.3:21 for 21 values, or with a contact's "
-            "name base.friction=0.1,0.2"
-        )
-        raise InputError("--set", text, remedy)
-    return SweepPlan(parameter, values, (owner,) if owner else None)
+    return file.with_constants(constants) if constants else file, plans[0] if plans else file.sweep
 
 
 def _evenly(start: str, stop: str, count: str) -> tuple[float, ...]:

@@ -25,7 +25,7 @@ from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
-from solvers.basics.progress import narrated
+from solvers.basics.progress import Log
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import Request
@@ -107,11 +107,11 @@ def solve_companion(
     options: dict[str, Any] = {"callback": callback, "time_limit": time_limit}
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
-    with narrated(f"qvi_contact {__version__}: solve_companion", verbose) as story:
-        story.begin({"cells": problem.mesh.cell_count, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
+    with Log(f"qvi_contact {__version__}: solve_companion", verbose) as log:
+        log.begin({"cells": problem.mesh.cell_count, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
         found = solve_companions(problem, [bounds], degree=degree, tolerance=tolerance, **options)[0]
         timings = {} if found.solution is None else found.solution.timings
-        story.end(str(found.status), found.message, timings, found.status is Status.SOLVED)
+        log.end(str(found.status), found.message, timings, found.status is Status.SOLVED)
     return found
 
 

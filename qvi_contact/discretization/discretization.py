@@ -29,7 +29,7 @@ from qvi_contact.discretization.loads import (
 )
 from qvi_contact.discretization.plates import PlateRows, misplaced_pins, plate_rows, pressed_pins
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import EdgeRule, RowKind, Rows, StressSpace, edge_rule
+from qvi_contact.discretization.space import EdgeRule, LawOn, Rows, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
@@ -60,7 +60,7 @@ class _Rows(NamedTuple):
     def on(cls, supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], A: sparse.csc_array) -> _Rows:
         """Those of these contacts, one after the other, and equations, made once for all that is pressed there."""
         edges = [rows.points.edges for rows in contacts]
-        key = (cls, rule.kind, id(A), *((part.first.tobytes(), part.second.tobytes()) for part in edges))
+        key = (cls, rule.law_on, id(A), *((part.first.tobytes(), part.second.tobytes()) for part in edges))
         if key not in supports.kept:  # as `plate_rows` keeps A
             traces = supports.space.trace_rows(edges, rule.points)
             Y = supports.basis.rows(traces)
@@ -245,7 +245,7 @@ def discretize(
     problem: ContactProblem,
     *,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     scales: Scales | None = None,
     **retired: Any,
 ) -> Discretization:
@@ -257,7 +257,7 @@ def discretize(
         The problem.
     degree : int, optional
         Degree of the Airy function, from 3 to 12, 4 by default.
-    contact_rows : "bernstein" or "gauss", optional
+    law_on : "edges" or "points", optional
         What bounds the tractions: their Bernstein coefficients on each edge, so that the contact law holds on whole
         edges, or their values at Gauss points. By default coefficients; Gauss points where friction varies along an
         edge, or another bound does so but linearly, as coefficients do not hold such laws.
@@ -289,12 +289,12 @@ def discretize(
         raise InputError("problem", problem, "give a ContactProblem")
     if scales is not None and not isinstance(scales, Scales):
         raise InputError("scales", scales, "give Scales, or leave them out")
-    if contact_rows is not None and (not isinstance(contact_rows, str) or contact_rows not in get_args(RowKind)):
-        raise InputError("contact_rows", contact_rows, "give 'bernstein' or 'gauss'")
+    if law_on is not None and (not isinstance(law_on, str) or law_on not in get_args(LawOn)):
+        raise InputError("law_on", law_on, "give 'edges' or 'points'")
     chosen = DEFAULT_DEGREE if degree is None else whole_number("degree", degree)
     _ = hsieh_clough_tocher(chosen)  # refuses degrees that are not offered
-    by_default: RowKind = "gauss" if laws_vary(problem) else "bernstein"
-    space, rule = StressSpace.on(problem.mesh, int(chosen)), edge_rule(contact_rows or by_default, int(chosen))
+    by_default: LawOn = "points" if laws_vary(problem) else "edges"
+    space, rule = StressSpace.on(problem.mesh, int(chosen)), edge_rule(law_on or by_default, int(chosen))
     return _discretized(problem, space, rule, scales or Scales.of(problem))
 
 

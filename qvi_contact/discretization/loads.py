@@ -337,7 +337,7 @@ def _rows(
 ) -> ContactRows:
     x, y = physical(problem, scales, points.coordinates)
     limits = row_limits = _limits(contact, scales, x, y)
-    if rule.kind == "bernstein":
+    if rule.law_on == "edges":
         places = points_along(points.space.vertices, points.edges, rule.places).reshape(-1, 2)
         row_limits = _limits(contact, scales, *physical(problem, scales, places))
     return ContactRows(

@@ -52,8 +52,8 @@ _SECOND: Final = slice(4, 6)
 _THREE: Final = np.arange(3)
 _AFFINE: Final = 3  # degrees of freedom of the first corner of a triangle, which an affine function is made of
 
-RowKind: TypeAlias = Literal["gauss", "bernstein"]
-"""What the rows N and T of (D2) are: tractions at Gauss points of edges, or Bernstein coefficients on edges."""
+LawOn: TypeAlias = Literal["edges", "points"]
+"""Where the contact law holds: on whole edges, rows of (D2) being Bernstein coefficients, or at Gauss points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class EdgeRule:
 
     Attributes
     ----------
-    kind : "gauss" or "bernstein"
+    law_on : "edges" or "points"
         What the rows are.
     points, weights : (q,) arrays
         Gauss points on [0, 1], and weights of sum 1.
@@ -77,7 +77,7 @@ class EdgeRule:
 
     """
 
-    kind: RowKind
+    law_on: LawOn
     points: FloatArray
     weights: FloatArray
     places: FloatArray
@@ -108,15 +108,15 @@ class EdgeRule:
 
 
 @cache
-def edge_rule(kind: RowKind, degree: int) -> EdgeRule:
+def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:
     """As many rows as σ_N and σ_T have coefficients on an edge where Φ is of that degree: rows are independent."""
     count = degree - 1
     points, weights = gauss_legendre(count)
-    if kind == "gauss":
-        return EdgeRule(kind, points, weights, points, weights, np.eye(count), np.eye(count))
+    if law_on == "points":
+        return EdgeRule(law_on, points, weights, points, weights, np.eye(count), np.eye(count))
     values = legendre.basis(count - 1, points) @ np.linalg.inv(legendre.to_bernstein(count - 1))
     places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)
-    return EdgeRule(kind, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
+    return EdgeRule(law_on, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ __getattr__ = front(
             "write_archive",
         ),
         "export": ("summary", "write_npz"),
+        "keys": ("file_keys",),
         "options": ("SolveOptions",),
         "problem_file": ("ELEMENT_OPTIONS", "FileReader", "problem_from_toml"),
         "problem_writer": ("problem_to_toml",),

@@ -23,6 +23,7 @@ from qvi_contact.basics.writing import replacing
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
+from qvi_contact.files.options import law_of_rows
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_writer import problem_to_toml, unread_toml
 from qvi_contact.solution.result import ContactResult
@@ -189,7 +190,7 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
     solution, known = result.solution, result.discretization
     return {
         "degree": known.space.degree,
-        "contact_rows": known.rule.kind,
+        "law_on": known.rule.law_on,
         "centres": known.space.centres,
         "cuts": known.space.cuts.vertices,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
@@ -307,8 +308,9 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
         if file.is_grid:  # results on triangles are stored with these
             remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
             raise InputError("result", archive.path, remedy)
-        rows: Any = archive.text("contact_rows")
-        return discretize(file.problem, scales=scales, degree=_count(archive, "degree"), contact_rows=rows)
+        old = "contact_rows" in archive.arrays  # version 0.1
+        law_on = law_of_rows(archive.text("contact_rows" if old else "law_on"))
+        return discretize(file.problem, scales=scales, degree=_count(archive, "degree"), law_on=law_on)
     except InputError as error:
         if error.field == "result":  # names the file already
             raise

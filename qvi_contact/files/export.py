@@ -146,7 +146,7 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
 
     * ``problem``: the text of a problem file; empty if functions are Python's, which no file can hold, and
       ``problem_missing`` then says which. Such a file has all fields, but cannot be checked;
-    * ``degree`` and ``contact_rows`` ("gauss" or "bernstein") of the element; ``centres``: vertices with affine
+    * ``degree`` and ``law_on`` ("points" or "edges") of the element; ``centres``: vertices with affine
       functions from which ``z`` counts, where small cells lie in several places; ``cuts``: vertices along lines from
       holes across which the Airy function of ``z`` jumps, line by line;
     * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
@@ -231,7 +231,7 @@ def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
 def element_of(discretization: Discretization) -> dict[str, Any]:
     """Name, degree and contact rows of the element, for documents."""
     space = discretization.space
-    return {"name": FAMILY, "degree": space.degree, "contact_rows": discretization.rule.kind}
+    return {"name": FAMILY, "degree": space.degree, "law_on": discretization.rule.law_on}
 
 
 def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:

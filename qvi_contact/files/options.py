@@ -6,6 +6,11 @@ from typing import Any, Literal
 from qvi_contact.errors import InputError
 
 
+def law_of_rows(contact_rows: Any) -> Any:
+    """Where the contact law holds, by the name that version 0.1 had for its rows; others as they are."""
+    return {"bernstein": "edges", "gauss": "points"}.get(str(contact_rows), contact_rows)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SolveOptions:
     """Defaults for `qvi_contact.solve`; all but the first eight are options of a method.
@@ -14,9 +19,9 @@ class SolveOptions:
     ----------
     degree : int, optional
         Degree of the element, 3 to 12; 4 by default: `degree = 5`.
-    contact_rows : str, optional
-        bernstein: the contact law on whole edges; gauss: at points. By default the first, the second where friction
-        varies along an edge, and on bilateral contacts with friction: `contact_rows = "gauss"`.
+    law_on : str, optional
+        Where the contact law holds: on whole edges, or at points. edges by default; points where friction varies
+        along an edge, and on bilateral contacts with friction: `law_on = "points"`.
     method : str, optional
         condensed (by default), fixed-point, pivoting or uzawa: `method = "fixed-point"`.
     inner : str, optional
@@ -64,7 +69,7 @@ class SolveOptions:
     """
 
     degree: int | None = None
-    contact_rows: Literal["bernstein", "gauss"] | None = None
+    law_on: Literal["edges", "points"] | None = None
     method: str | None = None
     inner: str | None = None
     tolerance: float | None = None
@@ -89,13 +94,16 @@ class SolveOptions:
 
     @staticmethod
     def given(data: Any) -> Any:
-        """Files of version 0.1 could name the element: that of triangles is the only one."""
-        if not isinstance(data, dict) or "element" not in data:
+        """Files of version 0.1 could name the element, of which there is one now, and the law's `contact_rows`."""
+        if not isinstance(data, dict):
             return data
-        if data["element"] != "hct":
+        if data.get("element", "hct") != "hct":
             remedy = "rectangles (bfs) are gone: leave this key out, then grids are cut into triangles"
             raise InputError("element", data["element"], remedy)
-        return {name: value for name, value in data.items() if name != "element"}
+        given = {name: value for name, value in data.items() if name not in ("element", "contact_rows")}
+        if "contact_rows" in data and "law_on" not in data:
+            given["law_on"] = law_of_rows(data["contact_rows"])
+        return given
 
 
 @dataclass(frozen=True, kw_only=True)

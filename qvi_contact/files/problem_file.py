@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
@@ -53,7 +54,7 @@ from qvi_contact.problem.problem import ContactProblem
 
 VERSION: Final = 1
 
-ELEMENT_OPTIONS: Final = ("degree", "contact_rows")
+ELEMENT_OPTIONS: Final = ("degree", "law_on")
 """Arguments of `solve` that choose the element rather than the method."""
 
 TABLES: Final[dict[str, type[Condition]]] = {
@@ -256,7 +257,7 @@ class FileReader:
     data: Mapping[str, Any]
     constants: Mapping[str, float]
     t: float | None = None
-    top = tuple(keys_of(Document))
+    whole = Document
 
     def field(self, value: Any) -> Field:
         """A number, an expression or a polynomial."""
@@ -363,6 +364,15 @@ class ProblemFile:
         except InputError as error:
             raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
 
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """Numbers that expressions may name."""
+        return self._reader.constants
+
+    def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
+        """The same file with other values of some of its constants, on the same mesh."""
+        return _from_tables(self._reader.data, None, self.problem.mesh, changed)
+
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
         """The problems of all load steps; without a history the one there is."""
@@ -432,13 +442,23 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
 
     A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
     """
-    data = tables_of(text.replace("\r\n", "\n"))
+    return _from_tables(tables_of(text.replace("\r\n", "\n")), folder)
+
+
+def _from_tables(
+    data: Mapping[str, Any],
+    folder: str | Path | None,
+    mesh: TriangleMesh | None = None,
+    changed: Mapping[str, float] = MappingProxyType({}),
+) -> ProblemFile:
+    """What the tables of a file say, on a mesh that was made already, or with other values of some constants."""
     keys, plain = keys_of(Document), FileReader(data, {})
     first: dict[str, Any] = {}
     for name in ("constants", "history"):  # what expressions mean depends on them
         with within(name):
             first[name] = keys[name].kind.read(data[name], plain) if name in data else None
-    constants, times = first["constants"] or {}, () if first["history"] is None else first["history"].times
+    constants = {**(first["constants"] or {}), **changed}
+    times = () if first["history"] is None else first["history"].times
     for name, value in constants.items():
         with located(f"constants.{quoted(name)}"):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
@@ -447,8 +467,9 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
     reader = FileReader(data, constants, times[0] if times else None)
     document = reader.document()
     assert document.mesh is not None  # it is needed
-    parts = Parts(document.edges, document.joints, document.regions)
-    mesh = built_mesh(document.mesh, parts, None if folder is None else Path(folder))
+    if mesh is None:
+        parts = Parts(document.edges, document.joints, document.regions)
+        mesh = built_mesh(document.mesh, parts, None if folder is None else Path(folder))
     found = ProblemFile(
         problem=document.problem(mesh, data),
         title=document.title,

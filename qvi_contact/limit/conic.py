@@ -16,7 +16,7 @@ from scipy.sparse import linalg
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import SolveError
-from solvers.basics.progress import left
+from solvers.basics.progress import deadline
 from solvers.basics.types import load
 
 _TOLERANCE: Final = 1e-9  # of the solver
@@ -102,7 +102,7 @@ class ConicProgram:
         if not self.dependent:
             settings.static_regularization_constant, settings.static_regularization_proportional = _REGULAR, 0.0
         settings.iterative_refinement_max_iter = _REFINED
-        settings.time_limit = max(left(), _LEAST_TIME)
+        settings.time_limit = max(deadline.left, _LEAST_TIME)
         n = len(self.q)
         answer = clarabel.DefaultSolver(
             sparse.csc_matrix((n, n)), self.q / scale, sparse.csc_matrix(A), b, kinds, settings

@@ -142,7 +142,7 @@ def _of_contact(
 def edge_coefficients(rows: ContactRows) -> FloatArray:
     """Matrix (q, q) from the rows of an edge to Bernstein coefficients."""
     rule = rows.rule
-    if rule.kind == "bernstein":
+    if rule.law_on == "edges":
         return np.eye(rule.count)
     return np.asarray(np.linalg.inv(bernstein.basis(rule.count - 1, rule.points)))
 

@@ -13,7 +13,7 @@ from qvi_contact.basics.checks import Field, FloatArray, positive_number
 from qvi_contact.basics.retired import refuse_arguments
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import RowKind
+from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.flow import BodyMotion, FlowProgram, gap_in_cells
 from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
@@ -29,7 +29,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
-from solvers.basics.progress import narrated, watched
+from solvers.basics.progress import Log, deadline
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -121,7 +121,7 @@ def limit_load_factor(
     *,
     time_limit: float | None = None,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     verbose: bool = False,
     **retired: Any,
 ) -> LimitLoad:
@@ -155,7 +155,7 @@ def limit_load_factor(
         "body" for the body force, or names of `BodyForces`.
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
-    degree, contact_rows
+    degree, law_on
         Degree of the element, and what bounds tractions, see `discretize`.
     verbose : bool
         Print what is asked for, and both sides with the time.
@@ -177,9 +177,9 @@ def limit_load_factor(
 
     """
     refuse_arguments(retired)
-    with watched(time_limit), narrated(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as story:
-        posed = _posed(problem, loads, degree=degree, contact_rows=contact_rows)
-        story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
+    with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
+        posed = _posed(problem, loads, degree=degree, law_on=law_on)
+        log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.solved().limit
         gap = limit.bound - limit.lower
         agree = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
@@ -189,7 +189,7 @@ def limit_load_factor(
                 f"{limit.violation:.1e}): use a coarser or less graded mesh"
             )
         sides = f"this mesh carries {limit.lower:.9g} times the loads, no stress more than {limit.upper:.9g} times"
-        story.end("solved", sides, {}, solved=True)
+        log.end("solved", sides, {}, solved=True)
     return limit
 
 
@@ -231,7 +231,7 @@ def limit_proof(
         If there is no finite bound, or no proof holds in exact arithmetic.
 
     """
-    with watched(time_limit):
+    with deadline(time_limit):
         posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
         low, names = posed.low, posed.names
         cones = YieldCones.of(problem, low.space.degree - 2)
@@ -473,7 +473,7 @@ def strength_reduction_factor(
     of: Sequence[str] | None = None,
     accuracy: float = 1e-3,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     time_limit: float | None = None,
 ) -> StrengthReduction:
     """The factor by which strengths may be divided until the loads are just carried, from both sides.
@@ -489,31 +489,32 @@ def strength_reduction_factor(
     of : sequence of str, optional
         What is divided: names of contacts, of regions, and "body" for the body's own material. By default everything.
     accuracy : float
-        Relative width at which the bisections for both sides end.
-    degree, contact_rows, time_limit
+        Relative width at which the bisections for both sides end, below 1.
+    degree, law_on, time_limit
         As for `limit_load_factor`.
 
     Raises
     ------
     InputError
-        If a name is unknown.
+        If a name is unknown, or the accuracy is out of range.
     SolveError
         If a program is not solved, or not in time.
 
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    accuracy = positive_number("accuracy", accuracy)
+    if not positive_number("accuracy", accuracy) < 1.0:
+        raise InputError("accuracy", accuracy, "give a relative width below 1, such as 1e-3")
     chosen = _chosen(problem, of)
     names = (*loads_of(problem), FLUID)
-    space: dict[str, Any] = {"degree": degree, "contact_rows": contact_rows}
+    space: dict[str, Any] = {"degree": degree, "law_on": law_on}
 
     def sides(factor: float) -> tuple[bool, bool]:
         """Whether the loads are carried, and whether it is not proved that they are not."""
         limit = LimitProblem.of(_reduced(problem, chosen, factor), names, **space).solved().limit
         return limit.lower >= 1.0, limit.upper >= 1.0
 
-    with watched(time_limit):
+    with deadline(time_limit):
         known: dict[float, tuple[bool, bool]] = {}
         found = []
         for side in (0, 1):

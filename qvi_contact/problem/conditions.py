@@ -38,7 +38,6 @@ from qvi_contact.problem.fields import Expression
 Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
 """What a contact does across its line: it may open, it keeps its distance, or it does not move at all."""
 
-NotNegative: TypeAlias = Annotated[Field, Varying(0.0)]
 Driven: TypeAlias = Annotated[float, Scalar()]
 """A number, which files may write as an expression of constants and t."""
 
@@ -297,15 +296,17 @@ class Contact:
     """
 
     edges: str
-    friction: NotNegative = field(metadata=key(needed=False, tied=False, symbol="μ"))
+    friction: Field = field(metadata=key(kind=Varying(0.0), needed=False, tied=False, symbol="μ"))
     gap: Field = field(default=0.0, metadata=key(symbol="gap", unit="length"))
     offset: Field = field(default=0.0, metadata=key(symbol="offset", unit="length"))
     name: Name = field(default="", metadata=key(like="edges"))
-    cohesion: NotNegative = field(default=0.0, metadata=key(tied=False, symbol="c", unit="stress"))
-    shear_limit: NotNegative | None = field(default=None, metadata=key(tied=False, symbol="t_max", unit="stress"))
+    cohesion: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="c", unit="stress"))
+    shear_limit: Field | None = field(
+        default=None, metadata=key(kind=Varying(0.0), tied=False, symbol="t_max", unit="stress")
+    )
     law: Law = "unilateral"
     plate: RigidPlate | None = None
-    pore_pressure: NotNegative = field(default=0.0, metadata=key(tied=False, symbol="p_w", unit="stress"))
+    pore_pressure: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="p_w", unit="stress"))
 
     in_files: ClassVar[dict[str, Key]] = {"pin": Key(Table(Pin), needed=False)}
     """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""

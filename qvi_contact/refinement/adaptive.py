@@ -28,7 +28,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import check_options
 from qvi_contact.version import __version__
 from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.progress import narrated, watched
+from solvers.basics.progress import Log, deadline
 
 _COLUMNS = {
     "round": ">5", "cells": ">8", "unknowns": ">9", "value": ">16.9g", "estimate": ">9.1e", "guaranteed": ">10",
@@ -37,7 +37,7 @@ _COLUMNS = {
 
 _ROUNDS: Final = 60
 _THINNEST: Final = 1e-9
-_OF_SPACES = ("degree", "contact_rows")  # options that are not the solver's
+_OF_SPACES = ("degree", "law_on")  # options that are not the solver's
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
 """Called with the record of a round."""
@@ -140,7 +140,7 @@ def refine(
         Print a header, a line a round, and a footer with status and time.
     **options
         As for `solve`: method, inner, tolerance and the method's own, ``degree``, 5 by default, at most 11, and
-        ``contact_rows``. For a limit load only ``degree``, 4 by default, and ``contact_rows``.
+        ``law_on``. For a limit load only ``degree``, 4 by default, and ``law_on``.
 
     Returns
     -------
@@ -186,14 +186,14 @@ def refine(
     )
     function_or_none("callback", callback)
     title = f"qvi_contact {__version__}: refine"
-    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
-        story.begin({"target": f"{settings.target:g}", "cells at first": problem.mesh.cell_count})
+    with deadline(time_limit), Log(title, verbose, _COLUMNS, iterations=False) as log:
+        log.begin({"target": f"{settings.target:g}", "cells at first": problem.mesh.cell_count})
         numbers = count(1)
 
         def told(record: RefinementRound) -> None:
             sure = "yes" if record.guaranteed else "no"
             known = (record.cells, record.unknowns, record.value, record.estimate, sure)
-            story.line(next(numbers), *known, story.seconds)
+            log.line(next(numbers), *known, log.seconds)
             if callback is not None:
                 callback(record)
 
@@ -212,7 +212,7 @@ def refine(
             first, rounds, stop = in_rounds(TriangleRefinement(settings, measure), problem, result, told)
             last = rounds[-1].answer if rounds else first
             found = Refinement(result=last, **_said(measure.name, settings, rounds, stop, last.problem.mesh.cell_count))
-        story.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
+        log.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
         return found
 
 

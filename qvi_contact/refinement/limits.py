@@ -33,7 +33,7 @@ from qvi_contact.refinement.reference_solution import at_contacts
 from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError, bulk
 from qvi_contact.solution.work import loads_followed
 
-_SPACE: Final = ("degree", "contact_rows")  # options of a limit load
+_SPACE: Final = ("degree", "law_on")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors
 _TWICE: Final = 2  # bisections of a triangle that halve all its edges
 _SHARE: Final = 0.6  # of the gap that is divided where bodies yield
@@ -88,7 +88,7 @@ def limit_strategy(problem: ContactProblem, settings: Settings, names: tuple[str
     """How meshes are refined; `InputError` for options that a limit load does not have."""
     for name, value in settings.options.items():
         if name not in _SPACE:
-            raise InputError(name, value, "is not for limit loads: give degree or contact_rows")
+            raise InputError(name, value, "is not for limit loads: give degree or law_on")
     return (LimitOfYielding if problem.yields else LimitStrategy)(settings, names)
 
 

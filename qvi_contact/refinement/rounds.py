@@ -12,7 +12,7 @@ from qvi_contact.errors import InputError, QVIError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.progress import expired
+from solvers.basics.progress import deadline
 
 _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
 
@@ -149,7 +149,7 @@ def in_rounds(
             if last.estimate <= settings.target:
                 enough = last.certainty is Certainty.GUARANTEED or not settings.guaranteed
                 raise StopError(RefinementStatus.REACHED if enough else RefinementStatus.NO_GUARANTEE)
-            if expired():
+            if deadline.over:
                 raise StopError(RefinementStatus.TIME_LIMIT)
             if len(rounds) >= settings.max_rounds:
                 raise StopError(RefinementStatus.ROUNDS)
@@ -159,7 +159,7 @@ def in_rounds(
             except TooLargeError as error:
                 raise StopError(RefinementStatus.UNKNOWNS) from error
             except QVIError as error:  # the same data were taken on the mesh before
-                late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.THIN_CELLS
+                late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
                 raise StopError(late, str(error)) from error
     except StopError as stop:
         return first, rounds, stop

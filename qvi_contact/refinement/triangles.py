@@ -35,7 +35,7 @@ from qvi_contact.refinement.rounds import (
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import posed, solve
 from solvers import Status
-from solvers.basics.progress import expired
+from solvers.basics.progress import deadline
 
 _DEGREE: Final = 5  # where none is given
 
@@ -51,7 +51,7 @@ _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # what a status on the way means for the refinement
-_POSING: Final = ("degree", "contact_rows")  # options of the discretisation, not of its solve
+_POSING: Final = ("degree", "law_on")  # options of the discretisation, not of its solve
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -121,7 +121,7 @@ class TriangleRefinement:
         if found is None:
             found = self._compared(problem, result, value, at)
         if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
-            late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
+            late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
             raise StopError(late, f"the accuracy of the answer with {unknowns} unknowns could not be determined")
         if found is None:
             found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(len(mesh.cells)))

@@ -405,7 +405,7 @@ def _by_coefficients(rows: ContactRows, parts: tuple[FloatArray, ...], both: boo
     The tractions obey it then on the whole edge, up to the rounding of the coefficients, which is what the bounds are.
     """
     n, tau, mu, cohesion, cap = parts
-    if rows.rule.kind == "gauss":
+    if rows.rule.law_on == "points":
         return np.zeros(len(n), dtype=bool), np.zeros((len(n), 2))
     normal, shear = (rows.rule.at_rows(part.ravel()).reshape(part.shape) for part in (n, tau))
     constant = (np.ptp(mu, axis=1) == 0.0) & (np.ptp(cohesion, axis=1) == 0.0) & np.isinf(cap).all(axis=1)

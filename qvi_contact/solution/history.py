@@ -26,7 +26,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import RowKind
+from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
@@ -39,7 +39,7 @@ from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.names import known_name
-from solvers.basics.progress import expired, narrated, watched
+from solvers.basics.progress import Log, deadline
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -273,7 +273,7 @@ def solve_history(
     store: str | Path | None = None,
     time_limit: float | None = None,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     warm_start: bool = True,
     verbose: bool = False,
     **options: Any,  # checked by solve
@@ -294,7 +294,7 @@ def solve_history(
     time_limit : float, optional
         Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
         unless its certificate passes.
-    degree, contact_rows
+    degree, law_on
         Degree of the element, and what bounds tractions, see `discretize`.
     warm_start : bool
         Whether methods that take a start begin at the state of the step before.
@@ -318,25 +318,25 @@ def solve_history(
     warm_start = true_or_false("warm_start", warm_start)
     settings = check_options(options)
     title = f"qvi_contact {__version__}: solve_history"
-    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
+    with deadline(time_limit), Log(title, verbose, _COLUMNS, iterations=False) as log:
         steps = _given(problems, kept=store is None)
         survey = _surveyed(steps)
-        contact_rows = rows_for(options.get("method"), contact_rows)
-        if contact_rows is None and survey.laws_vary:
-            contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
-        space = {"degree": degree, "contact_rows": contact_rows}
-        story.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
+        law_on = rows_for(options.get("method"), law_on)
+        if law_on is None and survey.laws_vary:
+            law_on = "points"  # in all steps, as slip is handed on from one to the next
+        space = {"degree": degree, "law_on": law_on}
+        log.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
 
         def told(number: int, result: ContactResult) -> None:
             solution = result.solution
-            story.line(number, str(result.status), solution.iterations, result.certificate.accuracy, story.seconds)
+            log.line(number, str(result.status), solution.iterations, result.certificate.accuracy, log.seconds)
             if callback is not None:
                 callback(number, result)
 
         keeper = _keeper(store, steps, {**space, **options, "warm_start": warm_start})
         warm = warm_start and settings.takes_state
         history = _history(_Run(steps, survey.scales, space, told, options, warm), keeper)
-        story.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
+        log.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
 
@@ -465,7 +465,7 @@ def _history(run: _Run, keeper: _Keeper) -> History:
         before = results[number - 2] if number > 1 else None
         if before is None:
             discretization = posed(1, run.scales)
-        elif expired():
+        elif deadline.over:
             break
         else:
             discretization = before.discretization.with_data(run.steps[number - 1], run.scales)

@@ -25,14 +25,14 @@ from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.retired import RETIRED, refuse_arguments
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import joined, laws_vary
-from qvi_contact.discretization.space import FAMILY, RowKind
+from qvi_contact.discretization.space import FAMILY, LawOn
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.version import __version__
 from solvers import QVISolution, Status
 from solvers.basics.checks import true_or_false
-from solvers.basics.progress import Progress, narrated, tell, watched
+from solvers.basics.progress import Log, Progress, deadline, report
 from solvers.factorisation import FactorisationError
 from solvers.solution import Attempt, Start
 from solvers.solve import Settings, facts_of, solved
@@ -58,7 +58,7 @@ def solve(
     time_limit: float | None = None,
     *,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     verbose: bool = False,
     **options: Any,  # checked by the method that takes them
 ) -> ContactResult:
@@ -85,7 +85,7 @@ def solve(
         far is returned, with the status "time_limit" unless its certificate passes. A factorisation under way, and an
         inner solver that takes no limit, are not interrupted. A factorisation that is estimated to take more than twice
         the time left, or twice the memory of the machine, is not begun; the message has the estimate.
-    degree, contact_rows
+    degree, law_on
         Degree of the element, and what bounds tractions, see `discretize`.
     verbose : bool
         Print a header, a line an iteration (dimensionless, see `solvers.Iteration`), a footer with status and times.
@@ -115,22 +115,22 @@ def solve(
     if not isinstance(problem, (ContactProblem, Discretization)):
         raise InputError("problem", problem, "give a ContactProblem or a Discretization")
     if isinstance(problem, Discretization):
-        for option, value in (("degree", degree), ("contact_rows", contact_rows)):
+        for option, value in (("degree", degree), ("law_on", law_on)):
             if value is not None:
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
     throw = true_or_false("throw", options.pop("throw", False))
     settings = check_options({"method": method, "inner": inner, "tolerance": tolerance, **options})
-    with watched(time_limit), narrated(f"qvi_contact {__version__}: solve", verbose) as story:
+    with deadline(time_limit), Log(f"qvi_contact {__version__}: solve", verbose) as log:
         chosen, units = problem, tuple[Attempt, ...]()
         if isinstance(chosen, ContactProblem):
             if chosen.mesh.cell_count >= _MANY_CELLS:
-                tell(Progress("mesh", stage=f"discretising {chosen.mesh.cell_count} cells"))
-            given = discretize(chosen, degree=degree, contact_rows=rows_for(method, contact_rows))
+                report(Progress("mesh", stage=f"discretising {chosen.mesh.cell_count} cells"))
+            given = discretize(chosen, degree=degree, law_on=rows_for(method, law_on))
             chosen = _fitted(given, settings.factorisation, settings.threads)
             units = () if chosen is given else (UNITS,)
-        story.begin(_facts(chosen, settings))
+        log.begin(_facts(chosen, settings))
         result = _judged(_solve(chosen, settings, units))
-        story.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
+        log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
@@ -150,14 +150,14 @@ def posed(
     problem: ContactProblem,
     *,
     degree: int | None = None,
-    contact_rows: RowKind | None = None,
+    law_on: LawOn | None = None,
     method: str | None = None,
     before: Discretization | None = None,
     **options: Any,
 ) -> Discretization:
     """The problem discretised in fitting units, as `solve` does it first with these options.
 
-    `solve` takes it in place of the problem, with all options but ``degree`` and ``contact_rows``. What it has in
+    `solve` takes it in place of the problem, with all options but ``degree`` and ``law_on``. What it has in
     common with a problem `before`, posed with the same options on the same mesh, is shared; degree and rows may be left
     out then, and are those of `before`.
 
@@ -167,12 +167,12 @@ def posed(
         If the problem or an option is wrong, or `before` is on another mesh, or of another degree or rows.
 
     """
-    rows = rows_for(method, contact_rows)
+    rows = rows_for(method, law_on)
     if before is None:
-        return _fitted(discretize(problem, degree=degree, contact_rows=rows), **_linear(options))
-    rows = "gauss" if rows is None and laws_vary(problem) else rows
+        return _fitted(discretize(problem, degree=degree, law_on=rows), **_linear(options))
+    rows = "points" if rows is None and laws_vary(problem) else rows
     space = before.space
-    for field, asked, found in (("degree", degree, space.degree), ("contact_rows", rows, before.rule.kind)):
+    for field, asked, found in (("degree", degree, space.degree), ("law_on", rows, before.rule.law_on)):
         if asked is not None and asked != found:
             remedy = f"the problem discretised before has {found!r}: give both the same, or leave before out"
             raise InputError(field, asked, remedy)
@@ -187,15 +187,15 @@ def _linear(options: Mapping[str, Any]) -> dict[str, Any]:
 def _facts(known: Discretization, settings: Settings) -> dict[str, object]:
     """What the header of a narration says."""
     space, mesh = known.space, known.problem.mesh
-    element = f"{FAMILY} of degree {space.degree}, contact law by {known.rule.kind}"
+    element = f"{FAMILY} of degree {space.degree}, contact law on {known.rule.law_on}"
     return {"cells": mesh.cell_count, "element": element, **facts_of(known.qvi, settings)}
 
 
-def rows_for(method: str | None, contact_rows: RowKind | None) -> RowKind | None:
+def rows_for(method: str | None, law_on: LawOn | None) -> LawOn | None:
     """The rows asked for, or those that the method wants; None if it takes any."""
-    if contact_rows is None and method == "uzawa":
-        return "gauss"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
-    return contact_rows
+    if law_on is None and method == "uzawa":
+        return "points"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
+    return law_on
 
 
 def _solve(discretization: Discretization, settings: Settings, attempts: tuple[Attempt, ...]) -> ContactResult:
@@ -228,12 +228,12 @@ def _reached(discretization: Discretization, solution: QVISolution) -> bool:
 def _check_uzawa(discretization: Discretization, method: str | None) -> None:
     """Uzawa runs on coefficients of linear tractions, of higher degree it only runs on."""
     rule = discretization.rule
-    if method == "uzawa" and rule.kind == "bernstein" and rule.count > _LINEAR:
+    if method == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
         remedy = (
             "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish where the "
-            "shear does not: leave contact_rows out, or give 'gauss'"
+            "shear does not: leave law_on out, or give 'points'"
         )
-        raise InputError("contact_rows", rule.kind, remedy)
+        raise InputError("law_on", rule.law_on, remedy)
 
 
 def _fitted(discretization: Discretization, factorisation: str, threads: int | None) -> Discretization:

@@ -23,7 +23,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.space import RowKind
+from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Condition, Contact
@@ -38,7 +38,7 @@ from solvers import Status
 from solvers.basics.checks import function_or_none
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.names import known_name
-from solvers.basics.progress import expired, left, narrated, watched
+from solvers.basics.progress import Log, deadline
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -269,13 +269,13 @@ def solve_sweep(
         name, given = ("workers", workers) if dask is None else ("dask", dask)
         raise InputError(name, given, "several processes share the values of a sweep with a store: give store=")
     title = f"qvi_contact {__version__}: solve_sweep"
-    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
+    with deadline(time_limit), Log(title, verbose, _COLUMNS, iterations=False) as log:
         task = SweepTask.of(problem, parameter, of, warm_start=warm_start, **options)
         numbers = _checked_values(parameter, values)
-        story.begin({"values": len(numbers), "parameter": parameter, "cells": task.problem.mesh.cell_count})
+        log.begin({"values": len(numbers), "parameter": parameter, "cells": task.problem.mesh.cell_count})
 
         def told(number: int, found: ContactResult | SweepRow, accuracy: float) -> None:
-            story.line(number, numbers[number - 1], str(found.status), found.iterations, accuracy)
+            log.line(number, numbers[number - 1], str(found.status), found.iterations, accuracy)
             if callback is not None:
                 callback(number, found)
 
@@ -299,7 +299,7 @@ def solve_sweep(
                     for row in rows:
                         told(row.number, row, row.accuracy)
             sweep = kept.read_sweep(store)
-        story.end(str(sweep.status), sweep.message, {}, sweep.status is Status.SOLVED)
+        log.end(str(sweep.status), sweep.message, {}, sweep.status is Status.SOLVED)
         return sweep
 
 
@@ -337,7 +337,7 @@ class SweepTask:
         names: Sequence[str] | None,
         *,
         degree: int | None = None,
-        contact_rows: RowKind | None = None,
+        law_on: LawOn | None = None,
         warm_start: bool = True,
         **options: Any,
     ) -> SweepTask:
@@ -345,7 +345,7 @@ class SweepTask:
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
-        space = {"degree": degree, "contact_rows": contact_rows}
+        space = {"degree": degree, "law_on": law_on}
         settings = check_options(options)
         chosen = _checked_names(problem, parameter, names)
         warm = true_or_false("warm_start", warm_start) and settings.takes_state
@@ -378,7 +378,7 @@ class _Run:
     ) -> Iterator[tuple[int, float, ContactResult, float]]:
         """Number, value, result and seconds of these numbers and values, until the time is over."""
         for count, (number, value) in enumerate(planned):
-            if count >= at_least and expired():
+            if count >= at_least and deadline.over:
                 return
             began, task = time.perf_counter(), self._task
             if self._before is None or task.parameter != "friction":
@@ -419,7 +419,7 @@ def _opened(task: SweepTask) -> tuple[None, Callable[[_Slice], list[SweepRow]]]:
 
     def solved(part: _Slice) -> list[SweepRow]:
         seconds = max(part.end - time.time(), _LEAST)
-        with watched(seconds if seconds < math.inf else None):
+        with deadline(seconds if seconds < math.inf else None):
             return list(run.rows(part.planned))
 
     return None, solved
@@ -433,7 +433,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
     if workers == Workers() or not planned:
         yield from ([row] for row in _Run(task).rows(planned))
         return
-    seconds, end = left(), time.time() + left()
+    seconds, end = deadline.left, time.time() + deadline.left
     limits = Limits(seconds + _GRACE if seconds < math.inf else None)
     try:
         job = pickle.dumps(partial(_opened, replace(task, options={"threads": 1, **task.options})))

@@ -66,7 +66,7 @@ def rediscretized(result: ContactResult) -> Discretization:
     fresh = discretize(
         known.problem,
         degree=known.space.degree,
-        contact_rows=known.rule.kind,
+        law_on=known.rule.law_on,
         scales=known.scales,
     )
     slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]

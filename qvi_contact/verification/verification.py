@@ -411,14 +411,14 @@ def _facts(found: Recomputed) -> Iterator[Check]:
         )  # fmt: skip
         lines = result.contacts.values()
         beyond = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
-        whole = result.discretization.rule.kind == "bernstein"
+        whole = result.discretization.rule.law_on == "edges"
         limit = _BOUND * result.certificate.tolerance
         yield Check(
             "between points", beyond / found.stress, limit if whole else None,
             bool(beyond <= limit * found.stress) if whole else None,
             "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction. "
-            "Above 0 where the law holds at Gauss points only (contact_rows='gauss').",
-            "Coefficients do not hold this law between the points: leave contact_rows out.",
+            "Above 0 where the law holds at Gauss points only (law_on='points').",
+            "Coefficients do not hold this law between the points: leave law_on out.",
         )  # fmt: skip
     if solution.contraction is not None:
         yield Check(

@@ -8,7 +8,7 @@ __getattr__ = front(
         "checks": ("one_of", "real_array", "whole_number"),
         "files": ("LARGEST",),
         "foreign": ("foreign_code",),
-        "progress": ("Progress", "expired", "left", "narrated", "tell", "watched"),
+        "progress": ("Deadline", "Log", "Progress", "deadline", "listening", "report"),
         "types": ("IntVector", "Matrix", "Vector"),
     },
 )

@@ -1,10 +1,10 @@
-"""The watch over a solve: how long it may take, and who is told how far it is.
+"""How long a solve may take, who hears how far it is, and what it prints.
 
-    with watched(time_limit=60.0, report=print):
+    with deadline(60.0), listening(print):
         …                                         # retries, fall-backs, inner problems, feasibility: one clock for all
 
-Methods ask `expired` once an iteration and back ends get the seconds `left`. What is not an iteration, such as a
-factorisation, is not interrupted. Inside another watch the earlier end counts, and both are told.
+Methods ask `deadline.over` once an iteration, and back ends get the seconds `deadline.left`. What is no iteration, such
+as a factorisation, is not interrupted. Inside another deadline the earlier end counts, and all listeners hear all.
 """
 
 import logging
@@ -17,7 +17,7 @@ from numbers import Real
 from string import ascii_letters
 from textwrap import wrap
 from time import perf_counter
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self, TypeAlias
 
 from solvers.basics.checks import true_or_false
 from solvers.errors import InputError
@@ -47,55 +47,63 @@ class Progress(NamedTuple):
     stage: str = ""
 
 
-Report: TypeAlias = Callable[[Progress], object]
+Listener: TypeAlias = Callable[[Progress], object]
+
+_end: ContextVar[float] = ContextVar("end", default=math.inf)  # of `time.monotonic`
+_listeners: ContextVar[tuple[Listener, ...]] = ContextVar("listeners", default=())
 
 
-class _Watch(NamedTuple):
-    """The end, of `time.monotonic`, and everyone to tell."""
+class Deadline:
+    """When everything has to end: ``with deadline(seconds):`` sets it, `left` and `over` ask for it."""
 
-    end: float = math.inf
-    reports: tuple[Report, ...] = ()
+    @contextmanager
+    def __call__(self, seconds: float | None = None) -> Iterator[None]:
+        """Everything inside ends within so many seconds, as far as it can be interrupted; None sets no end.
+
+        Raises
+        ------
+        InputError
+            If `seconds` is not a finite number above 0; the field is "time_limit".
+
+        """
+        outer = _end.get()
+        token = _end.set(outer if seconds is None else min(outer, time.monotonic() + _seconds(seconds)))
+        try:
+            yield
+        finally:
+            _end.reset(token)
+
+    @property
+    def left(self) -> float:
+        """Seconds left, infinity without an end; never 0, which some back ends take for no limit."""
+        end = _end.get()
+        return max(end - time.monotonic(), _LEAST) if end < math.inf else math.inf
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is over."""
+        end = _end.get()
+        return end < math.inf and time.monotonic() >= end
 
 
-_NOBODY: Final = _Watch()
-_watch: ContextVar[_Watch] = ContextVar("watch", default=_NOBODY)
+deadline: Final = Deadline()
+"""The one that counts here."""
 
 
 @contextmanager
-def watched(time_limit: float | None = None, report: Report | None = None) -> Iterator[None]:
-    """Everything inside ends within so many seconds, as far as it can be interrupted, and tells `report` how far it is.
-
-    Raises
-    ------
-    InputError
-        If `time_limit` is not a finite number above 0.
-
-    """
-    outer = _watch.get()
-    end = outer.end if time_limit is None else min(outer.end, time.monotonic() + _seconds(time_limit))
-    token = _watch.set(_Watch(end, outer.reports if report is None else (*outer.reports, report)))
+def listening(listener: Listener) -> Iterator[None]:
+    """The listener is told of everything inside."""
+    token = _listeners.set((*_listeners.get(), listener))
     try:
         yield
     finally:
-        _watch.reset(token)
+        _listeners.reset(token)
 
 
-def left() -> float:
-    """Seconds left, infinity without a limit; never 0, which some back ends take for no limit."""
-    end = _watch.get().end
-    return max(end - time.monotonic(), _LEAST) if end < math.inf else math.inf
-
-
-def expired() -> bool:
-    """Whether the time is over."""
-    end = _watch.get().end
-    return end < math.inf and time.monotonic() >= end
-
-
-def tell(progress: Progress) -> None:
-    """Tell everyone who watches."""
-    for report in _watch.get().reports:
-        report(progress)
+def report(progress: Progress) -> None:
+    """Tell all listeners."""
+    for listener in _listeners.get():
+        listener(progress)
 
 
 def _seconds(value: object) -> float:
@@ -110,15 +118,12 @@ def _seconds(value: object) -> float:
 
 # What a solve says while it runs: printed with ``verbose=True``, and logged under the name "qvi_contact".
 #
-#     with narrated("solve", verbose) as story:
-#         story.begin({"unknowns": 768, "method": "condensed"})
-#         …                                          # a line for each iteration that methods `tell` of
-#         story.end(status, message, {"solve": 0.1})
+#     with Log("solve", verbose) as log:
+#         log.begin({"unknowns": 768, "method": "condensed"})
+#         …                                          # a line for each iteration that methods `report`
+#         log.end(status, message, {"solve": 0.1})
 #
-# A header, a line an iteration, a footer with status and times: this module is the only one that prints them. Inside
-# another narration nothing is printed, since the outer one speaks for all.
-#
-# Levels of the log: INFO how the outermost call begins and ends, WARNING where it ends without a solution, DEBUG its
+# Levels of the logger: INFO how the outermost call begins and ends, WARNING where it ends without a solution, DEBUG its
 # iterations and the calls inside it.
 
 
@@ -130,7 +135,7 @@ ITERATIONS: Final = {
     "method": "<12", "iteration": ">9", "residual": ">10.2e", "energy": ">15.7e", "normal force": ">14.6e",
     "seconds": ">9.2f",
 }  # fmt: skip
-"""Columns of the lines that methods tell of, with their formats; dimensionless, as in `Iteration`."""
+"""Columns of the lines of iterations, with their formats; dimensionless, as in `Iteration`."""
 
 _WIDTH: Final = 79
 _LABEL: Final = 16
@@ -139,26 +144,44 @@ _ALL: Final = 20  # first iterations that are printed; later ones where two digi
 _depth: ContextVar[int] = ContextVar("depth", default=0)
 
 
-class Narration:
-    """One story: its header, its lines, its footer.
+class Log:
+    """A header, lines and a footer with status and times, printed and logged; nothing else of the project prints them.
+
+    Inside another log nothing is printed, since the outer one speaks for all.
 
     Parameters
     ----------
     title : str
         Who speaks.
-    shown : bool
+    verbose : bool
         Whether it is printed.
     columns : mapping
         Heading of each column → format of its numbers.
-    outermost : bool
-        Whether the log has beginning and end at INFO.
+    iterations : bool
+        Whether iterations that methods `report` get lines.
 
     """
 
-    def __init__(self, title: str, shown: bool, columns: Mapping[str, str], outermost: bool) -> None:
-        self._title, self._shown, self._columns = title, shown, columns
-        self._outermost, self._level = outermost, logging.INFO if outermost else logging.DEBUG
+    def __init__(
+        self, title: str, verbose: bool, columns: Mapping[str, str] = ITERATIONS, *, iterations: bool = True
+    ) -> None:
+        self._title, self._columns, self._iterations = title, columns, iterations
+        self._shown = true_or_false("verbose", verbose)
+        self._tokens: Any = ()
+
+    def __enter__(self) -> Self:
+        depth, listeners = _depth.get(), _listeners.get()
+        self._outermost, self._level = depth == 0, logging.DEBUG if depth else logging.INFO
+        self._shown = self._shown and self._outermost
+        if self._iterations and self._outermost and (self._shown or LOGGER.isEnabledFor(logging.DEBUG)):
+            listeners = (*listeners, self.report)
+        self._tokens = _depth.set(depth + 1), _listeners.set(listeners)
         self._began = perf_counter()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        _depth.reset(self._tokens[0])
+        _listeners.reset(self._tokens[1])
 
     @property
     def seconds(self) -> float:
@@ -208,23 +231,6 @@ class Narration:
         if self._shown:
             sentence = wrap(message, _WIDTH)
             _print("-" * _WIDTH, f"{'status':<{_LABEL}}{status}", *sentence, f"{'time':<{_LABEL}}{words}", "=" * _WIDTH)
-
-
-@contextmanager
-def narrated(
-    title: str, verbose: bool, columns: Mapping[str, str] = ITERATIONS, *, iterations: bool = True
-) -> Iterator[Narration]:
-    """A narration of what is inside; with `iterations`, of the iterations that methods tell of."""
-    verbose = true_or_false("verbose", verbose)
-    depth = _depth.get()
-    story = Narration(title, verbose and depth == 0, columns, depth == 0)
-    heard = iterations and depth == 0 and (verbose or LOGGER.isEnabledFor(logging.DEBUG))
-    token = _depth.set(depth + 1)
-    try:
-        with watched(report=story.report if heard else None):
-            yield story
-    finally:
-        _depth.reset(token)
 
 
 def _worth_a_line(number: int) -> bool:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csc_array, hstack, triu, vstack
 
-from solvers.basics.progress import left, watched
+from solvers.basics.progress import deadline
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import by_columns
@@ -146,7 +146,7 @@ def refuted(qvi: FrictionQVI, seconds: float | None = None) -> Feasibility | Non
     rows = AdmissibleRows.of(qvi)
     if rows.h.size > LARGEST:
         return None
-    with watched(seconds):
+    with deadline(seconds):
         proof = _farkas(qvi, rows, np.ones_like(rows.tangential))
     if proof is None:
         return None
@@ -183,7 +183,7 @@ def _minimise(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice
     settings.verbose = False
     settings.presolve_enable = False
     settings.tol_infeas_abs = settings.tol_infeas_rel = 1e-11
-    settings.time_limit = left()
+    settings.time_limit = deadline.left
     cones = ([clarabel.ZeroConeT(qvi.p)] if qvi.p else []) + [clarabel.NonnegativeConeT(h.size)]
     stacked = csc_array(vstack([qvi.A, G])) if qvi.p else G
     program = (csc_array(triu(qvi.K)), -qvi.f, stacked, np.concatenate([qvi.b, h]), cones, settings)

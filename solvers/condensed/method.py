@@ -40,7 +40,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.basics.checks import one_of, whole_number
-from solvers.basics.progress import Progress, expired, tell
+from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.certificate import certify
 from solvers.certificate.feasibility import Feasibility, refuted
@@ -370,7 +370,7 @@ def _limit(run: _Run, measures: Measures) -> Status | None:
         return Status.DIVERGED
     if len(run.history) >= run.options.max_iterations:
         return Status.MAX_ITERATIONS
-    if expired():
+    if deadline.over:
         return Status.TIME_LIMIT
     return Status.STALLED if len(run.history) - run.before >= _ONE_START else None
 
@@ -488,7 +488,7 @@ def _record(run: _Run, measures: Measures) -> None:
     )  # fmt: skip
     run.began = now
     run.history.append(entry)
-    tell(Progress("condensed", entry))
+    report(Progress("condensed", entry))
     if run.options.callback is not None:
         run.options.callback(entry)
 

@@ -24,7 +24,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solvers.basics.progress import LOGGER, Progress, expired, left, tell
+from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Sparse
 from solvers.factorisation.base import FactorisationError
 from solvers.factorisation.superlu import filled, interior_groups
@@ -132,7 +132,7 @@ def check_limits(
     factors = 1.0 if symmetric else 2.0
     work = Work.by_law(n, K.nnz).times(factors)
     expected = Forecast.of(work, backend, k, threads)
-    late, seconds, memory = expired(), left(), machine_memory()
+    late, seconds, memory = deadline.over, deadline.left, machine_memory()
     if not late and (expected.seconds > seconds or expected.bytes > memory):
         work = Work.counted(K, interface).times(factors)
         expected = Forecast.of(work, backend, k, threads)
@@ -149,7 +149,7 @@ def check_limits(
     if expected.seconds >= _WORTH_TELLING:
         stage = f"factorising {n} unknowns, {expected.cost} (an estimate)"
         LOGGER.info("%s: %s", backend, stage)
-        tell(Progress(backend, stage=stage))
+        report(Progress(backend, stage=stage))
 
 
 def machine_memory() -> float:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solvers.basics.checks import finite_number, one_of, real_array, whole_number
-from solvers.basics.progress import Progress, expired, tell
+from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import certify, scales_at
@@ -189,7 +189,7 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
     set_up = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging back end is judged by its residual
         while state.reason is None:
-            if expired():
+            if deadline.over:
                 state.reason = Status.TIME_LIMIT
             else:
                 _step(qvi, form, solver, state, options, tolerance)
@@ -234,7 +234,7 @@ def _step(
     number = len(state.history) + 1
     if not usable:
         _record(qvi, state, result, np.inf, began, options)
-        if not expired():
+        if not deadline.over:
             _recover(qvi, form, solver, state, result)
     else:
         state.inner = inner
@@ -259,9 +259,9 @@ def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state
     threshold = form.threshold(qvi.threshold(state.s))
     centre = form.centre(state.inner, state.previous)
     inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
-    if not _is_usable(inner) and state.inner is not None and not expired():
+    if not _is_usable(inner) and state.inner is not None and not deadline.over:
         inner = solver.solve(threshold, form.centre(None, None), None)
-    claimed = inner.status is Status.INFEASIBLE and not expired()
+    claimed = inner.status is Status.INFEASIBLE and not deadline.over
     return _checked_claim(inner, form, threshold) if claimed else inner
 
 
@@ -305,7 +305,7 @@ def _record(
 def _append(state: _State, entry: Iteration, options: FixedPointOptions) -> None:
     """To the history, and tell those who listen."""
     state.history.append(entry)
-    tell(Progress("fixed-point", entry))
+    report(Progress("fixed-point", entry))
     if options.callback is not None:
         options.callback(entry)
 

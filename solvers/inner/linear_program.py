@@ -11,7 +11,7 @@ import numpy as np
 from numpy.exceptions import ComplexWarning
 
 from solvers.basics.foreign import foreign_code
-from solvers.basics.progress import left
+from solvers.basics.progress import deadline
 from solvers.basics.status import Status
 from solvers.basics.types import Module, Vector
 from solvers.inequality.problem import FrictionQVI
@@ -74,7 +74,7 @@ class _Attempt(NamedTuple):
         """For `linprog`, now."""
         feasibility = dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), self.tolerance)
         steps = {} if self.is_simplex else {"maxiter": _STEPS}
-        return {**feasibility, **steps, "time_limit": min(_LONGEST, left()), "presolve": self.presolve}
+        return {**feasibility, **steps, "time_limit": min(_LONGEST, deadline.left), "presolve": self.presolve}
 
     def settles(self, status: int) -> bool:
         """Whether an answer with this status is the last word.
@@ -194,7 +194,7 @@ def solve_cvxpy(problem: Module, name: str, settings: Mapping[str, Any]) -> tupl
 
 def updated_solve(solver: Module, q: Vector, b: Vector) -> Module:
     """Solve with a Clarabel solver that is kept, for new vectors q and b, in the time that is left."""
-    settings, seconds = solver.get_settings(), left()
+    settings, seconds = solver.get_settings(), deadline.left
     if seconds < settings.time_limit:
         settings.time_limit = seconds
         solver.update(settings=settings)
@@ -204,7 +204,7 @@ def updated_solve(solver: Module, q: Vector, b: Vector) -> Module:
 
 def within_time(settings: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Settings of a back end with its limit of time, called `name` if there is one, no longer than what is left."""
-    seconds = left()
+    seconds = deadline.left
     if not name or seconds == math.inf:
         return dict(settings)
     return {**settings, name: min(seconds, settings.get(name, math.inf))}

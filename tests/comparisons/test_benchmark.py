@@ -96,7 +96,7 @@ class TestRun:
     def test_the_loop_in_cvxpy_finds_the_same(self):
         found = study.solve_loops({"cells": 4, "friction": 0.2, "loop": "naive loop, cvxpy"})
         assert (found["status"], found["unknowns"]) == ("solved", 192)
-        other = solve(compressed_plate(0.2, cells=(4, 4)), contact_rows="gauss").contacts["plate"]
+        other = solve(compressed_plate(0.2, cells=(4, 4)), law_on="points").contacts["plate"]
         assert found["half_force"] == pytest.approx(other.normal_force, rel=1e-8)
         assert len(found["seconds"]) == 3
 

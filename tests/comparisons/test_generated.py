@@ -21,8 +21,8 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.gallery import compressed_plate
+from tests.cases import EFFORT, examples
 from tests.comparisons.parts import committed, rows_of
-from tests.effort import EFFORT, examples
 
 STRENUOUS = {
     "thin": (3,), "gaps": (1, 4), "units": (4, 5), "friction": (2,), "everything": (1, 2), "incompressible": (0, 1),
@@ -131,7 +131,7 @@ class TestJudge:
 
     def test_a_right_answer_has_no_error(self, right):
         assert judge.wrong(right) == []
-        assert judge.wrong(solve(pressed(), degree=6, contact_rows="gauss"), 6) == []
+        assert judge.wrong(solve(pressed(), degree=6, law_on="points"), 6) == []
 
     def test_another_load_is_seen(self, right):
         assert any("prescribed" in text for text in judge.wrong(forged(right, pressed(top=(2.0, -11.0)))))

@@ -248,7 +248,7 @@ PROBLEMS: Final[Mapping[str, Problem]] = MappingProxyType(
     | {
         "plate: degree 3": _plate(0.2, degree=3),
         "plate: degree 6": _plate(0.2, degree=6),
-        "plate: Gauss points": _plate(0.2, contact_rows="gauss"),
+        "plate: Gauss points": _plate(0.2, law_on="points"),
         "plate: fixed point": _plate(0.2, method="fixed-point", bracket=False),
         "sliding block": _solved(lambda: sliding_block()[0]),
         "stick and slip": _solved(lambda: stick_slip_block(shear=20.0)[0]),
@@ -271,7 +271,7 @@ PROBLEMS: Final[Mapping[str, Problem]] = MappingProxyType(
         "limit: dragged block": _limit(lambda: _example("dragged_block_holds"), "drag"),
         "sticks on a coarse mesh": _solved(_stick, degree=6),
         "bilateral": _solved(_bilateral),
-        "bilateral: Gauss points": _solved(_bilateral, contact_rows="gauss"),
+        "bilateral: Gauss points": _solved(_bilateral, law_on="points"),
         "arcs: degree 3": _solved(_arcs, degree=3),
         "arcs: degree 4": _solved(_arcs, degree=4),
         "shrink fit": _file(FILES / "p1_shrink.toml"),

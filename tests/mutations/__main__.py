@@ -110,11 +110,13 @@ def mutated(mutation: Mutation) -> str:
 
 
 def write(rows: list[Mutation]) -> None:
-    """Write the sample, with what is known of it."""
-    with SAMPLE.open("w", encoding="utf-8", newline="") as stream:
+    """Write the sample, with what is known of it: whole, or not at all."""
+    new = SAMPLE.with_suffix(".new")
+    with new.open("w", encoding="utf-8", newline="") as stream:
         table = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
+    new.replace(SAMPLE)
 
 
 def cover() -> None:
@@ -158,10 +160,14 @@ def covered(files: Iterable[str]) -> tuple[Lines, dict[str, float]]:
 
 
 def run(name: str) -> None:
-    """Try each mutation of the sample: "noticed", "not noticed", or "gone" if its line is not there."""
+    """Try each mutation of the sample: "noticed", "not noticed", or "gone" if its line is not there.
+
+    Each answer is written at once, and a row that has one is not tried again: a run that was ended goes on.
+    """
     with SAMPLE.open(encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    lines, seconds = covered({row["file"] for row in rows})
+        rows = [row | {name: row.get(name) or ""} for row in csv.DictReader(stream)]
+    left = [row for row in rows if not row[name]]
+    lines, seconds = covered({row["file"] for row in left})
     workers = os.cpu_count() or 1
     copies: SimpleQueue[Path] = SimpleQueue()
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(workers) as pool:
@@ -176,10 +182,10 @@ def run(name: str) -> None:
             finally:
                 copies.put(copy)
 
-        for number, (row, found) in enumerate(zip(rows, pool.map(answer, rows), strict=True), 1):
+        for number, (row, found) in enumerate(zip(left, pool.map(answer, left), strict=True), 1):
             row[name] = found
-            print(f"{number}/{len(rows)} {found}: {row['file']}: {row['line']} -> {row['mutated']}", flush=True)
-    write(rows)
+            write(rows)
+            print(f"{number}/{len(left)} {found}: {row['file']}: {row['line']} -> {row['mutated']}", flush=True)
     print(json.dumps(Counter(row[name] for row in rows)))
 
 

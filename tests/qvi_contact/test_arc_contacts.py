@@ -10,7 +10,7 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import places
 from qvi_contact.solution import turning_senses
-from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, polygon, quarter
+from tests.qvi_contact.builders import INNER, NU, OUTER, WIDENED, A, polygon, quarter
 
 
 def ring(contact, other, **settings):
@@ -19,7 +19,7 @@ def ring(contact, other, **settings):
 
 
 def test_rigid_shaft():
-    result = ring(Contact("inner", 0.0, gap=-WIDENED), "outer", degree=6, contact_rows="gauss")
+    result = ring(Contact("inner", 0.0, gap=-WIDENED), "outer", degree=6, law_on="points")
     line = result.contacts["inner"]
     assert result.status.value == "solved"
     assert line.normal_force == pytest.approx(np.pi / 2.0 * INNER, rel=1e-5)

@@ -10,7 +10,7 @@ from qvi_contact import Corner, InputError, TriangleMesh, solve, verify_result
 from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import Rigid, find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Symmetry, Traction
-from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, quarter
+from tests.qvi_contact.builders import INNER, NU, OUTER, WIDENED, quarter
 
 
 def under_pressure(mesh, **inner):

@@ -302,7 +302,7 @@ def test_areas_of_loops_need_as_many_forces_as_displacements(displacement, more)
 
 
 REFUSALS = {
-    "contact_rows": lambda rows: discretize(PLATE, contact_rows=rows),
+    "law_on": lambda rows: discretize(PLATE, law_on=rows),
     "scales": lambda scales: discretize(PLATE, scales=scales),
     "problem": lambda problem: step().discretization.with_data(problem),
     "dask": lambda address: solve_sweep(PLATE, "friction", [0.1], store="never", dask=address),

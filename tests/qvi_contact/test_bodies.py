@@ -22,7 +22,7 @@ from qvi_contact.gallery import (
 from qvi_contact.mechanism import Bodies
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.solution import motions_in_words
-from tests.qvi_contact.states import solved
+from tests.qvi_contact.builders import solved
 
 STEEL = Material(1000.0, 0.3)
 

@@ -17,7 +17,7 @@ from qvi_contact.units import Units
 from solvers import available
 from solvers.factorisation import DENSE, available_backends
 from solvers.solve import METHODS
-from tests.effort import examples
+from tests.cases import examples
 from tests.qvi_contact.broken_files import mutated
 
 ROOT = Path(__file__).parents[2]
@@ -94,6 +94,17 @@ def test_methods(shell):
     assert (known["methods"], known["inner"]) == (list(METHODS), list(available()))
     listed = shell("methods")[1].split()
     assert set(METHODS) | set(available()) | set(available_backends()) <= set(listed)
+
+
+def test_keys(shell):
+    status, out, _ = shell("keys")
+    assert status == 0
+    assert len(out.splitlines()) > 20
+    _, out, _ = shell("keys", "contacts.friction")
+    assert out.splitlines()[0] == "[[contacts]]"
+    assert out.splitlines()[-1].split() == ["friction", "=", "0.3"]
+    assert "largest: number; needed" in shell("keys", "mesh.refine")[1]
+    refused(shell("keys", "frictoin"), "did you mean friction?")
 
 
 def test_solve_reports_what_python_computes(shell, plate):

@@ -342,6 +342,21 @@ class TestSweep:
         named = answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))
         assert list(named["gap"]) == [0.0, 1e-4]
 
+    def test_constants_of_the_file_and_loads_by_name(self, shell, tmp_path):
+        path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
+
+        def force(*words):
+            steps = answered(shell("solve", path, *words, "--json"))["steps"]
+            return [step["contacts"]["base"]["tangential_force"]["value"] for step in steps]
+
+        whole, half = force("--set", "load.drag=1,0.5")
+        assert half == pytest.approx(0.5 * whole, rel=1e-6)
+        assert force("--set", "mu=0.9", "--set", "drag.load=1.0") == pytest.approx([whole], rel=1e-6)
+        assert force("--set", "mu=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)
+        assert shell("solve", path, "--set", "constants.mu=0.8:0.9:2")[1].count("\nmu ") == 1
+        refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
+        refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")
+
     @pytest.mark.parametrize(
         "words",
         ["friction", "friction=", "=0.1", "friction=a,b", "young=1.0", "friction=-0.1", "friction=nan", "no.gap=0.1"],

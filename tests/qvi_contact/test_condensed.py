@@ -14,9 +14,8 @@ from solvers import Status
 from solvers.condensed import CentralPath, Complementarity, DenseCoordinates, InteriorPoint, PathWeights
 from solvers.inequality import dense as dense_rows
 from solvers.inequality import interface_of, trace_coordinates
-from tests.effort import thinned
-from tests.qvi_contact.frictions import with_friction
-from tests.qvi_contact.lines import with_line
+from tests.cases import thinned
+from tests.qvi_contact.builders import with_friction, with_line
 
 FRICTIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 

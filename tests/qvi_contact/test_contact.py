@@ -171,9 +171,9 @@ def trace(line, values, x, degree):
     return np.array(found)
 
 
-@pytest.fixture(scope="module", params=["bernstein", "gauss"])
+@pytest.fixture(scope="module", params=["edges", "points"])
 def result(request):
-    return solve(ssnv128((CELLS, CELLS)), contact_rows=request.param)
+    return solve(ssnv128((CELLS, CELLS)), law_on=request.param)
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +184,7 @@ def base(result):
 def test_forces(result, base):
     """Equilibrium to rounding; what friction leaves of the push on x = 0 arrives on x = a."""
     assert result.status is Status.SOLVED
-    assert (result.remarks == ()) == (result.discretization.rule.kind == "bernstein")
+    assert (result.remarks == ()) == (result.discretization.rule.law_on == "edges")
     assert base.normal_force == pytest.approx(5e7 * SIDE, rel=1e-9)
     assert base.tangential_force == pytest.approx(-SETTLED_FORCE, rel=2e-4)  # pulls back what is pushed along +x
     assert result.resultant("right").x == pytest.approx(-15e7 * SIDE - base.tangential_force, rel=1e-9)

@@ -15,7 +15,7 @@ from qvi_contact.mechanism import Rigid, find_mechanism
 from qvi_contact.mesh import Curve, arc_offsets, frames_along
 from qvi_contact.plots import cell_outlines, edge_lines, runs
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
-from tests.qvi_contact.rings import INNER, quarter
+from tests.qvi_contact.builders import INNER, quarter
 
 
 def errors(result):

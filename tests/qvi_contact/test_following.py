@@ -222,24 +222,24 @@ def test_a_problem_on_another_mesh_is_refused():
     assert caught.value.field == "ContactProblem.mesh"
 
 
-@pytest.mark.parametrize("options", [{"degree": 5}, {"degree": 4.5}, {"contact_rows": "gauss"}, {"method": "uzawa"}])
+@pytest.mark.parametrize("options", [{"degree": 5}, {"degree": 4.5}, {"law_on": "points"}, {"method": "uzawa"}])
 def test_another_degree_and_other_rows_than_before_are_refused(options):
     before = posed(block(), degree=4)
     with pytest.raises(InputError) as caught:
         posed(block(), before=before, **options)
-    assert caught.value.field == ("degree" if "degree" in options else "contact_rows")
+    assert caught.value.field == ("degree" if "degree" in options else "law_on")
 
 
 def test_a_law_that_varies_does_not_follow_one_held_by_coefficients():
     before = posed(block())
     rough = replace(block().conditions[0], friction=lambda x, y: 0.3 + 0.1 * x + 0.0 * y)
     varying = replace(block(), conditions=[rough, *block().conditions[1:]])
-    with pytest.raises(InputError, match=r"^contact_rows: 'gauss'"):
+    with pytest.raises(InputError, match=r"^law_on: 'points'"):
         posed(varying, before=before)
-    assert posed(varying, before=posed(varying)).rule.kind == "gauss"
+    assert posed(varying, before=posed(varying)).rule.law_on == "points"
 
 
-@pytest.mark.parametrize("options", [{}, {"degree": 5}, {"contact_rows": "gauss"}])
+@pytest.mark.parametrize("options", [{}, {"degree": 5}, {"law_on": "points"}])
 def test_the_same_options_again_share_all_matrices(options):
     before = posed(block(), **options)
     assert posed(block(push=-2.0), before=before, **options).qvi.K is before.qvi.K

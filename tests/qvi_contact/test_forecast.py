@@ -11,7 +11,7 @@ from qvi_contact import discretize, solve
 from qvi_contact.command import progress_line
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
-from solvers.basics import Progress, narrated, tell, watched
+from solvers.basics import Log, Progress, deadline, listening, report
 from solvers.factorisation import (
     FactorisationError,
     Forecast,
@@ -96,7 +96,7 @@ class TestLimits:
     BIG = grid(160, 160, 3)  # a few seconds by SuperLU
 
     def test_too_long_is_refused_with_the_faster_library(self):
-        with watched(0.2):
+        with deadline(0.2):
             error = refused(self.BIG)
         assert error.reason == "time"
         assert "pip install something" in str(error)
@@ -105,7 +105,7 @@ class TestLimits:
     def test_nothing_long_is_begun_when_the_time_is_over(self, clock):
         band = [np.ones(200_000)] * 21
         long = csc_array(diags_array(band, offsets=np.arange(-10, 11), shape=(200_000, 200_000)))
-        with watched(1.0):
+        with deadline(1.0):
             clock.passes(2.0)
             assert refused(long).reason == "time"
             check_limits(grid(150, 150), NOTHING, "pardiso", 1, "")
@@ -116,33 +116,33 @@ class TestLimits:
 
     def test_what_might_fit_is_begun(self):
         expected = Forecast.of(Work.counted(self.BIG, NOTHING), "superlu")
-        with watched(0.6 * expected.seconds):
+        with deadline(0.6 * expected.seconds):
             check_limits(self.BIG, NOTHING, "superlu", 1, "")
         check_limits(self.BIG, NOTHING, "superlu", 1, "")
 
     def test_a_long_body_is_not_refused_by_the_law(self):
         K = grid(6, 4000, 3)
         law = Forecast.of(Work.by_law(K.shape[0], K.nnz), "superlu")
-        with watched(0.4 * law.seconds):
+        with deadline(0.4 * law.seconds):
             check_limits(K, NOTHING, "superlu", 1, "")
 
     def test_twice_the_work_where_it_is_not_symmetric(self):
         expected = Forecast.of(Work.counted(self.BIG, NOTHING), "superlu")
-        with watched(0.6 * expected.seconds), pytest.raises(FactorisationError):
+        with deadline(0.6 * expected.seconds), pytest.raises(FactorisationError):
             check_limits(self.BIG, NOTHING, "superlu", 1, "", symmetric=False)
 
     def test_long_ones_are_told_before(self):
         heard = []
         band = [np.ones(200_000)] * 21
         long = csc_array(diags_array(band, offsets=np.arange(-10, 11), shape=(200_000, 200_000)))
-        with watched(report=heard.append):
+        with listening(heard.append):
             check_limits(grid(20, 20), NOTHING, "superlu", 1, "")
             check_limits(long, NOTHING, "superlu", 1, "")
         assert [each.method for each in heard] == ["superlu"]
         assert "200000 unknowns" in heard[0].stage
 
     def test_factorise_refuses_before_it_begins(self):
-        with watched(1e-2), pytest.raises(FactorisationError) as caught:
+        with deadline(1e-2), pytest.raises(FactorisationError) as caught:
             factorise(self.BIG, NOTHING, "superlu")
         assert caught.value.reason == "time"
         assert "PARDISO" in str(caught.value)
@@ -163,20 +163,20 @@ class TestProgress:
 
     def test_a_large_factorisation_has_a_line_before_it(self, capfd):
         with progress_line.solving("plate"):
-            tell(Progress("superlu", stage="factorising 500000 unknowns"))
+            report(Progress("superlu", stage="factorising 500000 unknowns"))
         out, err = capfd.readouterr()
         assert out == ""
         assert err.splitlines() == ["plate: superlu: factorising 500000 unknowns"]
 
     def test_long_work_has_a_line_now_and_then(self, capfd):
         with progress_line.solving("plate", silence=0.01):
-            tell(Progress("condensed"))
+            report(Progress("condensed"))
             err = ""
             while err.count("\n") < 2:
                 err += capfd.readouterr().err
         assert all(line.startswith("plate: ") for line in err.splitlines())
 
     def test_verbose_tells_it_on_standard_output(self, capsys):
-        with narrated("large", verbose=True):
-            tell(Progress("superlu", stage="factorising 500000 unknowns"))
+        with Log("large", verbose=True):
+            report(Progress("superlu", stage="factorising 500000 unknowns"))
         assert capsys.readouterr().out.splitlines() == ["superlu: factorising 500000 unknowns"]

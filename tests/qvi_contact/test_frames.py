@@ -207,7 +207,7 @@ def test_what_is_read_is_what_was_written(result, path):
         assert np.array_equal(getattr(again.solution, name), getattr(result.solution, name)), name
     assert again.problem.mesh.same_as(result.problem.mesh)
     assert again.discretization.space.degree == 3
-    assert again.discretization.rule.kind == result.discretization.rule.kind
+    assert again.discretization.rule.law_on == result.discretization.rule.law_on
     found = field_arrays(again)
     for name, values in field_arrays(result).items():
         assert np.asarray(found[name]) == pytest.approx(np.asarray(values), rel=1e-10, abs=1e-12), name
@@ -243,8 +243,8 @@ def test_whatever_is_changed_is_seen(entries, tmp_path):
 
 
 def test_other_rows_are_other_unknowns(entries, tmp_path):
-    other = {"gauss": "bernstein", "bernstein": "gauss"}[str(entries["contact_rows"])]
-    assert fails(forged(tmp_path / "a.npz", entries | {"contact_rows": np.array(other)}))
+    other = {"points": "edges", "edges": "points"}[str(entries["law_on"])]
+    assert fails(forged(tmp_path / "a.npz", entries | {"law_on": np.array(other)}))
     for wrong in (np.array(99), np.array(3.5), np.array("three")):
         assert isinstance(fails(forged(tmp_path / "a.npz", entries | {"degree": wrong})), str)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import InputError, TriangleMesh, graded_lines
 from qvi_contact.files import problem_from_toml
-from tests.effort import thinned
+from tests.cases import thinned
 
 SIDES = ("bottom", "right", "top", "left")
 L_CELLS = np.array([[1, 1, 1], [1, 0, 0], [1, 0, 0]], dtype=bool)

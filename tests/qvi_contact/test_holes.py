@@ -12,8 +12,7 @@ from qvi_contact.export import write_npz, write_vtu
 from qvi_contact.files import load_result
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
 from qvi_contact.verification import verify_file
-from tests.qvi_contact.rings import holed
-from tests.qvi_contact.states import difference, solved
+from tests.qvi_contact.builders import difference, holed, solved
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 

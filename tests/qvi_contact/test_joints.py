@@ -8,8 +8,7 @@ import pytest
 from qvi_contact import InputError, TriangleMesh, solve_history
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.solution import loop_area
-from tests.qvi_contact.lines import with_line
-from tests.qvi_contact.states import difference, solved
+from tests.qvi_contact.builders import difference, solved, with_line
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 
@@ -191,7 +190,7 @@ class TestRefused:
 STEEL = Material(1000.0, 0.3)
 
 
-ROWS = pytest.mark.parametrize("rows", ["bernstein", "gauss"])
+ROWS = pytest.mark.parametrize("rows", ["edges", "points"])
 
 
 DEGREE = 4
@@ -240,7 +239,7 @@ class TestTransformed:
         ]
         regions = [Region(Material(300.0, 0.1), name="soft")]
         problem = ContactProblem(moved(mesh, np.array(linear)), STEEL, conditions, regions=regions)
-        return solved(problem, tolerance=1e-8, degree=DEGREE, contact_rows=rows)
+        return solved(problem, tolerance=1e-8, degree=DEGREE, law_on=rows)
 
     @ROWS
     def test_same_state(self, rows):
@@ -291,7 +290,7 @@ def test_joint_that_ends_at_contacts(rows):
     edges |= {"right": pairs["right"], "left": twin[pairs["right"]], "joint": pairs["left"]}
     whole = TriangleMesh(vertices, cells, edges)
     plates = [Contact("bottom", 0.2, name="floor"), Contact("top", 0.2, gap=-2e-3, name="roof")]
-    free, options = Traction("right", 0.0, 0.0), {"degree": DEGREE, "contact_rows": rows, "tolerance": 1e-8}
+    free, options = Traction("right", 0.0, 0.0), {"degree": DEGREE, "law_on": rows, "tolerance": 1e-8}
     expected = solved(ContactProblem(half, STEEL, [Symmetry("left"), free, *plates]), **options)
     conditions = [Traction("left", 0.0, 0.0), free, *plates, Contact("joint", 0.4, law="bilateral")]
     result = solved(ContactProblem(whole, STEEL, conditions), **options)

@@ -19,9 +19,8 @@ from qvi_contact.problem import (
     Traction,
 )
 from solvers import Status
-from tests.covering import every_pair
-from tests.effort import thinned
-from tests.qvi_contact.states import difference, solved
+from tests.cases import every_pair, thinned
+from tests.qvi_contact.builders import difference, solved
 
 MATERIALS = {
     "stress": Material(1000.0, 0.3),
@@ -111,7 +110,7 @@ class TestSameInOtherWords:
         stress = 1e-3 * material.young
         cap, cohesion = 0.12 * stress, 0.02 * stress
         base = Contact("bottom", 0.2, cohesion=cohesion, shear_limit=cap, name="b")
-        result = solved(punched(mesh, material, base, shift=6e-4), contact_rows="gauss")  # each point slips or not
+        result = solved(punched(mesh, material, base, shift=6e-4), law_on="points")  # each point slips or not
         line, multiplier = result.contacts["b"], result.solution.tangential_displacement
         bound = np.minimum(cohesion + 0.2 * np.abs(line.normal_stress), cap)
         assert line.friction_bound == pytest.approx(bound, rel=1e-9)
@@ -267,7 +266,7 @@ def test_uzawa_finds_the_same_state():
         Contact("top", 0.1, cohesion=1.0, shear_limit=3.0, plate=RigidPlate(force_y=-60.0), name="plate"),
     ]
     problem = ContactProblem(TriangleMesh.rectangle((3, 2), 1.5), MATERIALS["stress"], conditions)
-    reference = solved(problem, contact_rows="gauss")  # those that Uzawa takes
+    reference = solved(problem, law_on="points")  # those that Uzawa takes
     result = solved(problem, method="uzawa", tolerance=1e-6)
     assert difference(reference, result) < 1e-5
     assert result.plates["plate"].y == pytest.approx(reference.plates["plate"].y, rel=1e-5)
@@ -326,7 +325,7 @@ class TestBilateralFriction:
         assert any("'bottom'" in remark for remark in result.remarks) == (line.excess_between_points > 0.01 * largest)
 
     def test_coefficients_that_break_the_law_are_not_verified(self):
-        result = solve(self.turned(), degree=4, contact_rows="bernstein")
+        result = solve(self.turned(), degree=4, law_on="edges")
         line = result.contacts["bottom"]
         assert line.excess_between_points > 0.02 * np.abs(line.normal_stress).max()
         checks = {check.name: check.passed for check in verify_result(result).rows}
@@ -342,7 +341,7 @@ class TestVaryingLaws:
     def test_manufactured_stick_and_slip_is_exact(self, degree):
         """The state is a polynomial of degree 4, and friction carries the shear; coefficients miss it by 5e-4."""
         problem, state = stick_slip_block()
-        exactly, missed = (solved(problem, degree=degree, **rows) for rows in ({}, {"contact_rows": "bernstein"}))
+        exactly, missed = (solved(problem, degree=degree, **rows) for rows in ({}, {"law_on": "edges"}))
         line = exactly.contacts["base"]
         assert line.tangential_stress == pytest.approx(-state.stress(line.x, line.y)[2], abs=1e-7)
         assert line.excess_between_points < 1e-7
@@ -351,15 +350,15 @@ class TestVaryingLaws:
     @pytest.mark.parametrize(
         ("law", "kind"),
         [
-            ({"friction": 0.3}, "bernstein"),
-            ({"friction": lambda x, _: 0.3 + 0.0 * x}, "bernstein"),
-            ({"friction": lambda x, _: 0.3 + 0.1 * x}, "gauss"),
-            ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "gauss"),  # at a node
-            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "bernstein"),
-            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "gauss"),
-            ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "gauss"),
+            ({"friction": 0.3}, "edges"),
+            ({"friction": lambda x, _: 0.3 + 0.0 * x}, "edges"),
+            ({"friction": lambda x, _: 0.3 + 0.1 * x}, "points"),
+            ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "points"),  # at a node
+            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "edges"),
+            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "points"),
+            ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "points"),
         ],
     )
     def test_which_rows_are_taken(self, law, kind):
         problem = punched(MESHES["uniform"], MATERIALS["stress"], Contact("bottom", **law))
-        assert discretize(problem, degree=4).rule.kind == kind
+        assert discretize(problem, degree=4).rule.law_on == kind

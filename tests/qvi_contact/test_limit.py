@@ -14,7 +14,7 @@ from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction
 from solvers import Status
 from solvers.inner import solved as program_solved
-from tests.effort import thinned
+from tests.cases import thinned
 
 STEEL = Material(1000.0, 0.3)
 

@@ -22,7 +22,7 @@ from qvi_contact import (
     refine,
 )
 from qvi_contact.mechanism import find_mechanism
-from tests.effort import EFFORT
+from tests.cases import EFFORT
 
 FULL = EFFORT >= 10.0
 NEAR = 1e-9

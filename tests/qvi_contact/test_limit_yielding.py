@@ -28,7 +28,7 @@ from qvi_contact import (
     solve,
     strength_reduction_factor,
 )
-from tests.effort import thinned
+from tests.cases import thinned
 
 E = 1e-9
 
@@ -290,8 +290,9 @@ def test_strength_may_be_divided_by_what_the_shear_leaves(mu, c, of, exact):
 def test_strength_that_is_not_enough_has_a_factor_below_one():
     found = strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), accuracy=0.01)
     assert found.lower <= 0.6 * (1 + 1e-6) <= found.upper * (1 + 1e-6)
-    with pytest.raises(InputError, match="bottom"):
-        strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), of=["botom"])
+    for wrong, told in (({"of": ["botom"]}, "bottom"), ({"accuracy": 2.0}, "below 1")):
+        with pytest.raises(InputError, match=told):
+            strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), **wrong)
 
 
 def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell):

@@ -18,7 +18,7 @@ from qvi_contact.plots import result_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, RigidPlate, Traction
 from qvi_contact.verification import missed_tractions, verify_file
 from solvers import Status
-from tests.qvi_contact.states import solved
+from tests.qvi_contact.builders import solved
 
 FIRST, LAST = 0.3371, 0.6123
 """Where the load on the top begins and ends: inside cells of the width 1/4, and no multiple of anything."""

@@ -9,7 +9,7 @@ from qvi_contact import InputError, TriangleMesh, exact, solve_companion
 from qvi_contact.element import compliance_roots
 from qvi_contact.gallery import cantilever, compressed_plate, problem_from_state
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
-from tests.qvi_contact.states import solved
+from tests.qvi_contact.builders import solved
 
 SOFT, STIFF = Material(100.0, 0.0), Material(400.0, 0.0)
 

@@ -16,7 +16,7 @@ from qvi_contact.mechanism import Rigid, find_mechanism, upper_bound
 from qvi_contact.plots import moved_outlines
 from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
-from tests.effort import examples
+from tests.cases import examples
 
 STEEL = Material(1000.0, 0.3)
 
@@ -336,12 +336,12 @@ class TestSolvedBeyondTheLimit:
 
     @pytest.mark.parametrize("share", [1.0 + 1e-5, 1.01, 1.05])
     def test_is_not_solved(self, share):
-        result = solve(self.pushed(share * 0.2941176470588236), degree=3, contact_rows="bernstein")
+        result = solve(self.pushed(share * 0.2941176470588236), degree=3, law_on="edges")
         assert result.status is Status.INFEASIBLE
         assert result.solution.certificate.passed
 
     def test_below_it_is(self):
-        result = solve(self.pushed(0.29), degree=3, contact_rows="bernstein")
+        result = solve(self.pushed(0.29), degree=3, law_on="edges")
         assert result.status is Status.SOLVED
         assert result.contacts["bottom"].excess_between_points > 0.01
 

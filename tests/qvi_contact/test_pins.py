@@ -23,8 +23,7 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.refinement import unit_of
 from qvi_contact.solution import leads_one_way, turning_senses
 from solvers import Status
-from tests.qvi_contact.rings import holed, polygon
-from tests.qvi_contact.states import difference, solved
+from tests.qvi_contact.builders import difference, holed, polygon, solved
 from tests.qvi_contact.test_plates import moved
 
 UNIT = Material(1.0, 0.3)

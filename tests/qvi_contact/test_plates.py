@@ -8,9 +8,8 @@ import pytest
 from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status, certify
-from tests.covering import every_pair
-from tests.effort import thinned
-from tests.qvi_contact.states import difference, solved
+from tests.cases import every_pair, thinned
+from tests.qvi_contact.builders import difference, solved
 
 STEEL = Material(1000.0, 0.3)
 

@@ -37,7 +37,7 @@ from qvi_contact.units import Units
 from solvers.condensed import CondensedOptions
 from solvers.fixed_point import FixedPointOptions
 from solvers.uzawa import UzawaOptions
-from tests.effort import examples
+from tests.cases import examples
 from tests.qvi_contact.broken_files import PRINTED, RICH
 
 SMALL = """
@@ -190,6 +190,8 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ("y = [0.0, 1.0]", "", "mesh.y", "add this key"),
         ("[mesh]", "[msh]", "msh", "did you mean mesh"),
         ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
+        ("version = 1", "version = 1\ndegre = 4", "degre", "did you mean degree, of [solve]?"),
+        ("[mesh]", "[mesh]\nyoung = 1.0", "mesh.young", "this belongs to [material]"),
         ("friction = 0.2", "", "contacts[0].friction", "coefficient of friction"),
         ("friction = 0.2", "friction = -0.2", "contacts[0].friction", "at least 0"),
         ("friction = 0.2", 'friction = "x - 0.5"', "contacts[0].friction", "found this one at x = 0"),

@@ -37,7 +37,7 @@ from qvi_contact.solution import stress_at
 from qvi_contact.verification import verify_result
 from solvers import Status
 from solvers.factorisation import FactorisationError
-from tests.qvi_contact.states import solved
+from tests.qvi_contact.builders import solved
 
 FORCE = 209.0
 """Size of the plate's contact force."""
@@ -286,7 +286,7 @@ def zones(line):
 
 
 @pytest.mark.parametrize(
-    ("cells", "rows", "degree"), [((1, 1), "bernstein", 5), ((1, 1), "gauss", 4), ((7, 2), "gauss", 5)]
+    ("cells", "rows", "degree"), [((1, 1), "edges", 5), ((1, 1), "points", 4), ((7, 2), "points", 5)]
 )
 def test_a_dragged_brake_pad_slips_all_over(cells, rows, degree):
     """T = μ N on any mesh, corners included; only at the trailing end the pad may lift."""
@@ -299,7 +299,7 @@ def test_a_dragged_brake_pad_slips_all_over(cells, rows, degree):
         Contact("bottom", 0.4, offset=1.0, name="disc"),
     ]
     problem = ContactProblem(mesh, Material(2000.0, 0.3, "strain"), conditions)
-    disc = solved(problem, degree=degree, contact_rows=rows).contacts["disc"]
+    disc = solved(problem, degree=degree, law_on=rows).contacts["disc"]
     assert disc.normal_force == pytest.approx(200.0, rel=1e-9)
     assert abs(disc.tangential_force) == pytest.approx(0.4 * 200.0, rel=1e-8)
     assert zones(disc) in ([SLIP], [SLIP, OPEN])
@@ -325,11 +325,11 @@ def test_a_wall_in_the_wind_opens_from_the_windward_side():
     assert ground.weights @ ((1.0 - ground.x) * -ground.normal_stress) == pytest.approx(25.0 * foot, rel=1e-8)
 
 
-@pytest.mark.parametrize(("cells", "rows"), [(5, "gauss"), (13, "bernstein")])
+@pytest.mark.parametrize(("cells", "rows"), [(5, "points"), (13, "edges")])
 def test_the_end_of_the_stick_zone_lies_inside_an_edge(cells, rows):
     """At x = 0.749 on the paper's plate with μ = 0.2; not at an end of the edge it lies in, a cell's half away."""
     problem = compressed_plate(0.2, (cells, cells))
-    plate = solved(problem, degree=5, contact_rows=rows).contacts["plate"]
+    plate = solved(problem, degree=5, law_on=rows).contacts["plate"]
     assert zones(plate) == [STICK, SLIP]
     assert plate.weights[plate.state == STICK].sum() == pytest.approx(0.749, abs=0.1 / cells)
 

@@ -52,7 +52,7 @@ def test_an_archive_of_triangles_is_read_as_before():
     result = load_result(OLD / "grid_of_triangles.npz")
     assert result.status == "solved"
     assert result.contacts["bottom"].normal_force == pytest.approx(1.4408063363934915, rel=1e-9)
-    again = solve(load_problem(OLD / "grid.toml").problem, contact_rows="bernstein")
+    again = solve(load_problem(OLD / "grid.toml").problem, law_on="edges")
     assert again.contacts["bottom"].normal_force == pytest.approx(1.4408063363934915, rel=1e-7)
     assert again.contacts["bed"].tangential_force == pytest.approx(0.08427127886032235, rel=1e-7)
 
@@ -61,7 +61,7 @@ def test_problem_files():
     found = refusal(lambda: load_problem(OLD / "rectangles.toml"))
     assert (found.field, "leave this key out" in found.remedy) == ("solve.element", True)
     file = load_problem(OLD / "grid.toml")
-    assert dict(file.solve_options) == {"contact_rows": "gauss"}
+    assert dict(file.solve_options) == {"law_on": "points"}
     assert file.problem.mesh.cell_count == 10
     assert file.problem.mesh.edge_names[-2:] == ("roof", "step")
     assert file.problem.cell_materials.tolist() == [0] * 6 + [1] * 4
@@ -93,3 +93,10 @@ def test_the_option_of_commands(shell, command):
     assert (status, out) == (2, "")
     assert len(err.splitlines()) == 1
     assert "--element was retired" in err
+
+
+def test_the_law_had_another_name(shell):
+    found = refusal(lambda: solve(compressed_plate(0.2), contact_rows="gauss"))
+    assert (found.field, "law_on" in found.remedy) == ("contact_rows", True)
+    status, _, err = shell("solve", OLD / "grid.toml", "--contact-rows", "gauss")
+    assert (status, "law_on" in err) == (2, True)

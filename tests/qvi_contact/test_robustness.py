@@ -16,8 +16,8 @@ from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Tra
 from qvi_contact.solution import posed
 from qvi_contact.verification import verify_result
 from solvers import Status
-from tests.effort import thinned
-from tests.qvi_contact.frictions import with_friction
+from tests.cases import thinned
+from tests.qvi_contact.builders import with_friction
 
 STEEL = Material(1e3, 0.3)
 
@@ -70,10 +70,10 @@ def drawn_along(pressure, degree=None, rows=None):
         Symmetry("left"),
     ]
     problem = ContactProblem(TriangleMesh.rectangle((4, 4)), Material(1.0, 0.0), conditions)
-    return solve(problem, degree=degree, contact_rows=rows) if degree else solve(problem)
+    return solve(problem, degree=degree, law_on=rows) if degree else solve(problem)
 
 
-@pytest.mark.parametrize(("degree", "rows"), [(None, None), (4, "gauss"), (4, "bernstein"), (5, "bernstein")])
+@pytest.mark.parametrize(("degree", "rows"), [(None, None), (4, "points"), (4, "edges"), (5, "edges")])
 def test_small_pressures_beside_far_slips_are_certified_on_their_own_scale(degree, rows):
     results = [drawn_along(pressure, degree, rows) for pressure in (1e-3, 1e-5)]
     small, smaller = (result.contacts["bottom"].normal_stress for result in results)
@@ -82,7 +82,7 @@ def test_small_pressures_beside_far_slips_are_certified_on_their_own_scale(degre
 
 
 def test_the_stiffness_of_a_contact_does_not_depend_on_what_its_rows_are():
-    gauss, bernstein = (drawn_along(0.1, 6, rows).solution.problem for rows in ("gauss", "bernstein"))
+    gauss, bernstein = (drawn_along(0.1, 6, rows).solution.problem for rows in ("points", "edges"))
     assert bernstein.contact_stiffness == pytest.approx(gauss.contact_stiffness, rel=1e-9)
 
 

@@ -16,7 +16,7 @@ import pytest
 from qvi_contact import InputError, SolveError, solve
 from qvi_contact.command import solving
 from qvi_contact.gallery import compressed_plate
-from solvers.basics import Progress, tell
+from solvers.basics import Progress, report
 
 ROOT = Path(__file__).parents[2]
 FULL = Path("/dev/full")
@@ -165,7 +165,7 @@ def shown(monkeypatch, title, steps=1, **look):
     monkeypatch.setenv("COLUMNS", "160")
     with redirect_stderr(io.StringIO()) as screen, solving(title, steps, **look) as advance:
         advance("216 unknowns")
-        tell(Progress("fixed-point", remark="the condensed method ended stalled"))
+        report(Progress("fixed-point", remark="the condensed method ended stalled"))
         solve(compressed_plate(0.2, (3, 3)))
     return screen.getvalue()
 
@@ -184,7 +184,7 @@ def test_a_solve_under_way_is_shown_on_a_terminal(monkeypatch):
 def test_off_a_terminal_it_is_silent(capfd):
     with solving("plate") as advance:
         solve(compressed_plate(0.2, (3, 3)))
-        tell(Progress("fixed-point", remark="the condensed method ended stalled"))
+        report(Progress("fixed-point", remark="the condensed method ended stalled"))
         advance()
     assert capfd.readouterr() == ("", "")
 

@@ -24,7 +24,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from tests.effort import examples
+from tests.cases import examples
 from tests.qvi_contact.broken_files import PROBLEMS, RICH, TRIANGLES, mutated
 from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4, med_file
 
@@ -208,7 +208,7 @@ def test_a_file_with_everything_is_solved_and_drawn(shell, tmp_path):
     status, out, err = shell("check", path, "--plot", tmp_path / "rich.png")
     assert (status, err) == (0, "")
     assert "4 triangles" in out
-    assert "degree 3, contact rows: Gauss points" in out
+    assert "degree 3, contact law at Gauss points" in out
     assert (tmp_path / "rich.png").stat().st_size > 1000
 
 

@@ -11,8 +11,8 @@ from scipy.sparse.linalg import spsolve
 from qvi_contact import InputError, TriangleMesh, discretize, exact, limit_load_factor, solve
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from tests.effort import thinned
-from tests.qvi_contact.states import solved
+from tests.cases import thinned
+from tests.qvi_contact.builders import solved
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 
@@ -64,8 +64,8 @@ def plate(friction, mesh):
 
 
 @cache
-def plate_result(cells, degree, rows="bernstein"):
-    return solved(compressed_plate(0.2, cells=(cells, cells)), 1e-8, degree=degree, contact_rows=rows)
+def plate_result(cells, degree, rows="edges"):
+    return solved(compressed_plate(0.2, cells=(cells, cells)), 1e-8, degree=degree, law_on=rows)
 
 
 class TestPlate:
@@ -140,14 +140,14 @@ class TestPlate:
             {"inner": "socp:clarabel"},
             {"method": "uzawa", "tolerance": 1e-6},
             {"factorisation": "superlu"},
-            {"contact_rows": "gauss", "method": "fixed-point"},
+            {"law_on": "points", "method": "fixed-point"},
         ],
         ids=str,
     )
     def test_every_method(self, options):
         result = solved(compressed_plate(0.2, cells=(4, 4)), **{"tolerance": 1e-8, "degree": 4, **options})
-        at_points = options.get("method") == "uzawa" or "contact_rows" in options
-        reference = plate_result(4, 4, "gauss" if at_points else "bernstein").contacts["plate"].normal_force
+        at_points = options.get("method") == "uzawa" or "law_on" in options
+        reference = plate_result(4, 4, "points" if at_points else "edges").contacts["plate"].normal_force
         assert result.contacts["plate"].normal_force == pytest.approx(reference, rel=1e-7)
 
 
@@ -178,10 +178,10 @@ def test_states_of_the_degree_are_found_to_rounding(state, sides):
         assert error(solved(problem, degree=degree), made(STEEL)) < 1e-10
 
 
-@pytest.mark.parametrize(("degree", "rows"), [(3, "bernstein"), (4, "gauss"), (5, "bernstein")])
+@pytest.mark.parametrize(("degree", "rows"), [(3, "edges"), (4, "points"), (5, "edges")])
 def test_full_slip(degree, rows):
     problem, state = sliding_block((3, 2))
-    result = solved(problem, degree=degree, contact_rows=rows)
+    result = solved(problem, degree=degree, law_on=rows)
     base = result.contacts["base"]
     assert error(result, state) < 1e-11
     assert np.abs(np.abs(base.tangential_stress) + 0.3 * base.normal_stress).max() < 1e-12 * 100.0
@@ -282,8 +282,8 @@ def test_a_normal_support_on_a_slanted_edge():
     [
         ({"degree": 2}, "3 to 12"),
         ({"degree": 13}, "3 to 12"),
-        ({"contact_rows": "points"}, "bernstein"),
-        ({"degree": 4, "contact_rows": "bernstein", "method": "uzawa"}, "gauss"),
+        ({"law_on": "bernstein"}, "edges"),
+        ({"degree": 4, "law_on": "edges", "method": "uzawa"}, "points"),
     ],
 )
 def test_wrong_options(options, told):

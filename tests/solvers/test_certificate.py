@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from solvers import FrictionQVI, certify, solve_qvi
 from solvers.certificate import EXPONENTS, MEASURES, law_residuals, scales_at
-from tests.effort import examples
+from tests.cases import examples
 from tests.solvers.conftest import Root, one_contact, random_problem
 
 

@@ -14,8 +14,7 @@ from solvers import FrictionQVI, Status, Stiffness, solve_qvi
 from solvers.condensed import FRICTION_SHARES
 from solvers.factorisation import available_backends, set_default
 from solvers.inequality import Traces
-from tests.covering import every_pair
-from tests.effort import thinned
+from tests.cases import every_pair, thinned
 from tests.solvers.conftest import (
     LAWS,
     Root,

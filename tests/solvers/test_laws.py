@@ -9,8 +9,7 @@ import pytest
 
 from solvers import FrictionQVI, Status, available, certify, solve_qvi
 from solvers.certificate import AdmissibleRows, check_feasibility, is_farkas
-from tests.covering import every_pair
-from tests.effort import thinned
+from tests.cases import every_pair, thinned
 from tests.solvers.conftest import changed, dragged_block, mixed_problem, random_problem
 
 PULLED_SEED = 4  # of a problem with tension on bilateral rows

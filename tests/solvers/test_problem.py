@@ -15,7 +15,7 @@ from scipy.sparse import csc_array, csc_matrix, csr_array
 
 from solvers import FrictionQVI, InputError, SolverUnavailableError, Status, certify, solve_qvi
 from solvers.basics import one_of, real_array, whole_number
-from tests.effort import examples
+from tests.cases import examples
 from tests.solvers.conftest import one_contact, random_problem
 
 

@@ -11,7 +11,7 @@ from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import InputError
 from solvers.factorisation import factorise, factorise_root
 from solvers.inequality import Traces, echelon, independent_rows, interface_of, spanning_rows, trace_coordinates
-from tests.effort import examples
+from tests.cases import examples
 
 
 @st.composite

@@ -13,12 +13,12 @@ from qvi_contact import Contact, ContactProblem, Displacement, Material, Symmetr
 from qvi_contact.discretization import discretize
 from qvi_contact.gallery import compressed_plate
 from solvers import InputError, Status, available, certify, solve_qvi
-from solvers.basics import Progress, expired, left, tell, watched
+from solvers.basics import Progress, deadline, listening, report
 from solvers.condensed import GAP, Complementarity, DenseCoordinates, InteriorPoint, start_near
 from solvers.inner import Centre, make_inner, within_time
 from solvers.pivoting import LARGEST, affordable, solve_lcp, solve_pivoting
 from solvers.solution import Start
-from tests.effort import examples
+from tests.cases import examples
 from tests.solvers.conftest import one_contact, prescribed_shear, random_problem, two_contacts, with_constant_tractions
 
 INNER = "qp:clarabel"
@@ -47,28 +47,28 @@ def large():
 
 def test_everyone_is_told():
     outer, inner = [], []
-    with watched(report=outer.append):
-        with watched(1.0, inner.append):
-            tell(Progress("uzawa"))
-        tell(Progress("condensed"))
-    tell(Progress("fixed-point"))
+    with listening(outer.append):
+        with deadline(1.0), listening(inner.append):
+            report(Progress("uzawa"))
+        report(Progress("condensed"))
+    report(Progress("fixed-point"))
     assert ([said.method for said in outer], [said.method for said in inner]) == (["uzawa", "condensed"], ["uzawa"])
 
 
 def test_the_earlier_end_counts(clock):
-    assert (left(), expired()) == (math.inf, False)
-    with watched(5.0):
-        with watched(8.0):
-            assert left() == 5.0
-        with watched(2.0):
-            assert left() == 2.0
+    assert (deadline.left, deadline.over) == (math.inf, False)
+    with deadline(5.0):
+        with deadline(8.0):
+            assert deadline.left == 5.0
+        with deadline(2.0):
+            assert deadline.left == 2.0
             clock.passes(2.0)
-            assert expired()
-            assert 0.0 < left() < 0.01  # some back ends take 0 for no limit
-        assert (left(), expired()) == (3.0, False)
-        with watched():
-            assert left() == 3.0
-    assert not expired()
+            assert deadline.over
+            assert 0.0 < deadline.left < 0.01  # some back ends take 0 for no limit
+        assert (deadline.left, deadline.over) == (3.0, False)
+        with deadline():
+            assert deadline.left == 3.0
+    assert not deadline.over
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_nothing_is_asked_again_when_the_time_is_over(calls, back_end, clock):
 def test_back_ends_get_what_is_left(name, seconds, status):
     qvi = random_problem(1, n=200, m=80)
     solver = make_inner(name, qvi, 1e-8)
-    with watched(seconds):
+    with deadline(seconds):
         found = solver.solve(qvi.threshold(np.full(qvi.m, 0.4)), Centre(qvi, np.zeros(qvi.n)), None)
     assert found.status is status
 
@@ -135,15 +135,15 @@ def test_back_ends_get_what_is_left(name, seconds, status):
 def test_a_limit_of_ones_own_stays():
     settings = {"time_limit": 2.0, "verbose": False}
     assert within_time(settings, "time_limit") == settings
-    with watched(100.0):
+    with deadline(100.0):
         assert within_time(settings, "time_limit") == within_time(settings, "") == settings
-    with watched(1e-9):
+    with deadline(1e-9):
         assert within_time(settings, "time_limit")["time_limit"] < 0.01
 
 
 def test_the_fall_back_is_announced_and_its_answer_explained(large):
     heard, seen = [], []
-    with watched(report=heard.append):
+    with listening(heard.append):
         solution = solve_qvi(large, gap=COARSE, callback=seen.append)
     assert solution.solved
     assert solution.method == "fixed-point"

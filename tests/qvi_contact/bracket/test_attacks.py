@@ -23,8 +23,8 @@ from qvi_contact.bracket import Bracket, bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.result import ContactResult
-from tests.effort import examples, thinned
-from tests.qvi_contact.lines import with_line
+from tests.cases import examples, thinned
+from tests.qvi_contact.builders import with_line
 
 SIDES = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
 SOFT = Material(1e3, 0.3)

@@ -24,8 +24,7 @@ from qvi_contact import (
 )
 from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
-from tests.covering import every_pair
-from tests.effort import thinned
+from tests.cases import every_pair, thinned
 from tests.qvi_contact.test_triangles import (
     FOAM,
     LIMITS,
@@ -59,9 +58,9 @@ CONVEX = {
 
 
 @cache
-def bracket_of(name, depth, degree, rows="bernstein"):
+def bracket_of(name, depth, degree, rows="edges"):
     mesh = TriangleMesh.rectangle((2, 2)).graded([(1.0, 1.0)], depth)
-    return bracket(solve(with_contact(CONVEX[name], mesh), degree=degree, contact_rows=rows, tolerance=1e-9))
+    return bracket(solve(with_contact(CONVEX[name], mesh), degree=degree, law_on=rows, tolerance=1e-9))
 
 
 @pytest.mark.parametrize(("name", "degree"), thinned(product(CONVEX, (3, 5)), 6))
@@ -82,9 +81,9 @@ def test_bounds_enclose_and_close(name, degree):
         assert found.upper >= finest.lower or not found.guaranteed
     assert fine.gap < 0.6 * coarse.gap
     if name in ("tresca", "frictionless, curved"):  # stresses of Gauss rows are made admissible
-        gauss = bracket_of(name, 0, degree, "gauss")
+        gauss = bracket_of(name, 0, degree, "points")
         assert gauss.guaranteed
-        assert gauss.result.discretization.rule.kind == "bernstein"
+        assert gauss.result.discretization.rule.law_on == "edges"
         assert gauss.lower == pytest.approx(coarse.lower, rel=1e-7)
 
 
@@ -108,14 +107,14 @@ def test_a_bound_between_two_laws_is_lowered():
 
 
 @pytest.mark.parametrize(
-    ("state", "sides", "rows"), thinned(every_pair(list(STATES), list(SIDES), ["bernstein", "gauss"]), 8)
+    ("state", "sides", "rows"), thinned(every_pair(list(STATES), list(SIDES), ["edges", "points"]), 8)
 )
 def test_exact_states_close_the_gap(state, sides, rows):
     least, made = STATES[state]
     mesh = moved(TriangleMesh.rectangle((3, 2), 2.0, 1.0, origin=(0.0, -0.5)))
     names = dict(zip(("bottom", "right", "top", "left"), SIDES[sides], strict=True))
     degree = max(least, 4) if state == "cantilever" else least
-    found = bracket(solve(exact.problem_from_state(made(STEEL), mesh, STEEL, names), degree=degree, contact_rows=rows))
+    found = bracket(solve(exact.problem_from_state(made(STEEL), mesh, STEEL, names), degree=degree, law_on=rows))
     assert found.guaranteed, found.reasons
     assert abs(found.gap) <= 1e-12 * max(abs(found.lower), found.strain)
     assert found.cell_gaps.sum() <= 1e-12 * found.strain
@@ -239,8 +238,8 @@ class TestForces:
 def test_under_coulomb_the_gap_shrinks_and_closes_where_all_slips():
     gaps = [solve(compressed_plate(0.1, (n, n))).bracket.gap for n in (4, 8)]
     assert gaps[1] < 0.6 * gaps[0]
-    for rows in ("bernstein", "gauss"):
-        found = bracket(solve(sliding_block((3, 2))[0], degree=4, contact_rows=rows))
+    for rows in ("edges", "points"):
+        found = bracket(solve(sliding_block((3, 2))[0], degree=4, law_on=rows))
         assert found.kind is BracketKind.GIVEN_BOUND
         assert abs(found.gap) <= 1e-9 * found.strain
         assert found.outer <= 1e-9 * found.strain

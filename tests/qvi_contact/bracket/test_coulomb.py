@@ -32,7 +32,7 @@ from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
 from qvi_contact.solution import ContactResult, stress_in_cells
-from tests.effort import examples
+from tests.cases import examples
 
 
 def shared(problem, s):

@@ -25,8 +25,8 @@ from qvi_contact import (
 from qvi_contact.companion import DualProblem, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import Status
-from tests.effort import thinned
-from tests.qvi_contact.lines import with_line
+from tests.cases import thinned
+from tests.qvi_contact.builders import with_line
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)

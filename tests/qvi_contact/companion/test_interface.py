@@ -14,7 +14,7 @@ from qvi_contact.plots import deformed_figure, save_figure
 from qvi_contact.solution import von_mises
 from qvi_contact.units import Units
 from solvers import Status
-from tests.covering import every_pair
+from tests.cases import every_pair
 
 STEEL = Material(1000.0, 0.3)
 PLATE = compressed_plate(0.1, (3, 2))

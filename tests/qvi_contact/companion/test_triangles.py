@@ -19,7 +19,7 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.mesh import TriangleMesh
 from solvers import Status
-from tests.covering import every_pair
+from tests.cases import every_pair
 from tests.qvi_contact.test_triangles import FOAM, SIDES, STATES, STEEL, inside, moved, squeezed, tilted, turned
 
 LEAST = {"compression": 1, "shear": 1, "bending": 2, "cantilever": 3, "column": 2}  # degrees that hold the states

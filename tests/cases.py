@@ -1,4 +1,4 @@
-"""How many generated cases a test tries.
+"""How many cases a test tries: of generated ones, and of combinations.
 
 The suite tries few of each kind, the same ones every time. ``QVI_CONTACT_EFFORT=10 python -m pytest FILE`` tries ten
 times as many: a search for rare faults after a change to what the file tests.
@@ -6,6 +6,8 @@ times as many: a search for rare faults after a change to what the file tests.
 
 import os
 import random
+from collections.abc import Sequence
+from typing import Any
 
 EFFORT = float(os.environ.get("QVI_CONTACT_EFFORT", "1"))
 
@@ -27,3 +29,12 @@ def thinned(cases, count):
         (others if values <= seen else needed).append(index)
         seen |= values
     return [cases[index] for index in sorted((needed + others)[: examples(count)])]
+
+
+def every_pair(first: Sequence[Any], second: Sequence[Any], third: Sequence[Any]) -> list[tuple[Any, Any, Any]]:
+    """All pairs of the first two with one value of the third each, which runs through its values along both.
+
+    So each value of the third meets each of the first and each of the second, the third being the shortest.
+    """
+    assert len(third) <= min(len(first), len(second))
+    return [(a, b, third[(i + j) % len(third)]) for i, a in enumerate(first) for j, b in enumerate(second)]

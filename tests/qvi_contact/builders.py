@@ -1,8 +1,13 @@
-"""Bodies with holes: a quarter of a ring, whose sides are arcs, rings of polygons, rectangles with holes."""
+"""Bodies with holes and joints, problems that differ in friction alone, solved states and how far they differ."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from qvi_contact import TriangleMesh
+from qvi_contact import Contact, TriangleMesh, solve
+from qvi_contact.discretization import Discretization
+from qvi_contact.solution import posed
+from solvers import Status
 
 INNER, OUTER, NU = 1.0, 2.0, 0.3
 A = INNER**2 / (OUTER**2 - INNER**2)
@@ -42,3 +47,31 @@ def holed(divisions, places, low, high):
     for a, b in places:
         body &= np.maximum(np.abs(x - a), np.abs(y - b)) > 0.5
     return TriangleMesh.grid(*lines, body)
+
+
+def with_line(mesh, name, direction, at, start=-np.inf, stop=np.inf):
+    """The mesh with a joint along y = at ("horizontal") or x = at ("vertical"), between two places on it."""
+    if direction == "horizontal":
+        return mesh.with_joint(name, lambda x, y: np.isclose(y, at) & (x > start) & (x < stop))
+    return mesh.with_joint(name, lambda x, y: np.isclose(x, at) & (y > start) & (y < stop))
+
+
+def with_friction(known: Discretization, friction: float) -> Discretization:
+    """The problem of a discretisation with another friction: it shares matrices and factorisation, which take time."""
+    conditions = [
+        replace(each, friction=friction) if isinstance(each, Contact) else each for each in known.problem.conditions
+    ]
+    return posed(replace(known.problem, conditions=conditions), before=known)
+
+
+def solved(problem, tolerance=1e-9, **options):
+    """The result of a problem that must be solved."""
+    result = solve(problem, tolerance=tolerance, **options)
+    assert result.status is Status.SOLVED, result.message
+    return result
+
+
+def difference(one, other):
+    """Largest difference of the stresses at the Gauss points of all cells, relative."""
+    first, second = one.gauss_stress()[2], other.gauss_stress()[2]
+    return np.abs(first - second).max() / np.abs(first).max()
