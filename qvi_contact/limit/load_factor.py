@@ -509,24 +509,25 @@ def strength_reduction_factor(
     names = (*loads_of(problem), FLUID)
     space: dict[str, Any] = {"degree": degree, "law_on": law_on}
 
-    def sides(factor: float) -> tuple[bool, bool]:
-        """Whether the loads are carried, and whether it is not proved that they are not."""
+    def sides(factor: float) -> tuple[float, float]:
+        """What loads are carried at most, over those there are, and above what it is proved that they are not."""
         limit = LimitProblem.of(_reduced(problem, chosen, factor), names, **space).solved().limit
-        return limit.lower >= 1.0, limit.upper >= 1.0
+        return limit.lower, limit.upper
 
     with deadline(time_limit):
-        known: dict[float, tuple[bool, bool]] = {}
+        known: dict[float, tuple[float, float]] = {}
         found = []
         for side in (0, 1):
-            holds, fails = 0.0, math.inf
+            before, stale = (0.0, math.inf), 0
             while True:
-                for factor, answer in known.items():
-                    holds = max(holds, factor) if answer[side] else holds
-                    fails = fails if answer[side] else min(fails, factor)
+                holds = max((factor for factor, shares in known.items() if shares[side] >= 1.0), default=0.0)
+                fails = min((factor for factor, shares in known.items() if shares[side] < 1.0), default=math.inf)
+                stale = stale + 1 if before[0] == holds else min(stale, 0) - 1 if before[1] == fails else 0
+                before = holds, fails
+                if fails <= holds * (1.0 + accuracy):
+                    break
                 if holds > 0.0 and fails < math.inf:
-                    if fails <= holds * (1.0 + accuracy):
-                        break
-                    factor = math.sqrt(holds * fails)
+                    factor = _between(before, (known[holds][side], known[fails][side]), stale, accuracy)
                 else:
                     factor = 1.0 if not known else holds * _STEP if holds > 0.0 else fails / _STEP
                     if not 1.0 / _FARTHEST < factor < _FARTHEST:
@@ -534,6 +535,21 @@ def strength_reduction_factor(
                 known[factor] = sides(factor)
             found.append((holds, fails))
     return StrengthReduction(found[0][0], found[1][1])
+
+
+def _between(factors: tuple[float, float], shares: tuple[float, float], stale: int, accuracy: float) -> float:
+    """The next trial between two factors, with the shares of the loads that are carried at them.
+
+    It is where the power law through both is 1 (the method of Illinois: an end that stays counts by halves), but so far
+    from both ends that the interval is short enough, or becomes shorter, whatever it gives.
+    """
+    (holds, fails), (enough, little) = factors, shares
+    if not (math.isfinite(enough) and little > 0.0):
+        return math.sqrt(holds * fails)
+    above, below = math.log(enough) * 0.5 ** max(stale - 1, 0), math.log(little) * 0.5 ** max(-stale - 1, 0)
+    guess = holds * (fails / holds) ** (above / (above - below))
+    step = 1.0 + 0.9 * accuracy
+    return min(max(guess, holds * step), fails / step) if fails > holds * step**2 else math.sqrt(holds * fails)
 
 
 def _chosen(problem: ContactProblem, of: Sequence[str] | None) -> frozenset[str]:
