@@ -10,6 +10,7 @@ Names are loaded on first use, so that importing the package, or asking the comm
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from qvi_contact.attached import HOMES as _ATTACHED
 from qvi_contact.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -104,6 +105,16 @@ _HOME = {
     "strength_reduction_factor": "limit.load_factor",
     "verify_result": "verification.verification",
 }
+
+_ATTACHED.update(
+    {
+        "bracket": ("qvi_contact.bracket", "bracket"),
+        "displacement": ("qvi_contact.bracket", "displacement"),
+        "remarks": ("qvi_contact.solution.remarks", "remarks"),
+        "undetermined_motions": ("qvi_contact.solution.undetermined", "undetermined_motions"),
+        "uniqueness": ("qvi_contact.bracket", "uniqueness"),
+    }
+)  # to results
 
 __all__ = [
     "BodyForces",

@@ -258,13 +258,13 @@ class Listed(Kind):
     def check(self, name: str, value: Any) -> None:
         """The same for Python."""
         if not isinstance(value, tuple | list) or (self.most is not None and len(value) != self.most):
-            raise InputError(name, value, "give a pair (x, y)")
+            raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
         for item in value:
             self.kind.check(name, item)
 
-    def written(self, path: str, value: Any, writer: Writer) -> object:  # noqa: ARG002
+    def written(self, path: str, value: Any, writer: Writer) -> object:
         """A list."""
-        return list(value)
+        return [self.kind.written(f"{path}[{index}]", item, writer) for index, item in enumerate(value)]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """How far off is the answer: bounds of the energy from an admissible stress and an admissible displacement."""
 
 from qvi_contact.basics.shown import Certainty
-from qvi_contact.bracket.bounds import bracket
+from qvi_contact.bracket.bounds import bracket, displacement, uniqueness
 from qvi_contact.bracket.branches import Branches, other_solutions
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.friction_norm import friction_norm as friction_norm
@@ -22,7 +22,9 @@ __all__ = [
     "ForceDifference",
     "Uniqueness",
     "bracket",
+    "displacement",
     "other_solutions",
+    "uniqueness",
 ]
 
 __getattr__ = front(

@@ -21,6 +21,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
@@ -33,7 +34,7 @@ from qvi_contact.bracket.fixed_bound import (
     with_bernstein_rows,
 )
 from qvi_contact.bracket.friction_norm import UNHELD, computed_norm
-from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference
+from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference, Uniqueness
 from qvi_contact.bracket.parts import (
     Bounds,
     CellFields,
@@ -42,6 +43,7 @@ from qvi_contact.bracket.parts import (
     bulk,
     by_cell,
     edge_parts,
+    initial_work,
     strain_energy,
     tractions_on,
 )
@@ -50,11 +52,12 @@ from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.space import degree_beside, triangle
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import is_polynomial, physical, spanned
+from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
+from qvi_contact.problem.initial_strain import is_strained, varies
 from qvi_contact.solution.contact_path import leads_one_way, turning_senses
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
@@ -100,6 +103,13 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
         values = evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
         if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
             found.append(f"The body potential is not a polynomial of degree {_CELL_DEGREE} on every cell.")
+    if varies(problem):
+        space, cells = discretization.space, np.arange(problem.mesh.cell_count)
+        corners, parts = space.lattice(_DIVISIONS)
+        t = corners[parts].mean(axis=1)
+        values = scaled_stress_at_rest(problem, discretization.scales, cells, space.points(cells, t))
+        if not spanned(np.concatenate(list(np.moveaxis(values, -1, 0))), triangle(_CELL_DEGREE).values(t[:, -2:])):
+            found.append(f"The initial strain is not a polynomial of degree {_CELL_DEGREE} on every cell.")
     return tuple(dict.fromkeys(found))
 
 
@@ -147,7 +157,8 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
 
     """
     problem = discretization.problem
-    data = [("body_potential", problem.body_potential, False, 1.0)]  # key of the force, value, whether it drives, sign
+    data: list[tuple[str, Field, bool, float]] = [("initial_strain", float(is_strained(problem)), False, 1.0)]
+    data += [("body_potential", problem.body_potential, False, 1.0)]  # key of the force, value, whether it drives, sign
     for condition in problem.cartesian_conditions:
         if isinstance(condition, Contact):
             name = condition.name
@@ -218,10 +229,10 @@ def bracket(
 ) -> Bracket:
     """Bounds of the energy of the problem that a result belongs to, and an error indicator for each cell.
 
-    With the compliance c, the stiffness C, a friction bound s on the contacts and
+    With the compliance c, the stiffness C, an initial strain ε⁰, a friction bound s on the contacts and
 
-        J(v)  = ½ ∫ ε(v) : C : ε(v) − ∫ b·v − ∫_{Γ_σ} T·v + ∫_{Γ_μ} s |v_T − w|,      v_N ≤ g,  v = U on Γ_u,
-        J*(τ) = ½ ∫ τ : c : τ − ∫_{Γ_u} U·τn − ∫_{Γ_μ} (g τ_N + w τ_T),                τ in K(s) of (D1),
+        J(v)  = ½ ∫ (ε(v) − ε⁰) : C : (ε(v) − ε⁰) − ∫ b·v − ∫_{Γ_σ} T·v + ∫_{Γ_μ} s |v_T − w|,  v_N ≤ g,  v = U on Γ_u,
+        J*(τ) = ½ ∫ τ : c : τ + ∫ ε⁰ : τ − ∫_{Γ_u} U·τn − ∫_{Γ_μ} (g τ_N + w τ_T),                τ in K(s) of (D1),
 
     −J*(τ) ≤ J(u) ≤ J(v) for the solution u of the problem with that bound, and
 
@@ -312,6 +323,35 @@ def bracket(
     return found
 
 
+def uniqueness(result: ContactResult) -> Uniqueness:
+    """How far another solution of the exact problem can be, as far as ``result.bracket`` tells."""
+    return result.bracket.uniqueness
+
+
+def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], FloatArray]:
+    """The displacement of the body, of displacement elements on the same mesh: ``result.displacement(x, y)``.
+
+    The stress itself has no displacement: it comes from the second model of `bracket`, solved on first use under the
+    friction bound of this result. ``result.bracket.companion`` has more of it.
+
+    Returns
+    -------
+    callable
+        Of coordinates x, y [length], broadcast against each other; it returns u_x, u_y [length], shape (..., 2), on
+        joints the mean of all sides, and raises `InputError` for a point outside the body.
+
+    Raises
+    ------
+    InputError
+        If there is no stress state, no displacement was found, or this is a step of a history.
+
+    """
+    companion = result.bracket.companion
+    if companion is None:
+        raise InputError("displacement(x, y)", result.status.value, f"no displacement was found: {result.message}")
+    return companion.displacement
+
+
 def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
     reason, known = outside_scope(result.problem), result.discretization
@@ -339,7 +379,9 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
-    complementary -= fluid_work(discretization)
+    work, held = initial_work(fields, problem.compliances)
+    complementary += work - fluid_work(discretization)
+    size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state
     contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
     if moved:
@@ -357,13 +399,11 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     lower = -complementary - slack if stress.found else -np.inf
     upper = companion.energy if moved else np.inf
     parts = by_cell(discretization, inside, contacts)
-    balance = (
-        abs(upper + complementary - float(parts.sum())) / max(strain, abs(complementary), 1e-300) if moved else 0.0
-    )
+    balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
     return Bracket(
         problem=problem,
         kind=given.kind,
-        reasons=_reasons(given, stress, companion, balance, (upper - lower) / max(strain, 1e-300)),
+        reasons=_reasons(given, stress, companion, balance, (upper - lower) / max(strain, held, 1e-300)),
         lower=lower,
         upper=upper,
         strain=strain,

@@ -6,7 +6,7 @@ In `docs/theory.md`: (D26), (D27), (D28).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -183,7 +183,7 @@ def coulomb_bounds(
     problem = known.problem
     fields = CellFields.of(known, result.dofs, companion.degree)
     before = CellFields.of(known, stress.before.dofs, companion.degree)
-    change = CellFields(fields.weights, fields.stress - before.stress, fields.t)
+    change = replace(fields, stress=fields.stress - before.stress)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
     norm = friction_norm(problem, shares)
     residual = float(np.sqrt(2.0 * inside.sum()))

@@ -414,6 +414,7 @@ class _Pairs:
         apart = strain - np.einsum("ckl,cgl->cgk", compliance, zeta)
         size = np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart)
         inside = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
+        inside += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, zeta, compliance, fields.at_rest))  # −∫ ε⁰ : ζ
         loads = float(companion.state.load @ z + self.body.contacts.resultants @ plates)
         work = inside - loads * scales.energy
         for along in (support_work, obstacle_work):

@@ -3,7 +3,7 @@
 Arrays over edges hold those of all contacts that have rows, one after the other; tied ones have none. For an admissible
 stress τ and an admissible displacement v, by the principle of virtual work,
 
-    J(v) + J*(τ) = ½ ∫ (cτ − ε(v)) : C : (cτ − ε(v)) dx                              bulk
+    J(v) + J*(τ) = ½ ∫ (cτ + ε⁰ − ε(v)) : C : (cτ + ε⁰ − ε(v)) dx                    bulk
                  + ∫ −τ_N (g − v_N) ds + ∫ s |v_T − w| + τ_T (v_T − w) ds             contact, friction
 
 and every integrand is ≥ 0 (Prager-Synge; constitutive-relation error).
@@ -21,9 +21,10 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import ContactRows, contact_named, joined
+from qvi_contact.discretization.loads import ContactRows, contact_named, joined, scaled_stress_at_rest
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.problem.initial_strain import is_strained
 from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import normal_and_shear
 
@@ -147,11 +148,12 @@ def _polynomials(discretization: Discretization, values: FloatArray) -> tuple[Fl
 
 @dataclass(frozen=True, eq=False)
 class CellFields:
-    """Weights (cells, g) and stress τ (cells, g, 3) at points t (g, d) of the reference cell."""
+    """Weights (cells, g), stress τ and σ⁰ = −C ε⁰ (cells, g, 3) at points t (g, d) of the reference cell."""
 
     weights: FloatArray
     stress: FloatArray
     t: FloatArray
+    at_rest: FloatArray
 
     @classmethod
     def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
@@ -159,8 +161,11 @@ class CellFields:
         largest = max(discretization.space.degree - 2, degree - 1, _POTENTIAL)
         scales, (t, w) = discretization.scales, discretization.space.cell_rule(2 * largest + 1)
         weights = discretization.space.cell_measures(t, w)
-        _, stress = cell_stresses(discretization, u, t)
-        return cls(weights * scales.length**2, stress * scales.stress, t)
+        points, stress = cell_stresses(discretization, u, t)
+        at_rest, cells = np.zeros_like(stress), np.arange(len(stress))
+        if is_strained(discretization.problem):
+            at_rest = scaled_stress_at_rest(discretization.problem, scales, cells, points)
+        return cls(weights * scales.length**2, stress * scales.stress, t, at_rest * scales.stress)
 
 
 def strain_energy(fields: CellFields, compliances: FloatArray) -> float:
@@ -168,9 +173,15 @@ def strain_energy(fields: CellFields, compliances: FloatArray) -> float:
     return 0.5 * float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, fields.stress, compliances, fields.stress))
 
 
+def initial_work(fields: CellFields, compliances: FloatArray) -> FloatArray:
+    """(∫ ε⁰ : τ dx, ½ ∫ ε⁰ : C : ε⁰ dx) of an initial strain [stress × length²]."""
+    against = np.stack([-fields.stress, fields.at_rest / 2.0])
+    return np.asarray(np.einsum("cg,acgk,ckl,cgl->a", fields.weights, against, compliances, fields.at_rest))
+
+
 def bulk(fields: CellFields, compliances: FloatArray, strain: FloatArray) -> FloatArray:
-    """½ ∫ (cτ − ε) : C : (cτ − ε) dx on each cell (cells,), from ε(v) at the same points (cells, g, 3)."""
-    difference = np.einsum("ckl,cgl->cgk", compliances, fields.stress) - strain
+    """½ ∫ (cτ + ε⁰ − ε) : C : (cτ + ε⁰ − ε) dx of each cell (cells,), from ε(v) at these points (cells, g, 3)."""
+    difference = np.einsum("ckl,cgl->cgk", compliances, fields.stress - fields.at_rest) - strain
     stiffness = np.linalg.inv(compliances)
     return np.asarray(0.5 * np.einsum("cg,cgk,ckl,cgl->c", fields.weights, difference, stiffness, difference))
 

@@ -117,16 +117,16 @@ def _of_constants(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], v
     from qvi_contact.command.progress_line import solving
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.sweep import Sweep
-    from solvers.basics.progress import expired, watched
+    from solvers.basics.progress import deadline
 
     options = dict(options)
     steps: list[ContactResult] = []
     with (
         solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance,
-        watched(options.pop("time_limit", None)),
+        deadline(options.pop("time_limit", None)),
     ):
         for value in plan.values:
-            if steps and expired():
+            if steps and deadline.over:
                 break
             steps.append(solve(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose))
             advance()

@@ -9,7 +9,9 @@ touch,
 with R an orthonormal basis of the rigid motions that the supports leave free, G = (S + ρ R Rᵀ)⁻¹, and a their size.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -30,6 +32,7 @@ from solvers.factorisation.choice import Request, make
 
 _QUADRATURE = 1e-11  # relative difference of two quadratures that counts as rounding
 _ON_ARCS = 6  # Gauss points more where cells have arcs
+_INITIAL = 6  # degree of the quadrature with initial strains, half of it: those up to this degree have exact energies
 _ENTRIES = ([0, 2], [2, 1])  # of (ε_xx, ε_yy, 2ε_xy): where ∂_x and ∂_y of each component go to
 
 _FREE = 1e-11  # singular value of rigid motions at supports, relative, that counts as zero
@@ -45,12 +48,15 @@ class Elasticity:
     space : DisplacementSpace
         Displacements.
     moduli : (cells, 3, 3) array
-        Stiffness C with σ = C ε, times the unit of compliance.
+        Stiffness C with σ = C ε + σ⁰, times the unit of compliance.
+    at_rest : function of cells and points, optional
+        σ⁰ of an initial strain (k, q, 3) at points (k, q, 2) of cells (k,), dimensionless.
 
     """
 
     space: DisplacementSpace
     moduli: FloatArray
+    at_rest: Callable[[IntArray, FloatArray], FloatArray] | None = None
 
     def stiffness(self) -> sparse.csr_array:
         """K with vᵀKv = ∫ ε:C:ε, shape (size, size)."""
@@ -87,12 +93,32 @@ class Elasticity:
     @property
     def _count(self) -> int:
         """Gauss points a direction: exact for ε:C:ε of polynomials; arcs, which are none, take more."""
-        return self.space.degree + 1 + (_ON_ARCS if len(self.space.curved) else 0)
+        most = self.space.degree if self.at_rest is None else max(self.space.degree, _INITIAL)
+        return most + 1 + (_ON_ARCS if len(self.space.curved) else 0)
 
     def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
         (xx, xy), (yx, yy) = np.moveaxis(self._gradients(v, cells, t), (3, 1), (0, 1))
         return np.stack([xx, yy, xy + yx], axis=-1)
+
+    def initial_stress(self, cells: IntArray | slice, t: FloatArray) -> FloatArray | float:
+        """σ⁰ at such points, (cells, k, 3); 0 without an initial strain."""
+        if self.at_rest is None:
+            return 0.0
+        return self.at_rest(np.arange(len(self.space.table))[cells], self.space.points(cells, t))
+
+    def stress(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """Stresses C ε + σ⁰ of v at such points, (cells, k, 3)."""
+        found = self.strain(v, cells, t) @ self.moduli[cells].swapaxes(1, 2)
+        return np.asarray(found + self.initial_stress(cells, t))
+
+    @cached_property
+    def initial_load(self) -> FloatArray:
+        """−∫ σ⁰ : ε(v) as a vector (size,): the load by which an initial strain deforms the body."""
+        t, weights = self.points()
+        if self.at_rest is None:
+            return np.zeros(self.space.size)
+        return -self.virtual_work(self.initial_stress(slice(None), t) * weights[..., None], t)
 
     def _gradients(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """∂_b u_c as [cell, b, point, c]."""
@@ -112,10 +138,13 @@ class Elasticity:
         return t, self.space.measures(t, weights)
 
     def energy(self, v: FloatArray) -> float:
-        """½ ∫ ε:C:ε."""
+        """½ ∫ (ε − ε⁰) : C : (ε − ε⁰)."""
         t, weights = self.points()
-        strain = self.strain(v, slice(None), t)
-        return 0.5 * float(np.einsum("cq,cqk,cqk->", weights, strain, strain @ self.moduli.swapaxes(1, 2)))
+        if self.at_rest is None:
+            strain = self.strain(v, slice(None), t)
+            return 0.5 * float(np.einsum("cq,cqk,cqk->", weights, strain, strain @ self.moduli.swapaxes(1, 2)))
+        stress = self.stress(v, slice(None), t)
+        return 0.5 * float(np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli)))
 
     def force(self, v: FloatArray) -> FloatArray:
         """K v (size,), through stresses."""

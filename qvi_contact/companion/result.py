@@ -37,7 +37,7 @@ class CompanionParts:
     Attributes
     ----------
     strain : float
-        ½ ∫ ε:C:ε.
+        ½ ∫ (ε − ε⁰):C:(ε − ε⁰), the elastic energy; ε⁰ is an initial strain.
     load : float
         ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the motions of plates under the forces F.
     friction : float
@@ -214,7 +214,7 @@ class CompanionResult(Stated):
         return np.asarray(self._mean(x, y, self._displacement_in) * self.scales.displacement)
 
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Stress (σ_xx, σ_yy, σ_xy) = C ε at points of the body, (...) to (..., 3) [stress].
+        """Stress (σ_xx, σ_yy, σ_xy) = C (ε − ε⁰) at points of the body, (...) to (..., 3) [stress].
 
         On edges the mean of the adjacent cells.
         """
@@ -380,8 +380,7 @@ class CompanionResult(Stated):
         return np.asarray(self.space.cell.values(self.space.own(cells, t)) @ local)
 
     def _stress_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        strain = self.body.strain(self._v, cells, self.space.own(cells, t))
-        return np.asarray(strain @ self.body.moduli[cells].swapaxes(1, 2))
+        return self.body.stress(self._v, cells, self.space.own(cells, t))
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: _InCells) -> FloatArray:
         """Mean of what the cells that hold a point say."""

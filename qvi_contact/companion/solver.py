@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import zip_longest
 from types import MappingProxyType
 from typing import Any, Final
@@ -18,10 +19,12 @@ from qvi_contact.companion.dual import Contacts, DualProblem, admissible, dual_p
 from qvi_contact.companion.result import CompanionResult, CompanionState
 from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
 from qvi_contact.companion.traces import DisplacementContact, traces
+from qvi_contact.discretization.loads import scaled_stress_at_rest
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.initial_strain import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
@@ -56,10 +59,11 @@ def solve_companion(
 
     Minimises, over the displacements v of degree p that meet supports and contacts on whole edges,
 
-        J(v) = ½ ∫ ε:C:ε − ∫ b·v − ∫_{Γσ} T·v + Σ ∫ s |v_T − w| − Σ F·q       v_N ≤ g  (= g, and v_T = w where tied)
+        J(v) = ½ ∫ (ε − ε⁰):C:(ε − ε⁰) − ∫ b·v − ∫_{Γσ} T·v + Σ ∫ s |v_T − w| − Σ F·q,
+        v_N ≤ g  (= g, and v_T = w where tied)
 
     with q the motions of plates under F, relative to which v_N and v_T count on their contacts; a fluid in a contact
-    adds ∫ p_w v_N. J(v) is an upper bound of the exact minimum for the same s.
+    adds ∫ p_w v_N; ε⁰ is an initial strain. J(v) is an upper bound of the exact minimum for the same s.
 
     Parameters
     ----------
@@ -136,7 +140,7 @@ def solve_companions(
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
-            load = model.load - contacts[0].rows.T @ contacts[0].fluid
+            load = model.load + model.body.initial_load - contacts[0].rows.T @ contacts[0].fluid
             condensed = CondensedBody.of(model.body, load, model.held, contacts[0].rows)
             duals = [dual_problem(each, condensed) for each in contacts]
         except (FactorisationError, MemoryError) as error:
@@ -208,7 +212,8 @@ class _Model:
         """Loads and supports."""
         scales = Scales.of(problem)
         space = DisplacementSpace.of(problem, cell, scales.length)
-        body = Elasticity(space, moduli(problem, scales))
+        at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
+        body = Elasticity(space, moduli(problem, scales), at_rest)
         return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
 
     def traces(
@@ -271,9 +276,8 @@ def _state(dual: DualProblem, solution: QVISolution) -> CompanionState:
     bound[dual.limited] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
     values, plates = dual.displacements(solution)
     v, c, reasons = admissible(dual, values, plates, solution.z, bound)
-    return CompanionState(
-        contacts, v, c, plates, np.where(dual.live, solution.z, 0.0), dual.live, bound, dual.body.load, reasons
-    )
+    tractions, load = np.where(dual.live, solution.z, 0.0), dual.body.load - dual.body.body.initial_load
+    return CompanionState(contacts, v, c, plates, tractions, dual.live, bound, load, reasons)
 
 
 @dataclass(frozen=True, eq=False)

@@ -193,16 +193,14 @@ class CurvedTriangles:
         rows = np.einsum("kab,kqbd->kaqd", upper, table * roots[:, :, None, None])
         return np.asarray(rows).reshape(len(rows), -1, self.element.dimension)
 
-    def potential_load(
-        self, block: slice | IntArray, compliances: FloatArray, potential: FloatArray, rule: Rule
+    def stress_load(
+        self, block: slice | IntArray, compliances: FloatArray, stress: FloatArray, rule: Rule
     ) -> tuple[FloatArray, FloatArray]:
-        """∫ cφI:σ of the functions (k, dimension), and ½ ∫ cφI:φI (k,), from φ at the points (k, q)."""
-        areas = self.areas(rule[0])[block] * rule[1]
-        strain = compliances[:, :, 0] + compliances[:, :, 1]
-        mapped = np.einsum("kab,ka->kb", self.triangles.stress_maps[block], strain)
-        sums = np.einsum("kq,kb,kqbd->kd", areas * potential, mapped, self._hessians(block, rule[0]))
+        """∫ cτ:σ of the functions (k, dimension), and ½ ∫ cτ:τ (k,), from τ at the points (k, q, 3)."""
+        strain = stress @ compliances * (self.areas(rule[0])[block] * rule[1])[..., None]
+        sums = np.einsum("kqb,kqbd->kd", strain @ self.triangles.stress_maps[block], self._hessians(block, rule[0]))
         load = (sums[:, None] @ self.functions[block])[:, 0]
-        return load, (strain[:, 0] + strain[:, 1]) * (areas * potential**2).sum(axis=1) / 2.0
+        return load, (strain * stress).sum(axis=(1, 2)) / 2.0
 
     def areas(self, points: FloatArray) -> FloatArray:
         """Areas (c, q), dimensionless, that weights of sum 1 at reference points (q, 3) are shares of."""

@@ -18,7 +18,7 @@ from qvi_contact.basics.retired import refuse_arguments
 from qvi_contact.discretization.energy import BodyStiffness, Root
 from qvi_contact.discretization.loads import (
     ContactRows,
-    cell_potential,
+    cell_stress,
     contact_rows,
     displacement_load,
     has_body_force,
@@ -311,8 +311,8 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
         raise InputError("ContactProblem.conditions", imbalance * scales.stress * scales.length, remedy)
     compliances = np.stack([material.compliance / scales.compliance for material in problem.materials])
     stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances)
-    potential = cell_potential(problem, space, scales)
-    body = None if potential is None else stiffness.energy.loaded(potential)
+    stress = cell_stress(problem, space, scales)
+    body = None if stress is None else stiffness.energy.loaded(stress)
     contacts = contact_rows(problem, space, rule, scales)
     plates = plate_rows(problem, scales, contacts, supports, particular)
     root = Root(stiffness, particular, body)

@@ -45,7 +45,7 @@ _AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine fu
 
 @dataclass(frozen=True, eq=False)
 class BodyLoad:
-    """What a body force adds to the energies of n triangles.
+    """What body forces and initial strains add to the energies of n triangles.
 
     Attributes
     ----------
@@ -136,20 +136,21 @@ class TriangleEnergy(Stated):
             rows = curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
             yield cells, np.asarray(np.linalg.qr(rows[:, :, order], mode="r"))
 
-    def loaded(self, potential: FloatArray) -> BodyLoad:
-        """What a body force adds whose φ at the points of `StressSpace.cell_quadrature` is this (cells, g).
+    def loaded(self, stress: FloatArray) -> BodyLoad:
+        """What is added where the energy is ½ c(σ + τ):(σ + τ), with τ at the points of `StressSpace.cell_quadrature`.
 
-        With K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
+        That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.initial_strain`. With
+        K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
         """
         space, order = self.space, _interior_first(self.space.element)
         interior, count = space.element.interior, len(space.triangles)
         found = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
         for cells, R in self._triangular():
-            own = self.compliances[self.materials[cells]], potential[cells], space.cell_quadrature
+            own = self.compliances[self.materials[cells]], stress[cells], space.cell_quadrature
             if isinstance(cells, slice):
-                load, rest = _potential_load(space.element, space.triangles.take(cells), *own)
+                load, rest = _stress_load(space.element, space.triangles.take(cells), *own)
             else:
-                load, rest = space.curved.potential_load(np.searchsorted(space.curved.numbers, cells), *own)
+                load, rest = space.curved.stress_load(np.searchsorted(space.curved.numbers, cells), *own)
             residual: FloatArray = np.zeros((len(R), len(order)))
             loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
             residual[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
@@ -206,17 +207,15 @@ def _triangular(
     return R
 
 
-def _potential_load(
-    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, potential: FloatArray, rule: Rule
+def _stress_load(
+    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, stress: FloatArray, rule: Rule
 ) -> tuple[FloatArray, FloatArray]:
-    """∫ cφI:σ of the reference functions (n, dimension), and ½ ∫ cφI:φI (n,)."""
+    """∫ cτ:σ of the reference functions (n, dimension), and ½ ∫ cτ:τ (n,), from τ at the points (n, q, 3)."""
     points, weights = rule
-    area = triangles.areas
-    strain = compliances[:, :, 0] + compliances[:, :, 1]
-    mapped = (triangles.stress_maps.swapaxes(1, 2) @ strain[:, :, None])[:, :, 0] * area[:, None]
     table = element.reference_functions(points, 2) * weights[:, None, None]
-    load = sum(mapped[:, [a]] * (potential @ table[:, a]) for a in range(3))
-    return np.asarray(load), (strain[:, 0] + strain[:, 1]) * area * (potential**2 @ weights) / 2.0
+    strain = stress @ compliances * triangles.areas[:, None, None]
+    load = (strain @ triangles.stress_maps).reshape(len(stress), -1) @ table.reshape(-1, table.shape[2])
+    return np.asarray(load), (strain * stress).sum(axis=2) @ weights / 2.0
 
 
 @dataclass(frozen=True, eq=False)

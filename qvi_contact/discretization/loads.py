@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, StressSpace
 from qvi_contact.discretization.supports import PrescribedTraction
@@ -20,6 +20,7 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact, Displacement, Law, Traction, has_coulomb
 from qvi_contact.problem.fields import along_edges
+from qvi_contact.problem.initial_strain import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem, Prescribed
 
 LOAD_POINTS = 8
@@ -166,11 +167,20 @@ def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scale
     return load
 
 
-def cell_potential(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
-    """φ at the quadrature points of the cells (cells, g), dimensionless; None without body force."""
-    if not has_body_force(problem):
-        return None
-    return potential_at(problem, scales, space.points(np.arange(problem.mesh.cell_count), space.cell_points))
+def cell_stress(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
+    """φI − σ⁰ at the quadrature points of the cells (cells, g, 3), dimensionless; None without either of them."""
+    cells, found = np.arange(problem.mesh.cell_count), None
+    points = space.points(cells, space.cell_points)
+    if has_body_force(problem):
+        found = potential_at(problem, scales, points)[..., None] * np.array([1.0, 1.0, 0.0])
+    if is_strained(problem):
+        found = (0.0 if found is None else found) - scaled_stress_at_rest(problem, scales, cells, points)
+    return found
+
+
+def scaled_stress_at_rest(problem: ContactProblem, scales: Scales, cells: IntArray, points: FloatArray) -> FloatArray:
+    """σ⁰/S of an initial strain at dimensionless points of cells (k,), shape (k, …, 2) to (k, …, 3)."""
+    return stress_at_rest(problem, cells, *physical(problem, scales, points)) / scales.stress
 
 
 def is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:

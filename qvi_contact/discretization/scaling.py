@@ -10,6 +10,7 @@ from qvi_contact.basics.shown import Rounding
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
+from qvi_contact.problem.initial_strain import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem
 from solvers.inner.linear_program import solved
 
@@ -73,7 +74,8 @@ class Scales:
 
         S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
         times the displacement that supports and obstacles force on the body (see `_forced`), the mean stress under
-        plates driven by force, and the pressure of fluids in contacts. Neither a constant potential, nor a common
+        plates driven by force, the pressure of fluids in contacts, and the stress of initial strains that are
+        held. Neither a constant potential, nor a common
         translation, nor an obstacle far away strains the body. Without any load S is the stress of a strain of 1e-6, or
         the largest cohesion if that is less.
         """
@@ -89,6 +91,9 @@ class Scales:
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
         sizes += _plate_stresses(problem)
         sizes += _largest(problem, "pore_pressure")
+        if is_strained(problem):
+            x, y = np.moveaxis(problem.mesh.corners, -1, 0)
+            sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
         at_rest = _AT_REST / compliance
         stress = max(sizes) or min(at_rest, max(_largest(problem, "cohesion"), default=0.0)) or at_rest
         return cls(length, stress, compliance, max(sizes) > 0.0)

@@ -251,9 +251,9 @@ def result_from_archive(archive: Archive) -> ContactResult:
     return answer_from_archive(archive, lambda scales: _discretized(archive, text, scales))
 
 
-def answer_from_archive(archive: Archive, posed: Callable[[Scales], Discretization]) -> ContactResult:
+def answer_from_archive(archive: Archive, discretized: Callable[[Scales], Discretization]) -> ContactResult:
     """The result of an archive that was read, of a problem that is posed in given units, without earlier slip."""
-    known = _discretization(archive, posed)
+    known = _discretization(archive, discretized)
     if "strict" in archive.arrays and archive.number("strict") != 0.0:
         remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
         raise InputError("result", archive.path, remedy)
@@ -285,7 +285,7 @@ def _problem_text(written: Callable[[], str]) -> tuple[str, str]:
         return "", str(error)
 
 
-def _discretization(archive: Archive, posed: Callable[[Scales], Discretization]) -> Discretization:
+def _discretization(archive: Archive, discretized: Callable[[Scales], Discretization]) -> Discretization:
     """The problem of an archive, in its units and after the slip before it."""
     length, stress, compliance = _sized(archive, "scales", 3)
     if not min(length, stress, compliance) > 0.0 or not np.isfinite([length, stress, compliance]).all():
@@ -294,7 +294,7 @@ def _discretization(archive: Archive, posed: Callable[[Scales], Discretization])
     if not reach > 0.0:
         raise InputError("result", archive.path, "entry 'reach' is not a positive number")
     scales = Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach)
-    fresh = posed(scales)
+    fresh = discretized(scales)
     _check_centres(archive, fresh)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = _sized(archive, "earlier_slip", sum(counts))

@@ -384,7 +384,7 @@ class MeshTable:
     refine: RefineTable | None = None
     """Finer towards re-entrant corners, see `[mesh.refine]`: `refine = { largest = 0.25, smallest = 0.01 }`."""
     file: Name | None = None
-    """Mesh file, .msh, .inp or .med, by its place beside the problem file: `file = "meshes/dam.msh"`."""
+    """Mesh file, .msh, .inp, .med, .vtk or .vtu, by its place beside the problem file: `file = "meshes/dam.msh"`."""
     outline: OutlineTable | None = None
     """Outline that gmsh divides into triangles, see `[mesh.outline]`: `outline = { size = 0.2, corners = [{ at =
     [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }] }`."""
@@ -570,7 +570,8 @@ class RegionTable(Region):
     def region(self, plane: Plane) -> Region:
         """The region, in the plane state of the body."""
         material = replace(self.material, plane=plane)
-        return Region(material, name=self.name) if self.name else Region(material, self.x, self.y)
+        x, y = (None, None) if self.name else (self.x, self.y)
+        return Region(material, x, y, self.name or None, self.temperature)
 
 
 @dataclass(frozen=True)

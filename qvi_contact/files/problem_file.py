@@ -66,10 +66,11 @@ TABLES: Final[dict[str, type[Condition]]] = {
 """Which table states which condition, in the order in which a problem gets them."""
 
 _MOST_STEPS: Final = 10_000
-_IN_TIME: Final = ("version", "body_potential", "body_forces", "material", "regions", *TABLES)
+_IN_TIME: Final = ("version", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
 """Tables that expressions in t may stand in."""
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",
+    "ContactProblem.temperature": "temperature",
     "ContactProblem.mesh": "mesh",
     "ContactProblem.conditions": "boundary conditions",
 }
@@ -150,6 +151,9 @@ class Document:
     body_forces: dict[str, Field] | None = None
     """Several such fields by name instead, each of which `limit` and sweeps can multiply: `body_forces = { weight =
     "24.0 * y", earthquake = "-24.0 * x" }`."""
+    temperature: Field = 0.0
+    """Rise of temperature since the body was free of stress; materials have their `expansion`: `temperature = "40.0 *
+    y"`."""
     units: Units = field(default_factory=Units)
     """Labels of units, see `[units]`: `units = { length = "mm", stress = "MPa" }`."""
     constants: dict[str, float] | None = None
@@ -214,7 +218,9 @@ class Document:
                 remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
                 raise InputError(f"joints[{index}]", joint["name"], remedy)
         try:
-            problem = ContactProblem(mesh, self.material, [each for _, each in placed], forces, regions)
+            problem = ContactProblem(
+                mesh, self.material, [each for _, each in placed], forces, regions, self.temperature
+            )
         except InputError as error:
             name, found = error.field.split(".")[-1], _RENAMED.get(error.field, error.field)
             for path, each in placed:  # the last table that the error can mean, by the edges or name that it names

@@ -91,6 +91,8 @@ def _text(
         document["body_forces"] = {name: writer.field(f"body_forces.{name}", part) for name, part in named}
     elif problem.body_potential != 0.0:
         document["body_potential"] = writer.field("body_potential", problem.body_potential)
+    if problem.temperature != 0.0:
+        document["temperature"] = writer.field("temperature", problem.temperature)
     document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
     document["constants"] = writer.constants  # filled by what follows
     document["mesh"] = _mesh(problem.mesh)

@@ -16,7 +16,7 @@ from qvi_contact.discretization.loads import physical
 from qvi_contact.errors import InputError
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, von_mises
+from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
 from qvi_contact.solution.stress import principal_stresses, stress_in_cells
 from solvers.basics.types import load
 
@@ -171,7 +171,8 @@ def write_companion_vtu(path: str | Path, companion: CompanionResult, units: Uni
     displacement = companion.cell_displacement(*t.T).reshape(-1, 2)
     stress = companion.cell_stress(*t.T).reshape(-1, 3)
     fields = {_named("displacement", "displacement", units): _vectors(displacement)}
-    fields |= _stress_fields(stress, np.repeat(cell_factors(problem), len(t)), units)
+    held = held_along_z(problem, np.arange(problem.mesh.cell_count), *np.moveaxis(companion.cell_points(*t.T), -1, 0))
+    fields |= _stress_fields(stress, np.repeat(cell_factors(problem), len(t)), held.ravel(), units)
     cells = (len(t) * np.arange(problem.mesh.cell_count)[:, None, None] + parts).reshape(-1, parts.shape[1])
     material = np.repeat(problem.cell_materials, len(parts))
     _write_grid(path, companion.cell_points(*t.T).reshape(-1, 2), cells, fields, {"material": material})
@@ -225,11 +226,13 @@ def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[Flo
     places = np.concatenate([known.space.points(cells, t) for cells in chunks]).reshape(-1, 2)
     stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
     stress *= known.scales.stress
-    found = _stress_fields(stress, np.repeat(cell_factors(result.problem), len(t)), units)
+    x, y = physical(result.problem, known.scales, places)
+    held = held_along_z(result.problem, np.repeat(np.arange(count), len(t)), x, y)
+    found = _stress_fields(stress, np.repeat(cell_factors(result.problem), len(t)), held, units)
     if np.abs(known.space.jumps(result.dofs)).max(initial=0.0) <= _SINGLE_VALUED:
         airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks])
         found[_named("Airy function", "moment", units)] = airy.ravel() * known.scales.airy
-    return np.column_stack(physical(result.problem, known.scales, places)), found
+    return np.column_stack([x, y]), found
 
 
 def _check_vtu(path: str | Path) -> None:
@@ -274,8 +277,10 @@ def _named(name: str, unit: str, units: Units | None) -> str:
     return f"{name} [{label[name]}]" if label else name
 
 
-def _stress_fields(stress: FloatArray, factor: FloatArray, units: Units | None) -> dict[str, FloatArray]:
-    """Fields of stresses (n, 3); `factor` as in `von_mises`.
+def _stress_fields(
+    stress: FloatArray, factor: FloatArray, held: FloatArray, units: Units | None
+) -> dict[str, FloatArray]:
+    """Fields of stresses (n, 3); `factor` and `held` as in `von_mises`.
 
     "stress" has the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors.
     """
@@ -283,8 +288,8 @@ def _stress_fields(stress: FloatArray, factor: FloatArray, units: Units | None) 
     zero = np.zeros_like(xx)
     first, second, _ = principal_stresses(stress)
     found = {
-        "stress": np.column_stack([xx, yy, factor * (xx + yy), xy, zero, zero]),
-        "von Mises": von_mises(stress, factor),
+        "stress": np.column_stack([xx, yy, factor * (xx + yy) + held, xy, zero, zero]),
+        "von Mises": von_mises(stress, factor, held),
         "principal 1": first,
         "principal 2": second,
     }

@@ -1,10 +1,10 @@
-"""Files of Gmsh, formats 2.2 and 4.1, as text or in binary: nodes, lines, triangles, and what has a physical name.
+"""Files of Gmsh, formats 2.2 and 4.1, as text or in binary: nodes, lines, cells, and what has a physical name.
 
 No array is made of a size that a file only claims: every count is compared with the bytes that are left. Sections that
 no mesh needs (periodic nodes, fields, views) are skipped.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
@@ -15,16 +15,19 @@ from numpy.typing import NDArray
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
 
-_NODES: Final = {1: 2, 2: 3, 8: 3, 9: 6, 15: 1}  # of lines, triangles and points, by their number in Gmsh
-_OTHERS: Final = {3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 10: "quad9", 16: "quad8"}
-_LINES: Final = (1, 8)
-_TRIANGLES: Final = (2, 9)
+_NODES: Final = {1: 2, 2: 3, 3: 4, 8: 3, 9: 6, 10: 9, 15: 1, 16: 8}  # by the number of a kind in Gmsh
+_OTHERS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
+_LINES: Final = {1: (0, 1), 8: (0, 1)}
+_CELLS: Final = {2: (0, 1, 2, 2), 9: (0, 1, 2, 2), 3: (0, 1, 2, 3), 10: (0, 1, 2, 3), 16: (0, 1, 2, 3)}
 _MOST_SETS: Final = 10_000_000  # names times blocks of elements: each of the blocks may have all names
 _VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # "4" is 4.0
 
 
 class NamedCells(NamedTuple):
-    """What a file holds of a mesh: points (n, 2 or 3), triangles (m, 3), lines (k, 2) and triangles (k,) by name."""
+    """What a file holds of a mesh: points (n, 2 or 3), cells, lines (k, 2) and cells (k,) by name.
+
+    Cells are quadrilaterals (m, 4); triangles have their last corner twice.
+    """
 
     points: FloatArray
     cells: IntArray
@@ -38,7 +41,7 @@ def read_gmsh(path: Path) -> NamedCells:
     Raises
     ------
     InputError
-        If the format is none of 2.2 and 4.1, or elements are neither points, lines nor triangles.
+        If the format is none of 2.2 and 4.1, or elements are neither points, lines, triangles nor quadrilaterals.
     ValueError
         If the file is broken: it claims more than it holds, or a section does not end.
 
@@ -80,22 +83,20 @@ class _GmshFile:
                 line = next((line.strip() for line in self._source if line.strip() == b"$End" + name), b"")
             if line != b"$End" + name:
                 raise ValueError(f"${name.decode('ascii', 'replace')} does not end where it should")
-        triangles, of_triangles = self._joined(_TRIANGLES, 3)
+        cells, of_cells = self._joined(_CELLS, 4)
         lines, of_lines = self._joined(_LINES, 2)
         curves = {name: number for dimension, number, name in self._names if dimension == 1 and number in of_lines}
-        surfaces = {
-            name: number for dimension, number, name in self._names if dimension == 2 and number in of_triangles
-        }
+        surfaces = {name: number for dimension, number, name in self._names if dimension == 2 and number in of_cells}
         edge_sets = {name: lines[np.concatenate(of_lines[number])] for name, number in curves.items()}
-        regions = {name: np.concatenate(of_triangles[number]) for name, number in surfaces.items()}
-        return NamedCells(self._points, triangles, edge_sets, regions)
+        regions = {name: np.concatenate(of_cells[number]) for name, number in surfaces.items()}
+        return NamedCells(self._points, cells, edge_sets, regions)
 
-    def _joined(self, kinds: tuple[int, ...], corners: int) -> tuple[IntArray, dict[int, list[IntArray]]]:
+    def _joined(self, kinds: Mapping[int, tuple[int, ...]], corners: int) -> tuple[IntArray, dict[int, list[IntArray]]]:
         """Indices of the corners of all elements of some kinds, (k, corners), and their numbers by physical number."""
         found, named, count = [np.empty((0, corners), np.int64)], dict[int, list[IntArray]](), 0
         for kind, nodes, physical in self._blocks:
             if kind in kinds and len(nodes):
-                found.append(nodes[:, :corners])
+                found.append(nodes[:, kinds[kind]])
                 for number in physical:
                     named.setdefault(number, []).append(np.arange(count, count + len(nodes)))
                 count += len(nodes)
@@ -232,5 +233,5 @@ class _GmshFile:
         """Nodes of one element."""
         if kind not in _NODES:
             named = repr(_OTHERS.get(kind, kind))
-            raise InputError("mesh", self._path, f"holds cells of kind {named}: give a mesh of triangles only")
+            raise InputError("mesh", self._path, f"holds cells of kind {named}: give triangles and quadrilaterals only")
         return _NODES[kind]

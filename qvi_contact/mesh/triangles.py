@@ -218,10 +218,10 @@ class TriangleMesh(Stated):
 
     @classmethod
     def load(cls, path: str | Path) -> TriangleMesh:
-        """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), and by meshio Abaqus or CalculiX (.inp), MED (.med).
+        """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), and by meshio Abaqus or CalculiX (.inp), MED (.med), VTK.
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
-        body; names of surfaces become regions. See `mesh.files`.
+        body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`.
         """
         return cls(*read_mesh(path))
 

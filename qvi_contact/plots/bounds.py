@@ -31,7 +31,7 @@ from qvi_contact.plots.style import (
     plain_text,
     plain_units,
 )
-from qvi_contact.solution.sampling import cell_factors, von_mises
+from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -133,7 +133,8 @@ def deformed_figure(companion: CompanionResult, scale: float | None = None, unit
     draw_outline(axes, mesh, "#999999")
     cell, count = companion.space.cell, mesh.cell_count
     t, parts = cell.lattice(int(np.clip(np.ceil(_SAMPLES / np.sqrt(count)), 2, 24)))
-    values = von_mises(companion.cell_stress(*t.T), cell_factors(companion.problem)[:, None]).ravel()
+    held = held_along_z(companion.problem, np.arange(count), *np.moveaxis(companion.cell_points(*t.T), -1, 0))
+    values = von_mises(companion.cell_stress(*t.T), cell_factors(companion.problem)[:, None], held).ravel()
     triangles = (len(t) * np.arange(count)[:, None, None] + parts).reshape(-1, 3)
     field = draw_values(axes, _moved(companion, t, factor).reshape(-1, 2), triangles, values)
     figure.colorbar(field, ax=axes, label=f"von Mises stress [{units.stress}]", shrink=0.8)

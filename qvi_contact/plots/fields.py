@@ -20,7 +20,7 @@ from qvi_contact.plots.style import (
     points_per_length,
 )
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, sample_body, stress_component
+from qvi_contact.solution.sampling import cell_factors, held_along_z, sample_body, stress_component
 from qvi_contact.solution.stress import principal_stresses
 
 if TYPE_CHECKING:
@@ -171,7 +171,8 @@ def stress_field(
     """
     mesh, units = result.problem.mesh, plain_units(units)
     samples = sample_body(result, _SAMPLES)
-    values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells])
+    held = held_along_z(result.problem, samples.cells, *samples.points.T)
+    values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
     field = draw_values(axes, samples.points, samples.triangles, values, limits)
     draw_outline(axes, mesh)
     frame(axes, mesh, units)

@@ -22,7 +22,7 @@ from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, von_mises
+from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
 from qvi_contact.solution.stress import principal_stresses
 
 if TYPE_CHECKING:
@@ -259,11 +259,12 @@ def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[Arr
 def _states(part: "SubFigure", result: ContactResult, units: Units, with_contacts: bool) -> None:
     """Upper row: crosses, von Mises stress, deformed contact lines."""
     panels = part.subplots(1, 3 if with_contacts else 2)
-    stress = result.gauss_stress()[2]
+    x, y, stress = result.gauss_stress()
     sizes = np.abs(principal_stresses(stress)[:2]).max(axis=0)
     largest = principal_stress_map(panels[0], result, _usual(sizes), units, legend=True, crosses=_CROSSES)
     panels[0].set_title(f"principal stresses, up to {largest:.4g} {units.stress}\nat Gauss points")
-    mises = von_mises(stress, cell_factors(result.problem)[:, None])
+    held = held_along_z(result.problem, np.arange(len(x)), x, y)
+    mises = von_mises(stress, cell_factors(result.problem)[:, None], held)
     usual = _usual(mises)
     stress_field(panels[1], result, "von_mises", units, (None, usual))
     panels[1].set_title(f"von Mises stress, up to {mises.max():.4g} {units.stress}\nat Gauss points")

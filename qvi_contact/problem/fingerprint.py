@@ -15,6 +15,7 @@ from qvi_contact.basics.checks import evaluate
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, RigidPlate
+from qvi_contact.problem.initial_strain import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem
 
 _PASSING = ("callback", "threads", "throw")  # options that change no answer
@@ -52,6 +53,8 @@ def _stated(problem: ContactProblem) -> Iterator[object]:
     middles = mesh.vertices[mesh.cells].mean(axis=1).T
     potential = problem.body_potential
     yield evaluate("body_potential", potential, *middles) if callable(potential) else potential
+    if is_strained(problem):
+        yield stress_at_rest(problem, np.arange(mesh.cell_count), *middles)
     for condition in problem.conditions:
         yield type(condition).__name__
         yield from _values(condition, mesh.edges(condition.edges), mesh)

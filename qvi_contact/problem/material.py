@@ -197,6 +197,13 @@ class Material:
     strength : Tresca, Mises, MohrCoulomb or NoTension, optional
         What the material can carry in a limit analysis; without it any stress. `solve` stays elastic: `strength = { law
         = "tresca", c = 1.0 }`.
+    expansion : float
+        Coefficient of thermal expansion α [1/temperature], see `ContactProblem.temperature`: `expansion = 1.2e-5`.
+    shrinkage : float or function of (x, y)
+        Strain by which a free piece contracts in all directions, such as that of concrete as it dries: `shrinkage =
+        3e-4`.
+    prestress : three floats or functions of (x, y), optional
+        Stress (xx, yy, xy) of the body where it is not strained [stress]: `prestress = [-2.0, 0.0, 0.0]`.
 
     Raises
     ------
@@ -209,6 +216,9 @@ class Material:
     poisson: float
     plane: Plane = "stress"
     strength: Annotated[Strength, Tagged(STRENGTHS)] | None = None
+    expansion: Annotated[float, Scalar()] = 0.0
+    shrinkage: Field = 0.0
+    prestress: tuple[Field, Field, Field] | None = None
 
     def __post_init__(self) -> None:
         check_keys(self)
@@ -252,6 +262,8 @@ class Region:
     name : str, optional
         Name of a region of the mesh, instead of ranges; in files, beside ranges, a new name for them:
         `name = "inclusion"`.
+    temperature : float or function of (x, y), optional
+        Rise of temperature here, instead of that of the body: `temperature = 60.0`.
 
     Notes
     -----
@@ -263,6 +275,7 @@ class Region:
     x: tuple[float, float] | None = None
     y: tuple[float, float] | None = None
     name: Name | None = None
+    temperature: Field | None = None
 
     def __post_init__(self) -> None:
         check_keys(self)

@@ -26,6 +26,7 @@ from qvi_contact.problem.conditions import (
     components,
 )
 from qvi_contact.problem.fields import BodyForces
+from qvi_contact.problem.initial_strain import check_compressible
 from qvi_contact.problem.material import Material, Region, cell_materials
 from solvers.basics.types import Stated, load
 
@@ -80,6 +81,9 @@ class ContactProblem(Stated):
         several by name.
     regions : sequence of Region
         Parts of other material; where they overlap the later one counts.
+    temperature : float or function of (x, y)
+        Rise ΔT of temperature since the body was free of stress [temperature]; materials have their `expansion`, and
+        regions may have a temperature of their own. See `problem.initial_strain`. Limit loads do not depend on it.
 
     Raises
     ------
@@ -95,6 +99,7 @@ class ContactProblem(Stated):
     conditions: Sequence[Condition]
     body_potential: Field = 0.0
     regions: Sequence[Region] = ()
+    temperature: Field = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, TriangleMesh):
@@ -103,6 +108,7 @@ class ContactProblem(Stated):
             raise InputError("ContactProblem.material", self.material, "give a Material")
         object.__setattr__(self, "conditions", _checked_conditions(self.conditions))
         check_field("ContactProblem.body_potential", self.body_potential)
+        check_field("ContactProblem.temperature", self.temperature)
         object.__setattr__(self, "regions", _checked_regions(self.regions, self.material))
         names = [contact.name for contact in self.contacts]
         for name in names:
@@ -112,6 +118,7 @@ class ContactProblem(Stated):
         _check_complete(self)
         _ = self.cell_materials  # refuses regions that cut triangles
         _check_pressure(self)
+        check_compressible(self)
 
     def __repr__(self) -> str:
         named: dict[str, list[str]] = {}
@@ -160,12 +167,14 @@ class ContactProblem(Stated):
             yield from ((f"BodyForces.{name}", part) for name, part in self.body_potential.parts.items())
         elif callable(self.body_potential):
             yield "ContactProblem.body_potential", self.body_potential
+        yield "ContactProblem.temperature", self.temperature
         strengths = [material.strength for material in self.materials if material.strength is not None]
-        for stated in (*strengths, *self.conditions):
+        for stated in (*strengths, *self.materials, *self.regions, *self.conditions):
             for field in fields(stated):
                 value = getattr(stated, field.name)
-                if callable(value):
-                    yield f"{type(stated).__name__}.{field.name}", value
+                for part in value if isinstance(value, tuple) else (value,):
+                    if callable(part):
+                        yield f"{type(stated).__name__}.{field.name}", part
 
     @property
     def body_forces(self) -> Mapping[str, Field]:

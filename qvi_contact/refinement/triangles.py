@@ -33,7 +33,7 @@ from qvi_contact.refinement.rounds import (
     bulk,
 )
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.solver import posed, solve
+from qvi_contact.solution.solver import discretized, solve
 from solvers import Status
 from solvers.basics.progress import deadline
 
@@ -192,7 +192,7 @@ class TriangleRefinement:
     ) -> ContactResult:
         """The result with a degree and more options; `TooLargeError` if it would have more unknowns than that."""
         options: dict[str, Any] = {**self.settings.options, **more, "degree": degree}
-        discretization = posed(problem, **options)
+        discretization = discretized(problem, **options)
         if discretization.qvi.n > most:
             raise TooLargeError(discretization.qvi.n)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})

@@ -8,10 +8,10 @@ __getattr__ = front(
         "contact_line": ("ContactLine", "ContactState", "STATE_TOLERANCE", "contact_states"),
         "contact_path": ("ContactPath", "leads_one_way", "turning_senses"),
         "history": ("loop_area", "solve_history"),
-        "loose": ("motions_in_words",),
         "result": ("ContactResult",),
         "sampling": ("cell_factors", "sample_body", "von_mises"),
-        "solver": ("posed", "solve"),
+        "solver": ("discretized", "solve"),
         "stress": ("stress_at", "stress_in_cells"),
+        "undetermined": ("UndeterminedMotion", "motions_in_words", "undetermined_motions"),
     },
 )

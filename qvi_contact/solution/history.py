@@ -51,7 +51,7 @@ _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.
 
 _NAME_ONE = "name a contact, or an edge set with a prescribed displacement"
 
-_Posed: TypeAlias = Callable[[int, Scales], Discretization]
+_Discretized: TypeAlias = Callable[[int, Scales], Discretization]
 
 
 @dataclass(frozen=True)
@@ -421,30 +421,30 @@ class _Run:
     options: dict[str, Any]
     warm: bool
 
-    def posed(self) -> _Posed:
+    def discretized(self) -> _Discretized:
         """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
         made: list[Discretization] = []
 
-        def posed(number: int, scales: Scales) -> Discretization:
+        def discretized(number: int, scales: Scales) -> Discretization:
             if not made:
                 made.append(discretize(self.steps[0], scales=self.scales, **self.space))
             if number == 1 and scales == self.scales:
                 return made[0]
             return made[0].with_data(self.steps[number - 1], scales)
 
-        return posed
+        return discretized
 
 
 class _Keeper(Protocol):
     """Where results are kept."""
 
-    def begun(self, posed: _Posed) -> _Steps: ...
+    def begun(self, discretized: _Discretized) -> _Steps: ...
 
 
 class _Memory:
     """Nowhere but in memory."""
 
-    def begun(self, posed: _Posed) -> _Steps:  # noqa: ARG002
+    def begun(self, discretized: _Discretized) -> _Steps:  # noqa: ARG002
         return _InMemory()
 
 
@@ -459,12 +459,12 @@ def _keeper(store: str | Path | None, steps: Sequence[ContactProblem], options: 
 
 def _history(run: _Run, keeper: _Keeper) -> History:
     """All steps, up to one without an answer."""
-    posed = run.posed()
-    results = keeper.begun(posed)
+    discretized = run.discretized()
+    results = keeper.begun(discretized)
     for number in range(len(results) + 1, len(run.steps) + 1):
         before = results[number - 2] if number > 1 else None
         if before is None:
-            discretization = posed(1, run.scales)
+            discretization = discretized(1, run.scales)
         elif deadline.over:
             break
         else:

@@ -12,6 +12,7 @@ from qvi_contact.mesh.edges import edge_ends
 from qvi_contact.problem.conditions import Symmetry, has_coulomb
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import cell_stresses
+from qvi_contact.solution.undetermined import largest_counted, undetermined_motions
 from solvers import Status
 from solvers.factorisation import FactorisationError
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 _MISFIT: Final = 1e-6  # of the unit of stress: difference of tractions that counts
 _ROUNDED: Final = 1e-6  # share of the stress in which rounding of single stresses counts
 _FAR: Final = 1e4  # gaps over displacements above which rounding of gaps is what an inaccurate result lacks
-_COUNTED: Final = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
-_NOTHING: Final = 1e-9  # share of it below which they are none
 _LARGE_FRICTION: Final = 1.0  # above which other solutions are known: of 2 and more
 _EXCESS: Final = 1e-2  # share of a contact's largest traction by which friction may leave its bound between points
 _EDGES_IN_CONTACT: Final = 4  # edges of an arc below which a contact zone is too short for them
@@ -47,13 +46,6 @@ def remarks(result: ContactResult) -> tuple[str, ...]:
         if result.has_state or not remark.of_state:
             found += [remark.sentence.format(**numbers) for numbers in remark.condition(result)]
     return tuple(found)
-
-
-def largest_counted(result: ContactResult) -> float | None:
-    """The largest contact traction where it is too small beside the stress in the body to be certified on its own."""
-    qvi, z, stress = result.solution.problem, result.solution.z, result.certificate.scales.get("stress", 0.0)
-    largest = max(float(np.abs(part).max(initial=0.0)) for part in (qvi.normal(z), qvi.tangential(z)))
-    return largest if _NOTHING * stress < largest < _COUNTED * stress else None
 
 
 def _turning_plates(result: ContactResult) -> Numbers:
@@ -84,9 +76,9 @@ def _large_friction(result: ContactResult) -> Numbers:
             yield {"friction": friction, "large": _LARGE_FRICTION}
 
 
-def _loose_bodies(result: ContactResult) -> Numbers:
-    for body in result.loose_bodies:
-        yield {"remark": body.remark}
+def _undetermined(result: ContactResult) -> Numbers:
+    for motion in undetermined_motions(result):
+        yield {"remark": motion.remark}
 
 
 def _rounded_stresses(result: ContactResult) -> Numbers:
@@ -170,7 +162,7 @@ REMARKS: Final = (
         "Friction is {friction:.3g}. Above {large:g} the discrete problem may have several solutions. This is one of "
         "them. To look for others, call other_solutions(result), or run 'qvi-contact branches' with the problem file.",
     ),
-    Remark(_loose_bodies, "{remark}"),
+    Remark(_undetermined, "{remark}"),
     Remark(
         _rounded_stresses,
         "Rounding makes stresses in the smallest cells uncertain by up to {rounding:.2g} [stress]. Forces and energies "

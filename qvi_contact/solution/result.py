@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from qvi_contact.attached import Attached
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import LOAD_POINTS, ContactRows, EdgePoints, physical
+from qvi_contact.discretization.loads import (
+    LOAD_POINTS,
+    ContactRows,
+    EdgePoints,
+    physical,
+    scaled_stress_at_rest,
+)
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, RigidPlate
+from qvi_contact.problem.initial_strain import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
-from qvi_contact.solution.remarks import largest_counted, remarks
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
@@ -35,7 +42,7 @@ if TYPE_CHECKING:
 
     from qvi_contact.bracket import Bracket, Uniqueness
     from qvi_contact.mechanism import Mechanism
-    from qvi_contact.solution.loose import LooseBody
+    from qvi_contact.solution.undetermined import UndeterminedMotion
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 
@@ -77,7 +84,8 @@ class Energies:
     strain : float
         ½∫ cσ:σ dx, strain energy of the body.
     load : float
-        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds, work of the prescribed displacements.
+        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
+        strains.
     complementary : float
         strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
     dissipation : float
@@ -118,7 +126,7 @@ def plate_motion(plate: RigidPlate, x: float, y: float, rotation: float) -> Plat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(Stated):
+class ContactResult(Stated, Attached):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
@@ -131,11 +139,23 @@ class ContactResult(Stated):
         The problem, its mesh and its algebraic form.
     solution : QVISolution
         The algebraic answer, dimensionless.
+    remarks, undetermined_motions
+        What `solution.remarks` and `solution.undetermined_motions` find in it.
+    bracket, uniqueness, displacement
+        What `bracket.bracket`, `bracket.uniqueness` and `bracket.displacement` compute of it. Like the two above, on
+        first use.
 
     """
 
     discretization: Discretization
     solution: QVISolution
+
+    if TYPE_CHECKING:  # the package root attaches these; for types they are no fields
+        remarks: ClassVar[tuple[str, ...]]
+        undetermined_motions: ClassVar[tuple[UndeterminedMotion, ...]]
+        bracket: ClassVar[Bracket]
+        uniqueness: ClassVar[Uniqueness]
+        displacement: ClassVar[Callable[[ContactResult, ArrayLike, ArrayLike], FloatArray]]
 
     def __repr__(self) -> str:
         if not self.has_state:
@@ -223,22 +243,6 @@ class ContactResult(Stated):
             pulled = " and ".join(names["pulls"])
             return f"On this mesh the load pulls or tips the body off {pulled}, where tension is not carried"
         return "On this mesh the forces on the plates contradict the contact laws"
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What to know about how the data were taken, such as shears that disagree in a corner; one sentence each."""
-        return remarks(self)
-
-    @cached_property
-    def loose_bodies(self) -> tuple[LooseBody, ...]:
-        """Bodies that contacts alone hold, and whose place beside others nothing determines; see `loose`.
-
-        Gaps and slips on their contacts are those of one of the possible places. Without a certified state, or where
-        contact tractions are too small to say what is closed, there is no answer, and none is listed.
-        """
-        from qvi_contact.solution.loose import loose_bodies
-
-        return loose_bodies(self) if self.status is Status.SOLVED and largest_counted(self) is None else ()
 
     @cached_property
     def stress_rounding(self) -> float:
@@ -398,6 +402,11 @@ class ContactResult(Stated):
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
         load = support_work(self.discretization, self.dofs)
+        if is_strained(problem):
+            points, cells = self._gauss()[0], np.arange(problem.mesh.cell_count)
+            at_rest = scaled_stress_at_rest(problem, scales, cells, points)
+            work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, at_rest)
+            load += float((weights * work).sum()) * scales.energy
         for rows in self.discretization.contacts:
             line = self.contacts[rows.name]
             gap, offset = rows.gap * scales.displacement, rows.offset * scales.displacement
@@ -405,49 +414,6 @@ class ContactResult(Stated):
         qvi, multiplier = self.solution.problem, self._multipliers("tangential")
         dissipation = float(multiplier @ qvi.tangential(self.solution.z)) * scales.energy
         return Energies(strain, load, strain - load, dissipation)
-
-    @cached_property
-    def bracket(self) -> Bracket:
-        """Bounds of the energy and an error indicator for each cell, computed on first use; see `bracket.bracket`.
-
-        Displacement elements on the same mesh are solved for it. Raises `InputError` without a stress state, and for a
-        step of a history.
-        """
-        found: Bracket = load("qvi_contact.bracket").bracket(self)  # that room builds on this one
-        return found
-
-    @property
-    def uniqueness(self) -> Uniqueness:
-        """How far another solution of the exact problem can be, as far as `bracket` tells."""
-        return self.bracket.uniqueness
-
-    def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Displacement at points of the body, of displacement elements on the same mesh.
-
-        The stress itself has no displacement: it comes from the second model of `bracket`, which is solved on first
-        use, under the friction bound of this result. ``bracket.companion`` has more of it.
-
-        Parameters
-        ----------
-        x, y : array_like
-            Coordinates [length], broadcast against each other.
-
-        Returns
-        -------
-        (..., 2) array
-            u_x, u_y [length]; on joints the mean of all sides.
-
-        Raises
-        ------
-        InputError
-            If a point lies outside the body, there is no stress state, no displacement was found, or this is a step
-            of a history.
-
-        """
-        companion = self.bracket.companion
-        if companion is None:
-            raise InputError("displacement(x, y)", self.status.value, f"no displacement was found: {self.message}")
-        return companion.displacement(x, y)
 
     def _multipliers(self, kind: str) -> FloatArray:
         """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, one_of, real_array
 from qvi_contact.discretization.loads import physical
+from qvi_contact.problem.initial_strain import is_strained, stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import principal_stresses, stress_in_cells
@@ -91,7 +92,14 @@ def out_of_plane_factors(problem: ContactProblem) -> list[float]:
     return [material.poisson if material.plane == "strain" else 0.0 for material in problem.materials]
 
 
-def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0) -> FloatArray:
+def held_along_z(problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """What an initial strain adds to σ_zz at points of cells (k,), from coordinates (k, …) [length]; 0 without one."""
+    if not is_strained(problem):
+        return np.zeros(np.shape(x))
+    return stress_along_z(problem, cells, x, y, np.zeros((*np.shape(x), 3)))
+
+
+def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0, held: FloatArray | float = 0.0) -> FloatArray:
     """Von Mises stress √(½[(σ_xx−σ_yy)² + (σ_yy−σ_zz)² + (σ_zz−σ_xx)²] + 3σ_xy²).
 
     Parameters
@@ -99,7 +107,9 @@ def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0) -> FloatArra
     stress : (..., 3) array
         σ_xx, σ_yy, σ_xy.
     factor : (...) array
-        f of σ_zz = f (σ_xx + σ_yy), see `cell_factors`; 0, plane stress, by default.
+        f of σ_zz = f (σ_xx + σ_yy) + `held`, see `cell_factors`; 0, plane stress, by default.
+    held : (...) array
+        What initial strains add to σ_zz, see `held_along_z`.
 
     Returns
     -------
@@ -108,12 +118,14 @@ def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0) -> FloatArra
 
     """
     xx, yy, xy = np.moveaxis(real_array("stress", stress), -1, 0)
-    zz = factor * (xx + yy)
+    zz = factor * (xx + yy) + held
     return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2.0 + 3.0 * xy**2))
 
 
-def stress_component(stress: FloatArray, component: str, factor: FloatArray | float = 0.0) -> FloatArray:
-    """One of the `COMPONENTS` of stresses (..., 3); `factor` as in `von_mises`.
+def stress_component(
+    stress: FloatArray, component: str, factor: FloatArray | float = 0.0, held: FloatArray | float = 0.0
+) -> FloatArray:
+    """One of the `COMPONENTS` of stresses (..., 3); `factor` and `held` as in `von_mises`.
 
     Raises
     ------
@@ -123,7 +135,7 @@ def stress_component(stress: FloatArray, component: str, factor: FloatArray | fl
     """
     one_of("component", component, COMPONENTS)
     if component == "von_mises":
-        return von_mises(stress, factor)
+        return von_mises(stress, factor, held)
     if component in ("first", "second"):
         return principal_stresses(stress)[("first", "second").index(component)]
     return np.asarray(stress[..., ("xx", "yy", "xy").index(component)])

@@ -146,7 +146,7 @@ def check_options(options: Mapping[str, Any]) -> Settings:
     return settings
 
 
-def posed(
+def discretized(
     problem: ContactProblem,
     *,
     degree: int | None = None,
@@ -157,9 +157,9 @@ def posed(
 ) -> Discretization:
     """The problem discretised in fitting units, as `solve` does it first with these options.
 
-    `solve` takes it in place of the problem, with all options but ``degree`` and ``law_on``. What it has in
-    common with a problem `before`, posed with the same options on the same mesh, is shared; degree and rows may be left
-    out then, and are those of `before`.
+    `solve` takes it in place of the problem, with all options but ``degree`` and ``law_on``. What it has in common with
+    a problem `before`, discretized with the same options on the same mesh, is shared; degree and rows may be left out
+    then, and are those of `before`.
 
     Raises
     ------

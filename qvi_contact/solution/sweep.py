@@ -32,7 +32,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
-from qvi_contact.solution.solver import check_options, posed, solve
+from qvi_contact.solution.solver import check_options, discretized, solve
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none
@@ -316,7 +316,7 @@ class SweepTask:
     names : tuple of str
         The contacts or loads that are changed.
     space, options
-        Arguments of `posed` and `solve`.
+        Arguments of `discretized` and `solve`.
     warm : bool
         Whether to start from the value before.
 
@@ -382,7 +382,7 @@ class _Run:
                 return
             began, task = time.perf_counter(), self._task
             if self._before is None or task.parameter != "friction":
-                self._before = posed(task.changed(value), before=self._before, **task.space, **task.options)
+                self._before = discretized(task.changed(value), before=self._before, **task.space, **task.options)
             else:
                 self._before = self._before.with_law(task.changed(value))
             begins = task.warm and self._state is not None and not self._left

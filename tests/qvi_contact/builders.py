@@ -6,7 +6,7 @@ import numpy as np
 
 from qvi_contact import Contact, TriangleMesh, solve
 from qvi_contact.discretization import Discretization
-from qvi_contact.solution import posed
+from qvi_contact.solution import discretized
 from solvers import Status
 
 INNER, OUTER, NU = 1.0, 2.0, 0.3
@@ -61,7 +61,7 @@ def with_friction(known: Discretization, friction: float) -> Discretization:
     conditions = [
         replace(each, friction=friction) if isinstance(each, Contact) else each for each in known.problem.conditions
     ]
-    return posed(replace(known.problem, conditions=conditions), before=known)
+    return discretized(replace(known.problem, conditions=conditions), before=known)
 
 
 def solved(problem, tolerance=1e-9, **options):

@@ -83,7 +83,7 @@ class TestClosedJoints:
         area = 8.0 * np.sin(np.pi / 8.0)
         assert (force.x, force.y, force.moment) == pytest.approx((0.0, 3.0 * area, 0.0), abs=1e-8)
         assert 0.3 < joint.shares["open"] < 0.9
-        assert result.loose_bodies == ()
+        assert result.undetermined_motions == ()
 
 
 class TestLoose:
@@ -99,27 +99,27 @@ class TestLoose:
         ]
         result = solved(replace(problem, conditions=turned))
         assert result.contacts["joint"].normal_stress == pytest.approx(0.0, abs=1e-2)
-        (loose,) = result.loose_bodies
+        (loose,) = result.undetermined_motions
         assert loose.names == ("the body 'joint'",)
         assert loose.motions == 3
         assert loose.remark in result.remarks
 
     @pytest.mark.parametrize("friction", [0.0, 0.2])
     def test_what_is_pressed_can_turn_without_friction(self, friction):
-        found = solved(press_fit(4, friction, whole=True)).loose_bodies
+        found = solved(press_fit(4, friction, whole=True)).undetermined_motions
         assert [(loose.names, loose.motions, loose.way) for loose in found] == (
             [] if friction else [(("the body 'shaft'",), 1, "turn about (0, 0)")]
         )
 
     def test_bodies_that_move_together(self):
         """A pin pressed into its bush, which lies free in a plate."""
-        (loose,) = solved(nested(Contact("pin", 0.3, gap=-1e-3), Contact("bush", 0.3, gap=0.5))).loose_bodies
+        (loose,) = solved(nested(Contact("pin", 0.3, gap=-1e-3), Contact("bush", 0.3, gap=0.5))).undetermined_motions
         assert sorted(loose.names) == ["the body 'bush'", "the body 'pin'"]
         assert loose.way == "move and turn"
 
     def test_each_for_itself(self):
         """Both free: the plate, which is larger, is what they are free beside."""
-        found = solved(nested(Contact("pin", 0.0, gap=0.5), Contact("bush", 0.0, gap=0.5))).loose_bodies
+        found = solved(nested(Contact("pin", 0.0, gap=0.5), Contact("bush", 0.0, gap=0.5))).undetermined_motions
         assert sorted(loose.names for loose in found) == [("the body 'bush'",), ("the body 'pin'",)]
 
     @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0])
@@ -131,7 +131,9 @@ class TestLoose:
         turned = TriangleMesh(mesh.vertices @ np.array([[cosine, sine], [-sine, cosine]]), mesh.cells, mesh.edge_sets)
         sides = [Traction(side, normal=0.0, tangential=0.0) for side in ("left", "right")]
         pressed = Traction("top", normal=-1.0, tangential=0.0)
-        found = solved(ContactProblem(turned, STEEL, [Contact("bottom", friction), pressed, *sides])).loose_bodies
+        found = solved(
+            ContactProblem(turned, STEEL, [Contact("bottom", friction), pressed, *sides])
+        ).undetermined_motions
         if friction:
             assert found == ()
         else:
@@ -145,7 +147,7 @@ class TestLoose:
         sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]
         for floor, bed, count in ((0.0, 0.0, 2), (0.3, 0.0, 1), (0.0, 0.3, 1), (0.3, 0.3, 0)):
             problem = ContactProblem(grid, STEEL, [Contact("bottom", floor), Contact("bed", bed), *sides])
-            found = solved(problem).loose_bodies
+            found = solved(problem).undetermined_motions
             assert len(found) == count
             assert all(loose.way == "move along (1, 0)" for loose in found)
 

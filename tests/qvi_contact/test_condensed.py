@@ -9,7 +9,7 @@ import pytest
 from qvi_contact import TriangleMesh, discretize, solve, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
-from qvi_contact.solution import posed
+from qvi_contact.solution import discretized
 from solvers import Status
 from solvers.condensed import CentralPath, Complementarity, DenseCoordinates, InteriorPoint, PathWeights
 from solvers.inequality import dense as dense_rows
@@ -40,12 +40,12 @@ def solved_in_few(problem):
 
 @cache
 def plate_on(cells, grading):
-    return posed(compressed_plate(1.0, (cells, cells), grading=grading))
+    return discretized(compressed_plate(1.0, (cells, cells), grading=grading))
 
 
 @cache
 def ground(cells):
-    return posed(ssnv128((cells, cells), 1.0))
+    return discretized(ssnv128((cells, cells), 1.0))
 
 
 @cache

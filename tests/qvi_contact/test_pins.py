@@ -286,13 +286,13 @@ class TestWhatIsNotDetermined:
 
     def test_a_pin_without_force(self):
         result = solved(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, force_x=0.0, force_y=0.0, moment=0.0)))
-        (loose,) = result.loose_bodies
+        (loose,) = result.undetermined_motions
         assert (loose.names, loose.motions, loose.plate) == (("the plate at 'hole'",), 3, True)
         assert any("the plate at 'hole'" in remark and "give the motion" in remark for remark in result.remarks)
 
     def test_a_pin_that_turns(self):
         pin = Contact.pin("hole", 0.0, (0.0, 0.0), 0.99, force_x=0.3, force_y=0.0, moment=0.0)
-        (loose,) = solved(pinned(pin, mesh=ROUND)).loose_bodies
+        (loose,) = solved(pinned(pin, mesh=ROUND)).undetermined_motions
         assert (loose.motions, loose.way) == (1, "turn about (0, 0)")
 
     def test_a_stamp_that_slides_without_friction(self):
@@ -301,7 +301,7 @@ class TestWhatIsNotDetermined:
         for friction, free in ((0.0, True), (0.4, False)):
             stamp = Contact("top", friction, plate=RigidPlate(force_x=0.0, force_y=-1e-3))
             result = solved(ContactProblem(mesh, UNIT, [*sides, stamp]))
-            assert [loose.way for loose in result.loose_bodies] == ["move along (1, 0)"] * free
+            assert [loose.way for loose in result.undetermined_motions] == ["move along (1, 0)"] * free
 
     def test_equilibrium_that_gives_the_force(self):
         """Nothing but the pin holds the sheet: its force is that of the loads, or contradicts them."""

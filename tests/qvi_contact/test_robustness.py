@@ -13,7 +13,7 @@ from qvi_contact.export import write_npz
 from qvi_contact.files import load_result
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Traction
-from qvi_contact.solution import posed
+from qvi_contact.solution import discretized
 from qvi_contact.verification import verify_result
 from solvers import Status
 from tests.cases import thinned
@@ -175,7 +175,7 @@ STICK = ContactState.STICK
 def meshed(depth):
     """The paper's plate on 2 × 2 cells, its triangles at the free corner halved so often, in fitting units."""
     problem = compressed_plate(1.0, (2, 2))
-    return posed(replace(problem, mesh=problem.mesh.graded([(1.0, 1.0)], depth)))
+    return discretized(replace(problem, mesh=problem.mesh.graded([(1.0, 1.0)], depth)))
 
 
 @cache

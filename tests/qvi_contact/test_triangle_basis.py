@@ -215,7 +215,7 @@ def test_body_force_enters_load_and_root(degree):
     points = basis.points(cells, basis.cell_points)
     potential = 1.0 + points[..., 0] - 2.0 * points[..., 1]
     body = stiffness(basis)
-    root = Root(body, np.zeros(basis.size), body.energy.loaded(potential))
+    root = Root(body, np.zeros(basis.size), body.energy.loaded(potential[..., None] * np.array([1.0, 1.0, 0.0])))
     z = np.random.default_rng(0).normal(size=body.K.shape[0])
     coefficients = body.energy.coefficients(body.supports.basis.expanded(z), root.body)
     stress = basis.stress(coefficients, cells, basis.cell_points) + potential[..., None] * np.array([1, 1, 0])

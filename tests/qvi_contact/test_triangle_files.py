@@ -121,17 +121,13 @@ class TestMeshFiles:
         assert problem_from_toml(WITH_FILE, tmp_path).problem.mesh.cell_count == 2
 
     def test_files_beyond_measure_are_refused_before_they_are_read(self, tmp_path):
-        h5py, meshio = pytest.importorskip("h5py"), pytest.importorskip("meshio")
+        pytest.importorskip("h5py")
+        meshio = pytest.importorskip("meshio")
         path = tmp_path / "part.msh"
         with path.open("wb") as stream:
             stream.truncate(LARGEST + 1)  # takes no room
         with pytest.raises(InputError, match="coarser"):
             TriangleMesh.load(path)
-        with h5py.File(tmp_path / "part.med", "w") as file:  # a few bytes that unfold to more
-            file.create_dataset("ENS_MAA/mesh", shape=(LARGEST // 8 + 1,), dtype="f8", compression="gzip")
-        assert (tmp_path / "part.med").stat().st_size < 1e5
-        with pytest.raises(InputError, match="coarser"):
-            TriangleMesh.load(tmp_path / "part.med")
         many = meshio.Mesh(np.zeros((3, 2)), [("triangle", np.zeros((1_000_001, 3), dtype=int))])
         meshio.med.write(tmp_path / "many.med", many)
         with pytest.raises(InputError, match="1000001 triangles"):

@@ -10,9 +10,10 @@ from qvi_contact.basics.units import Units
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.tractions import places_along
+from qvi_contact.problem.initial_strain import is_strained
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import BodySamples, out_of_plane_factors, sample_body
+from qvi_contact.solution.sampling import BodySamples, held_along_z, out_of_plane_factors, sample_body
 
 if TYPE_CHECKING:
     from qvi_contact.companion import CompanionResult
@@ -33,6 +34,7 @@ def field_data(result: ContactResult, companion: "CompanionResult | None", units
     samples = _samples(result)
     if len(samples.points) > _LARGEST:
         return None
+    strained = is_strained(result.problem) and result.problem.material.plane == "strain"
     mesh, wide = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
     moved = None if companion is None else companion.displacement_in(samples.cells, samples.reference[:, -2:])
     return {
@@ -43,6 +45,7 @@ def field_data(result: ContactResult, companion: "CompanionResult | None", units
         "stress": _floats(samples.stress),
         "material": _encoded(result.problem.cell_materials[samples.cells].astype("<u2")),
         "factor": out_of_plane_factors(result.problem),
+        "held": _floats(held_along_z(result.problem, samples.cells, *samples.points.T)) if strained else None,
         "displacement": None if moved is None else _floats(moved),
         "factorOfDisplacement": 0.0 if moved is None else _round_factor(_LONGEST * mesh.length, moved),
         "outline": _segments(mesh, mesh.boundary, companion),

@@ -24,17 +24,20 @@ from qvi_contact.mechanism.program import Rigid, null_space
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, ContactState
+from solvers import Status
 
 if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
 
 _HELD: Final = 1e-12  # M(v) over the largest pressure times the length of all contacts: above, something holds
 _MOVES: Final = 1e-6  # share of a motion's size below which it is rounding: a point stands still, a body does not turn
+_COUNTED: Final = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
+_NOTHING: Final = 1e-9  # share of it below which they are none
 _ALL: Final = 3  # rigid motions of a body in the plane
 
 
 @dataclass(frozen=True)
-class LooseBody:
+class UndeterminedMotion:
     """Bodies that move as one, and how they can.
 
     Attributes
@@ -68,11 +71,24 @@ class LooseBody:
         )
 
 
-def loose_bodies(result: "ContactResult") -> tuple[LooseBody, ...]:
-    """The bodies whose place beside others, or on an obstacle, nothing determines."""
+def undetermined_motions(result: "ContactResult") -> tuple[UndeterminedMotion, ...]:
+    """Bodies that contacts alone hold, and plates, whose place beside others or on an obstacle nothing determines.
+
+    Gaps and slips on their contacts are those of one of the possible places. Without a certified state, or where
+    contact tractions are too small to say what is closed, there is no answer, and none is listed.
+    """
+    if result.status is not Status.SOLVED or largest_counted(result) is not None:
+        return ()
     rigid = Rigid(result.problem)
     motions = _undetermined(result, rigid)
     return tuple(_described(result.problem, rigid.bodies, motions)) if motions.shape[1] else ()
+
+
+def largest_counted(result: "ContactResult") -> float | None:
+    """The largest contact traction where it is too small beside the stress in the body to be certified on its own."""
+    qvi, z, stress = result.solution.problem, result.solution.z, result.certificate.scales.get("stress", 0.0)
+    largest = max(float(np.abs(part).max(initial=0.0)) for part in (qvi.normal(z), qvi.tangential(z)))
+    return largest if _NOTHING * stress < largest < _COUNTED * stress else None
 
 
 def _undetermined(result: "ContactResult", rigid: Rigid) -> FloatArray:
@@ -136,7 +152,7 @@ def _beside_others(bodies: Bodies, free: FloatArray, speeds: FloatArray) -> Floa
     return free
 
 
-def _described(problem: ContactProblem, bodies: Bodies, motions: FloatArray) -> Iterator[LooseBody]:
+def _described(problem: ContactProblem, bodies: Bodies, motions: FloatArray) -> Iterator[UndeterminedMotion]:
     """The bodies that move, those with the same motions together."""
     waiting = {body: _about(bodies, body, motions) for body in range(len(bodies))}
     waiting = {body: moved for body, moved in waiting.items() if np.abs(moved).max() > _MOVES}
@@ -147,7 +163,7 @@ def _described(problem: ContactProblem, bodies: Bodies, motions: FloatArray) -> 
         waiting = {body: other for body, other in waiting.items() if body not in alike}
         own = motions[3 * first : 3 * first + _ALL]
         motions_of = int(np.linalg.matrix_rank(own, tol=_MOVES))
-        yield LooseBody(names, motions_of, motions_in_words(own, bodies, first), max(alike) >= bodies.blocks)
+        yield UndeterminedMotion(names, motions_of, motions_in_words(own, bodies, first), max(alike) >= bodies.blocks)
 
 
 def _about(bodies: Bodies, body: int, motions: FloatArray) -> FloatArray:

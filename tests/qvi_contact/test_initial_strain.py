@@ -1,0 +1,279 @@
+"""Initial strain: temperature, shrinkage and prestress, in stresses, displacements and bounds."""
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Expression,
+    InputError,
+    Material,
+    Polynomial,
+    Region,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    solve,
+)
+from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.problem.fingerprint import problem_digest
+from qvi_contact.problem.initial_strain import stress_along_z
+from tests.qvi_contact.builders import holed, quarter
+
+E, NU, ALPHA = 1000.0, 0.3, 1e-3
+SIDES = ("left", "right", "top", "bottom")
+FREE = [Traction(name, 0.0, 0.0) for name in SIDES]
+
+
+def steel(plane="stress", **more):
+    return Material(E, NU, plane, **{"expansion": ALPHA, **more})
+
+
+@pytest.mark.parametrize("degree", [3, 4, 6])
+def test_a_linear_temperature_leaves_a_free_body_without_stress(degree):
+    """On any mesh of straight triangles to rounding; where sides are arcs to the order of the element."""
+    hot = Expression("10 + 20 * x - 7 * y")
+    for mesh, tolerance in (
+        (TriangleMesh.rectangle((3, 2), 2.0, 1.0, grading=0.7), 1e-10),
+        (quarter(2, 3), 3.0**-degree),
+    ):
+        problem = ContactProblem(mesh, steel(), [Traction(n, 0.0, 0.0) for n in mesh.edge_names], temperature=hot)
+        stress = solve(problem, degree=degree).stress(*mesh.corners.mean(axis=1).T)
+        assert np.abs(stress).max() < tolerance * E * ALPHA * 20.0
+
+
+@pytest.mark.parametrize(("plane", "factor"), [("stress", 1.0 - NU), ("strain", 1.0 - 2.0 * NU)])
+def test_a_held_block(plane, factor):
+    """−E α ΔT/(1 − 2ν) in plane strain, also along z; both models say so, and the bounds meet."""
+    mesh = TriangleMesh.rectangle((2, 2))
+    held = [Displacement(name, 0.0, 0.0) for name in SIDES]
+    problem = ContactProblem(mesh, steel(plane), held, temperature=10.0)
+    result = solve(problem)
+    pressure, place = E * ALPHA * 10.0 / factor, (np.array([0.3]), np.array([0.4]))
+    stress = result.stress(*place)
+    assert stress == pytest.approx(np.array([[-pressure, -pressure, 0.0]]), abs=1e-9 * pressure)
+    along_z = stress_along_z(problem, np.array([0]), *place, stress)
+    assert along_z == pytest.approx([-pressure if plane == "strain" else 0.0], rel=1e-9)
+    bounds = result.bracket
+    energy = 0.5 * pressure * 2.0 * ALPHA * 10.0 * (1.0 + NU if plane == "strain" else 1.0)
+    assert (bounds.lower, bounds.upper) == pytest.approx((energy, energy), rel=1e-9)
+    assert not bounds.reasons
+    assert bounds.companion.stress(*place) == pytest.approx(stress, rel=1e-9)
+    assert result.energies.strain == pytest.approx(energy, rel=1e-9)
+    assert result.energies.complementary == pytest.approx(-energy, rel=1e-9)
+
+
+def test_a_bimetal_bends():
+    """Timoshenko: layers of equal height and modulus bend by κ = 3 Δα ΔT/(2 h), h the height of both."""
+    length, h = 40.0, 1.0
+    mesh = TriangleMesh.rectangle((40, 4), length, h)
+    upper = Region(Material(E, NU, expansion=2.0 * ALPHA), y=(0.5, 1.0))
+    problem = ContactProblem(mesh, steel(), FREE, regions=[upper], temperature=10.0)
+    y = np.array([0.0, 1.0])
+    moved = solve(problem).bracket.companion.displacement(np.array([[12.0], [28.0]]), y)
+    strains = (moved[1, :, 0] - moved[0, :, 0]) / 16.0
+    assert np.diff(strains) == pytest.approx([1.5 * ALPHA * 10.0], rel=1e-4)
+
+
+def test_a_shrink_fit():
+    """A ring around a warmer one, contact on arcs: p = (E α ΔT/2)(1 − R²/b²)(1 − a²/R²)/(1 − a²/b²)."""
+    a, R, b = 1.0, 1.5, 2.0
+    mesh = quarter(4, 6).with_joint("fit", lambda x, y: np.abs(np.hypot(x, y) - R) < 0.03).with_arc("fit", (0, 0), R)
+    mesh = mesh.with_region("warm", np.flatnonzero(np.hypot(*mesh.vertices[mesh.cells].mean(axis=1).T) < R))
+    sides = [Symmetry("bottom"), Symmetry("left"), Traction("inner", 0.0, 0.0), Traction("outer", 0.0, 0.0)]
+    warm = [Region(steel(), name="warm", temperature=10.0)]
+    result = solve(ContactProblem(mesh, steel(), [*sides, Contact("fit", 0.3)], regions=warm), degree=5)
+    expected = E * ALPHA * 5.0 * (1.0 - R**2 / b**2) * (1.0 - a**2 / R**2) / (1.0 - a**2 / b**2)
+    line = result.contacts["fit"]
+    assert line.normal_stress == pytest.approx(-expected, rel=2e-3)
+    assert line.normal_force == pytest.approx(expected * R * np.pi / 2.0, rel=1e-4)
+
+
+def manufactured(mesh, materials, held, contact=None, seed=0):
+    """A displacement of degree 3 and the stress of an Airy function of degree 4, which a prestress makes fit."""
+    rng = np.random.default_rng(seed)
+    u = [rng.normal(size=(4, 4)) * 1e-3 * np.tri(4)[::-1] for _ in range(2)]
+    phi = 10.0 * rng.normal(size=(5, 5)) * np.tri(5)[::-1]
+    dx, dy = (
+        (lambda c: np.polynomial.polynomial.polyder(c, axis=0)),
+        lambda c: np.polynomial.polynomial.polyder(c, axis=1),
+    )
+
+    def padded(c, n=5):
+        return np.pad(c, [(0, n - c.shape[0]), (0, n - c.shape[1])])
+
+    stress = [padded(dy(dy(phi))), padded(dx(dx(phi))), -padded(dx(dy(phi)))]
+    strain = [padded(dx(u[0])), padded(dy(u[1])), padded(dy(u[0])) + padded(dx(u[1]))]
+
+    def prestressed(material):
+        C = np.linalg.inv(material.compliance)
+        fields = [s - sum(C[i, j] * strain[j] for j in range(3)) for i, s in enumerate(stress)]
+        return Material(material.young, material.poisson, material.plane, prestress=tuple(map(Polynomial, fields)))
+
+    xx, yy, xy = map(Polynomial, stress)
+    conditions = []
+    for name in mesh.edge_names:
+        if name in held:
+            conditions.append(Displacement(name, Polynomial(u[0]), Polynomial(u[1])))
+        elif contact is None or name != contact.edges:
+            normal = mesh.edges(name).normal
+            assert np.ptp(normal, axis=0).max() < 1e-12, name
+            nx, ny = normal[0]
+            conditions.append(
+                Traction(
+                    name,
+                    lambda x, y, nx=nx, ny=ny: nx * xx(x, y) + ny * xy(x, y),
+                    lambda x, y, nx=nx, ny=ny: nx * xy(x, y) + ny * yy(x, y),
+                )
+            )
+    main, *others = [prestressed(material) for material in materials]
+    regions = [Region(material, name=f"part {i}") for i, material in enumerate(others, 1)]
+    return ContactProblem(mesh, main, conditions, regions=regions), (xx, yy, xy), [Polynomial(part) for part in u]
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+@pytest.mark.parametrize("hole", [False, True])
+def test_manufactured_solution(plane, hole):
+    """Mixed boundaries, two materials, a body with a hole: both models find the stress, and the bounds meet."""
+    grid = holed(2, [(1.0, 1.0)] if hole else [], (0.0, 0.0), (2.0, 2.0))
+    mesh = TriangleMesh(grid.vertices, grid.cells, {}).with_region("part 1", lambda x, _: x > 1.0)
+    for axis, at in ((0, 0.0), (0, 0.5), (0, 1.5), (0, 2.0), (1, 0.0), (1, 0.5), (1, 1.5), (1, 2.0)):
+        if hole or at in (0.0, 2.0):
+            mesh = mesh.with_edges(f"{'xy'[axis]} = {at}", lambda *p, axis=axis, at=at: np.abs(p[axis] - at) < 0.1)
+    materials = [Material(E, NU, plane), Material(3.0 * E, 0.2, plane)]
+    problem, stress, moved = manufactured(mesh, materials, ("x = 0.0", "x = 1.5"))
+    result, (x, y) = solve(problem, degree=4), mesh.corners.mean(axis=1).T + 0.01
+    exact = np.stack([part(x, y) for part in stress], axis=-1)
+    assert result.stress(x, y) == pytest.approx(exact, abs=1e-8 * np.abs(exact).max())
+    bounds, exact = result.bracket, np.stack([part(x, y) for part in moved], axis=-1)
+    assert bounds.companion.displacement(x, y) == pytest.approx(exact, abs=1e-8)
+    assert bounds.gap < 1e-9 * bounds.strain
+    assert not bounds.reasons
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bounds_hold_the_truth_of_contacts(seed):
+    """Two blocks heated unevenly, a joint between them, pressed on a base: energies and forces of a finer model."""
+    rng = np.random.default_rng(seed)
+    law = {"friction": 0.0, "cohesion": 3.0} if seed % 2 else {"friction": 0.2}
+    hot = Polynomial(10.0 * rng.normal(size=(2, 2)))
+    prestress = (Polynomial(rng.normal(size=(2, 1))), -2.0, 0.5)
+
+    def block(cells):
+        x, y = (np.linspace(0.0, size, n + 1) for size, n in zip((2.0, 1.0), cells, strict=True))
+        mesh = TriangleMesh.grid(x, y, regions={"upper": ((0.0, 2.0), (0.5, 1.0))})
+        mesh = mesh.with_joint("joint", lambda _, y: np.abs(y - 0.5) < 1e-9)
+        conditions = [Contact("bottom", **law), Contact("joint", **law), Displacement("top", x=0.0, y=-0.02)]
+        conditions += [Traction("right", 0.0, 0.0), Traction("left", y=0.0), Displacement("left", x=0.0)]
+        stiffer = Material(2.0 * E, NU, "strain", expansion=ALPHA, prestress=prestress)
+        upper = Region(stiffer, name="upper", temperature=8.0)
+        return ContactProblem(mesh, steel("strain", shrinkage=-2e-3), conditions, regions=[upper], temperature=hot)
+
+    coarse, fine = (solve(block(cells), degree=4) for cells in ((4, 2), (16, 8)))
+    bounds = coarse.bracket
+    if seed % 2:
+        truth = -fine.energies.complementary
+        assert bounds.lower < truth < bounds.upper
+        assert bounds.gap < 0.1 * bounds.strain
+    for name, force in bounds.forces.items():
+        contact, kind = name.split(".")
+        value = getattr(fine.contacts[contact], kind)
+        assert force.lower <= value <= force.upper, name
+    assert seed % 2 or bounds.forces
+
+
+def test_a_heated_block_on_a_plate_that_bears_a_force():
+    """The force is what it was, and the plate moves by what the block grows: (1 + ν) α ΔT h in plane strain."""
+    moved = []
+    for temperature in (0.0, 10.0):
+        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0), Symmetry("bottom")]
+        plate = Contact("top", 0.0, plate=RigidPlate(force_y=-5.0, x=0.0, rotation=0.0))
+        mesh = TriangleMesh.rectangle((2, 2), 1.0, 2.0)
+        result = solve(ContactProblem(mesh, steel("strain"), [*sides, plate], temperature=temperature))
+        assert result.contacts["top"].normal_force == pytest.approx(5.0, rel=1e-9)
+        moved.append(result.plates["top"].y)
+    assert np.diff(moved) == pytest.approx([(1.0 + NU) * ALPHA * 10.0 * 2.0], rel=1e-7)
+
+
+def test_prestress_of_a_strip_between_walls_is_its_stress():
+    sides = [Displacement("left", x=0.0), Displacement("right", x=0.0), *FREE[2:]]
+    sides += [Traction("left", y=0.0), Traction("right", y=0.0)]
+    strip = Material(E, NU, prestress=(-2.0, 0.0, 0.0), shrinkage=1e-3)
+    result = solve(ContactProblem(TriangleMesh.rectangle((2, 1), 2.0, 1.0), strip, sides))
+    assert result.stress(0.7, 0.4) == pytest.approx([-2.0 + E * 1e-3, 0.0, 0.0], abs=1e-9)
+
+
+FILE = """
+version = 1
+temperature = "dT * x * t"
+
+[constants]
+dT = 10.0
+
+[mesh]
+x = { start = 0.0, stop = 2.0, cells = 2 }
+y = { start = 0.0, stop = 1.0, cells = 2 }
+
+[material]
+young = 1000.0
+poisson = 0.3
+expansion = 1e-3
+shrinkage = "1e-4 * y"
+
+[[regions]]
+y = [0.5, 1.0]
+young = 1000.0
+poisson = 0.3
+prestress = [-1.0, "2 * x", 0.0]
+temperature = 5.0
+
+[[displacements]]
+edges = "left"
+x = 0.0
+y = 0.0
+
+[[tractions]]
+edges = "top"
+x = 0.0
+y = 0.0
+
+[[tractions]]
+edges = "bottom"
+x = 0.0
+y = 0.0
+
+[[tractions]]
+edges = "right"
+x = 0.0
+y = 0.0
+
+[history]
+times = [0.0, 1.0]
+"""
+
+
+def test_files_hold_it():
+    file = problem_from_toml(FILE)
+    cold, hot = file.problems
+    assert problem_digest(cold) != problem_digest(hot)
+    assert hot.temperature(np.array([0.5]), np.array([0.0])) == pytest.approx([5.0])
+    upper = hot.regions[0]
+    assert upper.temperature == 5.0
+    assert upper.material.prestress[1](np.array([0.5]), np.array([0.0])) == pytest.approx([1.0])
+    again = problem_from_toml(problem_to_toml(hot)).problem
+    assert problem_digest(again) == problem_digest(hot)
+    with pytest.raises(InputError, match=r"material.prestress"):
+        problem_from_toml(FILE.replace("expansion = 1e-3", "prestress = [1.0, 2.0]"))
+
+
+def test_what_cannot_be_meant_is_refused():
+    mesh = TriangleMesh.rectangle((1, 1))
+    with pytest.raises(InputError, match="compressible"):
+        ContactProblem(mesh, Material(E, 0.5, "strain", expansion=ALPHA), FREE, temperature=10.0)
+    with pytest.raises(InputError, match="prestress"):
+        Material(E, NU, prestress=(1.0, 2.0))
+    with pytest.raises(InputError, match="temperature"):
+        solve(ContactProblem(mesh, steel(), FREE, temperature=lambda x, _: np.full_like(x, np.nan)))
