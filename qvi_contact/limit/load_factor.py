@@ -15,7 +15,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.flow import BodyMotion, FlowProgram, gap_in_cells
+from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram, gap_in_cells
 from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
 from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
 from qvi_contact.limit.proof import Statement, carried, proof_of
@@ -235,17 +235,17 @@ def limit_proof(
         posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
         low, names = posed.low, posed.names
         cones = YieldCones.of(problem, low.space.degree - 2)
-        flow = FlowProgram(problem, names, cones, low.scales)
+        program = FlowProgram(problem, names, cones, low.scales)
 
         def above(stated: Statement) -> dict[str, Any]:
             factor, mechanism = upper_bound(problem, names) if names else (math.inf, find_mechanism(problem))
-            motion: Mechanism | BodyMotion | None = mechanism
+            proves: Flow | Mechanism | None = mechanism
             if names and problem.yields and factor > -math.inf:
-                found = flow.solved(KEPT_BACK)
-                motion = found.motion if found.bound < factor else mechanism
-            if motion is None:
+                flow = program.solved(KEPT_BACK)
+                proves = flow if flow.motion is not None and flow.bound < factor else mechanism
+            if proves is None:
                 raise SolveError("proof: the loads can grow without limit" if names else "proof: no rigid blocks move")
-            return exceeded(stated, flow, motion)
+            return exceeded(stated, program, proves)
 
         sides = {"upper": above}
         if names:

@@ -21,7 +21,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
-from qvi_contact.limit.rational import Vector, dot, less, smooth, vertex_values
+from qvi_contact.limit.rational import Given, OutOfBalanceError, Vector, dot, less, smooth, vertex_values
 from qvi_contact.limit.stresses import lattice, part_corners
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
@@ -241,8 +241,21 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
         raise SolveError("proof: this mesh carries no largest multiple of the loads: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)
     rough, at_vertices = _rounded_airy(program, found)
-    given = _second_derivatives(stated, p - 2, factor)
-    values = vertex_values(stated.points, p, given, [], at_vertices)
+
+    def exact(factor: Fraction) -> tuple[Given, list[Fraction]]:
+        given = _second_derivatives(stated, p - 2, factor)
+        return given, vertex_values(stated.points, p, given, [], at_vertices)
+
+    try:
+        given, values = exact(factor)
+    except OutOfBalanceError as error:  # loads that are in balance at one factor only
+        try:
+            exact(factor + 1)
+        except OutOfBalanceError as other:
+            if other.amount == error.amount:
+                raise error from None
+            factor -= error.amount / (other.amount - error.amount)
+        given, values = exact(factor)
     airy = smooth(stated.points, stated.mesh.cells.tolist(), p, given, values, rough)
     ordinates = [[[str(value) for value in part] for part in cell] for cell in airy]
     return {"factor": str(factor), "degree": p, "airy": ordinates}

@@ -29,6 +29,14 @@ Given: TypeAlias = Mapping[tuple[int, int], Sequence[list[Fraction] | None]]
 """What is known of an edge: ordinates of n·G' and of e·G' from its first end on, or None."""
 
 
+class OutOfBalanceError(SolveError):
+    """Rows contradict each other by an amount. It is affine in the factor of loads: they may hold for one factor."""
+
+    def __init__(self, amount: Fraction) -> None:
+        super().__init__("proof: the loads are in balance up to rounding only: they cannot be stated exactly")
+        self.amount = amount
+
+
 def vertex_values(
     points: Sequence[Vector], p: int, given: Given, rows: Sequence[Row], rough: FloatArray
 ) -> list[Fraction]:
@@ -197,7 +205,7 @@ def solved(rows: Sequence[Row], values: list[Fraction]) -> list[Fraction]:
                     del rest[column]
         if not rest:
             if right != 0:
-                raise SolveError("proof: the loads are in balance up to rounding only: they cannot be stated exactly")
+                raise OutOfBalanceError(right)
             continue
         pivot = max(
             rest, key=lambda column: (abs(float(rest[column])) > 0.5 * max(map(abs, map(float, rest.values()))), column)
