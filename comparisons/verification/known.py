@@ -444,6 +444,14 @@ KNOWN: Final[dict[str, Table]] = {
               "absolute"),
     ], [partial(_by_another_method, contact="punch", form="condensed"),
          partial(_motions, plate="punch", axis="y", tolerance=0.02)]),
+    "shrink_fit": Table("A warm shaft in a cold hub: a shrink fit by temperature.", [
+        Known("N [N/mm]", "fit.normal_force", 47.25 * 25.0 * pi / 2.0, 1e-5, "(E α ΔT/2)(1 - R²/b²) R π/2, Lamé"),
+        Known("pressure in the middle [MPa]",
+              _line("fit", lambda line: -value_at(line, line.normal_stress, 25.0 / sqrt(2.0))), 47.25, 2e-3, "Lamé"),
+        Known("T over N", _slope("fit"), 0.0, 1e-4, "symmetry"),
+        Known("hoop stress at the bore of the hub [MPa]", _of(lambda result: float(result.stress(25.0 + 1e-6, 0.0)[1])),
+              78.75, 5e-3, "(E α ΔT/2)(1 + R²/b²), Lamé"),
+    ], [partial(_by_displacements, contact="fit", tolerance=1e-3)], degree=5),
     "ssnv128": Table("SSNV128 on 32 × 32 cells.", [
         Known("N [Pa m]", "base.normal_force", 2e6, 1e-9, "p a, balance"),
         Known("T [Pa m]", "base.tangential_force", TANGENTIAL_FORCE, 2e-3, "biquadratic displacement elements; ± 5 N/m",

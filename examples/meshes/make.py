@@ -175,6 +175,13 @@ def lug() -> TriangleMesh:
     return TriangleMesh.outline(corners, 6.0, holes=[Corner.circle((0.0, 0.0), 10.0, name="bore", size=1.3)])
 
 
+def shrink_fit() -> TriangleMesh:
+    """A quarter of a shaft of radius 25 in a hub of radius 50 [mm]."""
+    corners = [Corner((0.0, 0.0), "bottom"), Corner((50.0, 0.0), "outside", (0.0, 0.0)), Corner((0.0, 50.0), "left")]
+    fit = [Corner((25.0, 0.0), centre=(0.0, 0.0)), (0.0, 25.0)]
+    return TriangleMesh.outline(corners, 12.0, joints={"fit": fit}, regions={"shaft": [(0.0, 0.0), *fit]})
+
+
 def masonry_wall() -> TriangleMesh:
     """Eight courses of six blocks with a door and a window [m]; made without gmsh."""
     return gallery.masonry_wall().mesh
@@ -186,10 +193,8 @@ def jointed_slope() -> TriangleMesh:
 
 
 MAKERS = (
-    gravity_dam, wedge, brake_pad, bolted_angle, cylinder_on_block, half_discs, trapezoid, lug, masonry_wall,
-    jointed_slope,
-    strip_footing,
-    dam_on_seam,
+    gravity_dam, wedge, brake_pad, bolted_angle, cylinder_on_block, half_discs, trapezoid, lug, shrink_fit,
+    masonry_wall, jointed_slope, strip_footing, dam_on_seam,
 )  # fmt: skip
 BODIES = {made.__name__: made for made in MAKERS}
 

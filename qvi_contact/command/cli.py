@@ -339,10 +339,7 @@ def check(file: str, as_json: bool, **given: Any) -> None:
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
-@_writes(
-    "plot", "vtk", plot="Draw the duality gap over the body: .png, .svg or .pdf.",
-    vtk="Write the displacements for ParaView (.vtu).",
-)  # fmt: skip
+@_writes("plot", "vtk", plot="Draw the duality gap over the body: .png, .svg or .pdf.")
 def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
 
@@ -366,7 +363,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
 
     from qvi_contact.bracket.bounds import bracket as bracketed
     from qvi_contact.bracket.outcome import document, lines
-    from qvi_contact.command.outputs import write_bracket
+    from qvi_contact.command.outputs import SecondModel, write_all
     from qvi_contact.command.progress_line import solving
     from qvi_contact.command.report import result_lines
     from qvi_contact.files.export import summary
@@ -383,13 +380,14 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        write_bracket(targets, problem_file, found)
+        complete = write_all(targets, problem_file, SecondModel(result, known=found), {}, gap=True)
     if as_json:
         bounds = None if found is None else document(found, units)
         _show(problem_file, {"title": problem_file.title, **summary(result, units), "bracket": bounds})
     else:
         _show(problem_file, (*result_lines(result, units), *(() if found is None else ("", *lines(found, units)))))
-    return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
+    bounded = found is not None and result.status == "solved" and math.isfinite(found.gap)
+    return 2 if not complete else 0 if bounded else 1
 
 
 @group.command(short_help="Look for other solutions of the same problem.")

@@ -83,9 +83,11 @@ class SecondModel:
 
     """
 
-    def __init__(self, result: ContactResult, time_limit: float | None = None) -> None:
+    def __init__(self, result: ContactResult, time_limit: float | None = None, known: Bracket | None = None) -> None:
         self.result, self.missing = result, ""
         self._time_limit = time_limit
+        if known is not None:
+            self.bracket = known
 
     @cached_property
     def bracket(self) -> Bracket | None:
@@ -136,16 +138,23 @@ def write_all(
     document: dict[str, Any],
     page: Callable[[], str] = str,
     history: History | None = None,
+    *,
+    gap: bool = False,
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
 
-    The displacement model has the result.
+    The displacement model has the result. The picture is that of the result or history, or of the duality gap.
     """
 
     def plot(path: str) -> None:
         from qvi_contact import plots
+        from qvi_contact.plots.bounds import bracket_figure
 
-        if history is not None and history.steps[0].has_state and second.result.problem.contacts:
+        if gap:
+            if second.companion is None or second.bracket is None or not math.isfinite(second.bracket.gap):
+                raise InputError("output", path, f"there is no duality gap to draw: {second.missing or 'no bound'}")
+            plots.save_figure(path, bracket_figure(second.bracket, file.units, file.title))
+        elif history is not None and history.steps[0].has_state and second.result.problem.contacts:
             plots.save_figure(path, plots.history_figure(history, file.units, file.times))
         else:
             plots.save_figure(path, plots.result_figure(second.result, file.units))
@@ -179,27 +188,6 @@ def write_all(
             click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
             complete = False
     return complete
-
-
-def write_bracket(targets: Mapping[str, str], file: ProblemFile, found: Bracket | None) -> None:
-    """Write the files asked for, as far as there is a displacement and a gap."""
-    companion = None if found is None else found.companion
-    if found is None or companion is None or not companion.has_state:
-        if targets:
-            click.echo(f"qvi-contact: there is no displacement to write to {', '.join(targets.values())}", err=True)
-        return
-    if "plot" in targets and not math.isfinite(found.gap):
-        where = targets["plot"]
-        click.echo(f"qvi-contact: a bound is missing, so there is no duality gap to draw in {where}", err=True)
-    elif "plot" in targets:
-        from qvi_contact.plots.bounds import bracket_figure
-        from qvi_contact.plots.style import save_figure
-
-        save_figure(targets["plot"], bracket_figure(found, file.units, file.title))
-    if "vtk" in targets:
-        from qvi_contact.files.vtu import write_companion_vtu
-
-        write_companion_vtu(targets["vtk"], companion, file.units)
 
 
 def page_of(

@@ -18,6 +18,5 @@ __getattr__ = front(
         "options": ("SolveOptions",),
         "problem_file": ("ELEMENT_OPTIONS", "FileReader", "problem_from_toml"),
         "problem_writer": ("problem_to_toml",),
-        "vtu": ("write_companion_vtu",),
     },
 )

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import NoneType
 from typing import Any, Final
 from zipfile import BadZipFile
 
@@ -99,7 +100,10 @@ class Archive:
         except InputError:
             raise
         except Exception as error:  # zip, zlib, numpy, tokenize: what broken bytes raise there is not documented
-            raise InputError("result", self.path, f"cannot be read ({_reason(error)}): {_REMEDY}") from error
+            text = getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
+            if "pickle" in text or isinstance(error, BadZipFile):
+                text = "it is not an archive, or holds pickled objects"
+            raise InputError("result", self.path, f"cannot be read ({text}): {_REMEDY}") from error
         if "format" not in self.arrays or self.text("format") != FORMAT:
             raise InputError("result", self.path, f"is not a result that can be checked: {_REMEDY}")
         version = self.number("format_version")
@@ -114,38 +118,50 @@ class Archive:
 
     def text(self, name: str) -> str:
         """A text."""
-        array = self.array(name)
-        if array.dtype.kind != "U" or array.ndim:
-            raise self._wrong(name, "a text")
-        return str(array)
+        return str(self._entry(name, "U", 0, "a text"))
 
     def texts(self, name: str) -> list[str]:
         """A list of texts."""
-        array = self.array(name)
-        if array.dtype.kind != "U" or array.ndim != 1:
-            raise self._wrong(name, "a list of texts")
-        return [str(text) for text in array]
+        return [str(text) for text in self._entry(name, "U", 1, "a list of texts")]
 
     def number(self, name: str) -> float:
         """A number, or a truth value as 0 or 1."""
-        array = self.array(name)
-        if array.dtype.kind not in "biuf" or array.ndim:
-            raise self._wrong(name, "a number")
-        return float(array)
+        return float(self._entry(name, "biuf", 0, "a number"))
 
-    def floats(self, name: str, dimensions: int = 1) -> FloatArray:
-        """An array of float64."""
-        array = self.array(name)
-        if array.dtype != np.float64 or array.ndim != dimensions:
-            raise self._wrong(name, f"{dimensions}-dimensional, of float64")
-        return array
+    def count(self, name: str) -> int:
+        """A whole number, at least 0."""
+        value = self.number(name)
+        if not np.isfinite(value) or value < 0.0 or value != int(value):
+            raise self.refused(name, f"is {value:g}, which is not a number of {name}")
+        return int(value)
+
+    def floats(self, name: str, dimensions: int = 1, size: int | None = None) -> FloatArray:
+        """An array of float64; a vector of that size."""
+        found: FloatArray = self._entry(name, "f", dimensions, f"{dimensions}-dimensional, of float64")
+        if size is not None and len(found) != size:
+            raise self.refused(name, f"has {len(found)} values instead of {size}")
+        return found
 
     def integers(self, name: str) -> IntArray:
         """A vector of int64."""
-        array = self.array(name)
-        if array.dtype != np.int64 or array.ndim != 1:
-            raise self._wrong(name, "a vector of int64")
-        return array
+        return self._entry(name, "i", 1, "a vector of int64")
+
+    def mapping(self, name: str) -> dict[str, Any]:
+        """A text that is a JSON object."""
+        try:
+            found = json.loads(self.text(name))
+        except (ValueError, RecursionError) as error:
+            raise self.refused(name, "is not a JSON document") from error
+        if not isinstance(found, dict):
+            raise self.refused(name, "is not a JSON object")
+        return found
+
+    def status(self, word: str) -> Status:
+        """The status of that name."""
+        try:
+            return Status(word)
+        except ValueError as error:
+            raise InputError("result", self.path, f"names a status {word!r} that does not exist") from error
 
     def array(self, name: str) -> NDArray[Any]:
         """An entry of any kind."""
@@ -153,24 +169,31 @@ class Archive:
             raise InputError("result", self.path, f"has no entry {name!r}: {_REMEDY}")
         return self.arrays[name]
 
-    def _wrong(self, name: str, wanted: str) -> InputError:
-        found = self.arrays[name]
-        return InputError("result", self.path, f"entry {name!r} is {found.dtype}{list(found.shape)}, not {wanted}")
+    def refused(self, name: str, told: str) -> InputError:
+        """The error about an entry."""
+        return InputError("result", self.path, f"entry {name!r} {told}")
+
+    def _entry(self, name: str, kinds: str, dimensions: int, wanted: str) -> NDArray[Any]:
+        """An entry of a kind; arrays of numbers have 64 bits."""
+        found = self.array(name)
+        short = dimensions > 0 and kinds in "fi" and found.dtype.itemsize != 8
+        if found.dtype.kind not in kinds or found.ndim != dimensions or short or not found.dtype.isnative:
+            raise self.refused(name, f"is {found.dtype}{list(found.shape)}, not {wanted}")
+        return found
 
 
-def _reason(error: BaseException) -> str:
-    """Why a file cannot be read, on one line."""
-    text = getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
-    return (
-        "it is not an archive, or holds pickled objects"
-        if "pickle" in text or isinstance(error, BadZipFile)
-        else str(text)
-    )
+def solution_arrays(
+    result: ContactResult, units: Units | None = None, title: str = "", *, tried: bool = True
+) -> dict[str, Any]:
+    """The problem and the algebraic solution, from which `load_result` makes the result again.
 
-
-def solution_arrays(result: ContactResult, units: Units | None = None, title: str = "") -> dict[str, Any]:
-    """The problem and the algebraic solution, from which `load_result` makes the result again."""
-    problem, missing = _problem_text(lambda: problem_to_toml(result.problem, units=units, title=title))
+    Problems of steps of a history are alike, and not each is `tried`.
+    """
+    try:
+        known = result.problem
+        problem, missing = problem_to_toml(known, units=units, title=title) if tried else unread_toml(known), ""
+    except InputError as error:
+        problem, missing = "", str(error)
     return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
 
 
@@ -179,15 +202,18 @@ def solution_names(result: ContactResult) -> set[str]:
     return {"problem", "problem_missing", *answer_arrays(result)}
 
 
-def step_arrays(result: ContactResult) -> dict[str, Any]:
-    """The same for a step of a history: problems of steps are alike, and not each is tried."""
-    problem, missing = _problem_text(lambda: unread_toml(result.problem))
-    return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
-
-
 def answer_arrays(result: ContactResult) -> dict[str, Any]:
     """The algebraic solution alone, from which `answer_from_archive` makes the result again beside the problem."""
-    solution, known = result.solution, result.discretization
+    solution, known, certificate = result.solution, result.discretization, result.solution.certificate
+    groups = {name: getattr(certificate, name) for name in ("measures", "scales", "signed")}
+    plain = {  # infinity as null
+        group: {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
+        for group, values in groups.items()
+    }
+    history = [
+        [e.number, e.residual, e.energy, e.normal_resultant, e.inner_iterations, e.seconds] for e in solution.history
+    ]
+    words = [str(entry.inner_status or "") for entry in solution.history]
     return {
         "degree": known.space.degree,
         "law_on": known.rule.law_on,
@@ -203,14 +229,15 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         "message": result.message,
         **{name: np.asarray(getattr(solution, name), dtype=np.float64) for name in _VECTORS},
         **{name: getattr(solution, name) for name in _TEXTS},
-        "tolerance": solution.certificate.tolerance,
-        "certificate": _certificate_text(solution.certificate),
+        "tolerance": certificate.tolerance,
+        "certificate": json.dumps(plain),
         "iterations": solution.iterations,
         "corrections": np.array(solution.corrections, dtype=np.float64),
         "remarks": np.array(solution.remarks, dtype=np.str_),
         "timings": json.dumps(dict(solution.timings)),
         "versions": json.dumps({"qvi-contact": __version__, **solution.versions}),
-        **_history_arrays(solution.history),
+        "history": np.array(history, dtype=np.float64).reshape(len(history), 6),
+        "history_status": np.array(words, dtype="U").reshape(len(words)),
     }
 
 
@@ -248,168 +275,91 @@ def result_from_archive(archive: Archive) -> ContactResult:
             "verify_result, or write it anew with expressions or polynomials for functions"
         )
         raise InputError("result", archive.path, remedy)
-    return answer_from_archive(archive, lambda scales: _discretized(archive, text, scales))
+
+    def discretized(scales: Scales) -> Discretization:
+        try:
+            file = problem_from_toml(text)
+            if file.is_grid:  # results on triangles are stored with these
+                remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
+                raise InputError("result", archive.path, remedy)
+            old = "contact_rows" in archive.arrays  # version 0.1
+            law_on = law_of_rows(archive.text("contact_rows" if old else "law_on"))
+            return discretize(file.problem, scales=scales, degree=archive.count("degree"), law_on=law_on)
+        except InputError as error:
+            if error.field == "result":  # names the file already
+                raise
+            raise archive.refused("problem", f"holds a problem that cannot be solved ({error})") from error
+
+    return answer_from_archive(archive, discretized)
 
 
 def answer_from_archive(archive: Archive, discretized: Callable[[Scales], Discretization]) -> ContactResult:
-    """The result of an archive that was read, of a problem that is posed in given units, without earlier slip."""
+    """The result of an archive that was read, of a problem discretised in given units, without earlier slip."""
     known = _discretization(archive, discretized)
     if "strict" in archive.arrays and archive.number("strict") != 0.0:
         remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
         raise InputError("result", archive.path, remedy)
     qvi = known.qvi
-    vectors = [archive.floats(name) for name in _VECTORS]
-    for name, vector, size in zip(_VECTORS, vectors, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True):
-        if len(vector) != size:
-            raise InputError("result", archive.path, f"entry {name!r} has {len(vector)} values, the problem {size}")
+    sizes = dict(zip(_VECTORS, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True))
     given: dict[str, Any] = {
-        **dict(zip(_VECTORS, vectors, strict=True)),
+        **{name: archive.floats(name, size=size) for name, size in sizes.items()},
         "certificate": _certificate(archive),
         "history": _history(archive),
-        "iterations": _count(archive, "iterations"),
+        "iterations": archive.count("iterations"),
         "message": archive.text("message"),
         "corrections": tuple(archive.floats("corrections").tolist()),
         "remarks": tuple(archive.texts("remarks")) if "remarks" in archive.arrays else (),  # none in version 0.1
-        **{name: _json(archive, name) for name in ("timings", "versions")},
+        **{name: archive.mapping(name) for name in ("timings", "versions")},
         **{name: archive.text(name) for name in _TEXTS},
     }
-    solution = QVISolution(qvi, _status(archive, archive.text("status")), **given)
-    return ContactResult(known, solution)
-
-
-def _problem_text(written: Callable[[], str]) -> tuple[str, str]:
-    """The problem as a problem file, and why there is none."""
-    try:
-        return written(), ""
-    except InputError as error:
-        return "", str(error)
+    return ContactResult(known, QVISolution(qvi, archive.status(archive.text("status")), **given))
 
 
 def _discretization(archive: Archive, discretized: Callable[[Scales], Discretization]) -> Discretization:
     """The problem of an archive, in its units and after the slip before it."""
-    length, stress, compliance = _sized(archive, "scales", 3)
+    length, stress, compliance = archive.floats("scales", size=3)
     if not min(length, stress, compliance) > 0.0 or not np.isfinite([length, stress, compliance]).all():
-        raise InputError("result", archive.path, "entry 'scales' holds units that are not positive numbers")
+        raise archive.refused("scales", "holds units that are not positive numbers")
     reach = archive.number("reach") if "reach" in archive.arrays else np.inf  # files of version 0.1 have none
     if not reach > 0.0:
-        raise InputError("result", archive.path, "entry 'reach' is not a positive number")
-    scales = Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach)
-    fresh = discretized(scales)
-    _check_centres(archive, fresh)
+        raise archive.refused("reach", "is not a positive number")
+    fresh = discretized(Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach))
+    none = np.empty(0, dtype=np.int64)  # files without these entries have unknowns of Φ itself, of one value
+    for name, own in (("centres", fresh.space.centres), ("cuts", fresh.space.cuts.vertices)):
+        if not np.array_equal(archive.integers(name) if name in archive.arrays else none, own):
+            remedy = (
+                "counts from other vertices of this mesh than it does here: solve the problem anew, or take the "
+                "version of qvi-contact that wrote the file"
+            )
+            raise archive.refused("z", remedy)
     counts = [len(rows.gap) for rows in fresh.contacts]
-    slip = _sized(archive, "earlier_slip", sum(counts))
+    slip = archive.floats("earlier_slip", size=sum(counts))
     return fresh.slipped(np.split(slip, np.cumsum(counts)[:-1])) if slip.any() else fresh
 
 
-def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
-    """The problem of a file; what is wrong with it is said with the name of that file."""
-    try:
-        file = problem_from_toml(text)
-        if file.is_grid:  # results on triangles are stored with these
-            remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
-            raise InputError("result", archive.path, remedy)
-        old = "contact_rows" in archive.arrays  # version 0.1
-        law_on = law_of_rows(archive.text("contact_rows" if old else "law_on"))
-        return discretize(file.problem, scales=scales, degree=_count(archive, "degree"), law_on=law_on)
-    except InputError as error:
-        if error.field == "result":  # names the file already
-            raise
-        raise InputError(
-            "result", archive.path, f"entry 'problem' holds a problem that cannot be solved ({error})"
-        ) from error
-
-
-def _check_centres(archive: Archive, fresh: Discretization) -> None:
-    """That unknowns count from where they do here; files without the entries have those of Φ itself, of one value."""
-    none, space = np.empty(0, dtype=np.int64), fresh.space
-    stored = {name: archive.integers(name) if name in archive.arrays else none for name in ("centres", "cuts")}
-    if not np.array_equal(stored["centres"], space.centres) or not np.array_equal(stored["cuts"], space.cuts.vertices):
-        remedy = (
-            "entry 'z' counts from other vertices of this mesh than it does here: solve the problem anew, or "
-            "take the version of qvi-contact that wrote the file"
-        )
-        raise InputError("result", archive.path, remedy)
-
-
-def _count(archive: Archive, name: str) -> int:
-    value = archive.number(name)
-    if not np.isfinite(value) or value < 0.0 or value != int(value):
-        raise InputError("result", archive.path, f"entry {name!r} is {value:g}, which is not a number of {name}")
-    return int(value)
-
-
-def _sized(archive: Archive, name: str, size: int) -> FloatArray:
-    vector = archive.floats(name)
-    if len(vector) != size:
-        raise InputError("result", archive.path, f"entry {name!r} has {len(vector)} values instead of {size}")
-    return vector
-
-
-def _status(archive: Archive, word: str) -> Status:
-    try:
-        return Status(word)
-    except ValueError as error:
-        raise InputError("result", archive.path, f"names a status {word!r} that does not exist") from error
-
-
-def _certificate_text(certificate: Certificate) -> str:
-    """Measures, scales and signed values as JSON, infinity as null."""
-    groups = {name: getattr(certificate, name) for name in ("measures", "scales", "signed")}
-    plain = {
-        group: {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
-        for group, values in groups.items()
-    }
-    return json.dumps(plain)
-
-
 def _certificate(archive: Archive) -> Certificate:
-    tolerance, groups = archive.number("tolerance"), _json(archive, "certificate")
+    tolerance, groups = archive.number("tolerance"), archive.mapping("certificate")
     if not 0.0 < tolerance < 1.0:
-        raise InputError("result", archive.path, "entry 'tolerance' is not between 0 and 1")
-    found = [_numbers_of(archive, groups.get(name)) for name in ("measures", "scales", "signed")]
+        raise archive.refused("tolerance", "is not between 0 and 1")
+    found = []
+    for group in (groups.get(name) for name in ("measures", "scales", "signed")):
+        if not isinstance(group, dict) or any(type(value) not in (int, float, NoneType) for value in group.values()):
+            raise archive.refused("certificate", "holds entries that are not numbers")
+        try:
+            found.append({name: np.inf if value is None else float(value) for name, value in group.items()})
+        except OverflowError as error:
+            raise archive.refused("certificate", "holds numbers too large for a float") from error
     if any(value < 0.0 for value in found[0].values()):
-        raise InputError("result", archive.path, "entry 'certificate' holds measures below zero")
+        raise archive.refused("certificate", "holds measures below zero")
     measures = dict.fromkeys(EXPONENTS, np.inf) | found[0]  # what is not claimed does not pass
     return Certificate(measures, tolerance, found[1], found[2])
-
-
-def _numbers_of(archive: Archive, group: object) -> dict[str, float]:
-    """A JSON object of numbers, null for infinity."""
-    if not isinstance(group, dict) or not all(
-        value is None or (isinstance(value, int | float) and not isinstance(value, bool)) for value in group.values()
-    ):
-        raise InputError("result", archive.path, "entry 'certificate' holds entries that are not numbers")
-    try:
-        return {name: np.inf if value is None else float(value) for name, value in group.items()}
-    except OverflowError as error:
-        raise InputError("result", archive.path, "entry 'certificate' holds numbers too large for a float") from error
-
-
-def _json(archive: Archive, name: str) -> dict[str, Any]:
-    try:
-        found = json.loads(archive.text(name))
-    except (ValueError, RecursionError) as error:
-        raise InputError("result", archive.path, f"entry {name!r} is not a JSON document") from error
-    if not isinstance(found, dict):
-        raise InputError("result", archive.path, f"entry {name!r} is not a JSON object")
-    return found
-
-
-def _history_arrays(history: tuple[Iteration, ...]) -> dict[str, Any]:
-    """`Iteration` as a table (k, 6) of numbers and a list of words."""
-    numbers = [[e.number, e.residual, e.energy, e.normal_resultant, e.inner_iterations, e.seconds] for e in history]
-    words = [str(entry.inner_status or "") for entry in history]
-    return {
-        "history": np.array(numbers, dtype=np.float64).reshape(len(history), 6),
-        "history_status": np.array(words, dtype="U").reshape(len(history)),
-    }
 
 
 def _history(archive: Archive) -> tuple[Iteration, ...]:
     table, words = archive.floats("history", 2), archive.texts("history_status")
     if table.shape != (len(words), 6) or not np.isfinite(table[:, [0, 4]]).all():
         raise InputError("result", archive.path, "entries 'history' and 'history_status' do not fit together")
-    states = [_status(archive, word) if word else None for word in words]
+    states = [archive.status(word) if word else None for word in words]
     return tuple(
         Iteration(int(number), residual, energy, resultant, state, int(inner), seconds)
         for (number, residual, energy, resultant, inner, seconds), state in zip(table.tolist(), states, strict=True)

@@ -72,6 +72,7 @@ TABLES: Final[dict[str, type]] = {
     "[sweep]": problem_file.SweepPlan,
     "times of [history], values of [sweep], as a range": problem_file.TimeRange,
     "a field, as a polynomial": problem_file.PolynomialTable,
+    "a field, by values at points": problem_file.PointDataTable,
 }
 """Heading → class that states the table."""
 

@@ -4,11 +4,12 @@ A file can never run code: functions are numbers, polynomials or expressions of 
 errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts]]``.
 """
 
+import tomllib
 import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -19,6 +20,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, evaluate
 from qvi_contact.basics.schema import (
     FINITE,
+    LARGEST,
     MOST,
     TEXT,
     Choice,
@@ -30,6 +32,7 @@ from qvi_contact.basics.schema import (
     Varying,
     Whole,
     in_toml,
+    joined,
     key,
     keys_of,
     located,
@@ -45,11 +48,11 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.mesh_tables import EdgesTable, JointTable, MeshTable, Parts, RegionTable, built_mesh
 from qvi_contact.files.options import RefineOptions, SolveOptions
-from qvi_contact.files.toml_text import LONGEST, check_length, tables_of
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.material import Material, cell_materials
+from qvi_contact.problem.point_data import PointData
 from qvi_contact.problem.problem import ContactProblem
 
 VERSION: Final = 1
@@ -65,6 +68,7 @@ TABLES: Final[dict[str, type[Condition]]] = {
 }
 """Which table states which condition, in the order in which a problem gets them."""
 
+_LONGEST: Final = 20_000_000  # bytes of a file, characters of its text
 _MOST_STEPS: Final = 10_000
 _IN_TIME: Final = ("version", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
 """Tables that expressions in t may stand in."""
@@ -112,6 +116,16 @@ class PolynomialTable:
 
     polynomial: tuple[tuple[float, ...], ...]
     """Coefficients c_ij of Σ c_ij xⁱ yʲ, a list for each power of x: `polynomial = [[0.0, 1.0], [2.0]]`."""
+
+
+@dataclass(frozen=True)
+class PointDataTable:
+    """Values at the points of a mesh, linear in between, as ``{ file = "…", data = "T" }``."""
+
+    file: str
+    """File with triangles and point data, as .vtu or .msh, beside the problem file: `file = "temperature.vtu"`."""
+    data: str
+    """Name of the point data in it, one number a point: `data = "T"`."""
 
 
 @dataclass(frozen=True)
@@ -257,16 +271,26 @@ class FileReader:
         Numbers that expressions may name.
     t : float or None
         Value of t in expressions; None where there is no history, and t means nothing.
+    folder : Path, optional
+        Where files with point data are looked for.
 
     """
 
     data: Mapping[str, Any]
     constants: Mapping[str, float]
     t: float | None = None
+    folder: Path | None = None
     whole = Document
 
     def field(self, value: Any) -> Field:
         """A number, an expression or a polynomial."""
+        if isinstance(value, dict) and "file" in value:
+            data = read_table(PointDataTable, value, self)
+            with located("", keys_of(PointDataTable)):
+                if self.folder is None:
+                    remedy = "the place of this file is not known for a text: read the problem file by load_problem"
+                    raise InputError("file", data.file, remedy)
+                return PointData.load(self.folder / data.file, data.data)
         if isinstance(value, dict):
             table = read_table(PolynomialTable, value, self)
             with located(""):
@@ -366,7 +390,7 @@ class ProblemFile:
 
         """
         try:
-            return FileReader(self._reader.data, self._reader.constants, t).problem(self.problem.mesh)
+            return replace(self._reader, t=t).problem(self.problem.mesh)
         except InputError as error:
             raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
 
@@ -377,7 +401,7 @@ class ProblemFile:
 
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
         """The same file with other values of some of its constants, on the same mesh."""
-        return _from_tables(self._reader.data, None, self.problem.mesh, changed)
+        return _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, changed)
 
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
@@ -430,11 +454,11 @@ def load_problem(path: str | Path) -> ProblemFile:
     path = given_path("file", path)
     try:
         with path.open("rb") as stream:
-            content = stream.read(LONGEST + 1)
+            content = stream.read(_LONGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a name no file can have
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError("file", str(path), f"cannot be read ({reason}): give the name of a problem file") from error
-    check_length("file", str(path), len(content))
+    _check_length("file", str(path), len(content))
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -448,7 +472,52 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
 
     A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
     """
-    return _from_tables(tables_of(text.replace("\r\n", "\n")), folder)
+    return _from_tables(_tables_of(text.replace("\r\n", "\n")), folder)
+
+
+def _check_length(field: str, value: str, length: int) -> None:
+    if length > _LONGEST:
+        remedy = (
+            f"has more than {_LONGEST} bytes, the limit of a problem file: give grid lines as {{ start = …, stop = …, "
+            "cells = … }, triangles in a mesh file, and functions as expressions"
+        )
+        raise InputError(field, value, remedy)
+
+
+def _tables_of(text: str) -> dict[str, Any]:
+    """The tables in a TOML text; `InputError` if it is none, or has values that no table wants."""
+    _check_length("TOML", text[:200], len(text))
+    try:
+        data = tomllib.loads(text)
+        _check_scalars(data, "")
+    except InputError:
+        raise
+    except ValueError as error:  # also whole numbers of too many digits
+        _, found, rest = str(error).partition("at line ")  # the line that the parser complains about, if it says which
+        number, lines = rest.split(",")[0], text.splitlines()
+        line = lines[int(number) - 1] if found and number.isdigit() and 0 < int(number) <= len(lines) else ""
+        raise InputError("TOML", line, f"correct the syntax: {error}") from error
+    except RecursionError as error:
+        raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
+    return data
+
+
+def _check_scalars(value: object, path: str) -> None:
+    """Refuse values that TOML knows and no table wants."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _check_scalars(item, joined(path, quoted(name)))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            _check_scalars(item, f"{path}[{index}]")
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # TOML's whole numbers have 64 bits
+        raise InputError(path, f"a number of {value.bit_length()} bits", "give a whole number of at most 64 bits")
+    elif isinstance(value, float) and not abs(value) <= LARGEST:
+        remedy = f"give a finite number, of at most {LARGEST:g}: take other units if you need more"
+        raise InputError(path, value, remedy)
+    elif not isinstance(value, int | float | str):
+        remedy = "give a number, a text in quotes, a list or a table; dates are not used here"
+        raise InputError(path, str(value), remedy)
 
 
 def _from_tables(
@@ -470,12 +539,12 @@ def _from_tables(
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
-    reader = FileReader(data, constants, times[0] if times else None)
+    reader = FileReader(data, constants, times[0] if times else None, None if folder is None else Path(folder))
     document = reader.document()
     assert document.mesh is not None  # it is needed
     if mesh is None:
         parts = Parts(document.edges, document.joints, document.regions)
-        mesh = built_mesh(document.mesh, parts, None if folder is None else Path(folder))
+        mesh = built_mesh(document.mesh, parts, reader.folder)
     found = ProblemFile(
         problem=document.problem(mesh, data),
         title=document.title,

@@ -1,7 +1,7 @@
 """From a `ContactProblem` to the TOML text of a problem file."""
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -63,10 +63,23 @@ def problem_to_toml(
         If a function is one of Python, which a file cannot hold, or expressions disagree about constants or time.
 
     """
-    _check_details(problem, title, description, units, times)
-    _check_options("solve_options", solve_options)
-    _check_options("refine_options", refine_options)
-    text = _text(problem, title, description, units, {"solve": solve_options, "refine": refine_options}, times)
+    for name, given, kind in (("problem", problem, ContactProblem), ("title", title, str)):
+        if not isinstance(given, kind):
+            raise InputError(name, given, f"give a {kind.__name__}")
+    if units is not None and not isinstance(units, Units):
+        raise InputError("units", units, "give Units, or nothing")
+    if real_array("times", times, "give a list of numbers").ndim != 1:
+        raise InputError("times", times, "give a list of numbers")
+    options = {"solve": solve_options, "refine": refine_options}
+    for field, given in options.items():
+        if not isinstance(given, Mapping | None):
+            raise InputError(f"{field}_options", given, "give a mapping from names to values")
+        for name, value in (given or {}).items():
+            if not isinstance(name, str):
+                raise InputError(f"{field}_options", name, "give texts as names of options")
+            if not isinstance(value, str | int | float | np.generic):
+                raise InputError(f"{field}_options.{name}", value, "give a number or a text: a file holds nothing else")
+    text = _text(problem, title, description, units, options, times)
     problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
     return text
 
@@ -107,30 +120,6 @@ def _text(
     return _toml({name: value for name, value in document.items() if value not in ({}, [], "")})
 
 
-def _check_details(problem: object, title: object, description: object, units: object, times: object) -> None:
-    """Refuse what is of another kind than the signature says."""
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
-    for name, text in (("title", title), ("description", description)):
-        if not isinstance(text, str):
-            raise InputError(name, text, "give a text")
-    if units is not None and not isinstance(units, Units):
-        raise InputError("units", units, "give Units, or nothing")
-    if real_array("times", times, "give a list of numbers").ndim != 1:
-        raise InputError("times", times, "give a list of numbers")
-
-
-def _check_options(field: str, given: object) -> None:
-    options = {} if given is None else given
-    if not isinstance(options, Mapping):
-        raise InputError(field, options, "give a mapping from names to values")
-    for name, value in options.items():
-        if not isinstance(name, str):
-            raise InputError(field, name, "give texts as names of options")
-        if not isinstance(value, str | int | float | np.generic):
-            raise InputError(f"{field}.{name}", value, "give a number or a text: a file holds nothing else")
-
-
 class _Writer:
     """Writes functions, and collects what they have in common."""
 
@@ -142,15 +131,11 @@ class _Writer:
         """A number, text or table for a field."""
         if isinstance(value, Polynomial):
             return {"polynomial": [list(row) for row in value.coefficients]}
-        if isinstance(value, Expression):
-            self._collect(path, value)
-            return value.text
-        if callable(value):
-            remedy = "a Python function cannot be written to a file: take an Expression, a Polynomial or a number"
-            raise InputError(path, value, remedy)
-        return value
-
-    def _collect(self, path: str, value: Expression) -> None:
+        if not isinstance(value, Expression):
+            if callable(value):
+                remedy = "a Python function cannot be written to a file: take an Expression, a Polynomial or a number"
+                raise InputError(path, value, remedy)
+            return value
         for name, number in value.constants.items():
             if self.constants.setdefault(name, number) != number:
                 remedy = f"the constant {name} is {self.constants[name]!r} elsewhere, and a file has one value for it"
@@ -159,45 +144,36 @@ class _Writer:
             if self.time not in (None, value.t):
                 raise InputError(path, value.text, f"t is {plain(self.time)} elsewhere: give all expressions one time")
             self.time = value.t
+        return value.text
 
 
 def _toml(document: Mapping[str, Any]) -> str:
     """TOML as people write it: one [table] or [[table]] after the other, short lists on one line."""
-    tables = {key: value for key, value in document.items() if isinstance(value, dict | list)}
-    blocks = ["".join(_entry(key, value) for key, value in document.items() if key not in tables)]
-    for key, value in tables.items():
+    blocks = [("", {key: value for key, value in document.items() if not isinstance(value, dict | list)})]
+    for key, value in document.items():
         if isinstance(value, dict):
-            parts = {name: item for name, item in value.items() if isinstance(item, dict)}
-            blocks.append(_block(f"[{key}]", {name: item for name, item in value.items() if name not in parts}))
-            blocks += [_block(f"[{key}.{name}]", part) for name, part in parts.items()]
-        else:
-            blocks += [_block(f"[[{key}]]", table) for table in value]
-    return "\n".join(blocks)
-
-
-def _block(heading: str, table: Mapping[str, Any]) -> str:
-    return f"{heading}\n" + "".join(_entry(name, item) for name, item in table.items())
+            inner = {name: item for name, item in value.items() if isinstance(item, dict)}
+            blocks.append((f"[{key}]\n", {name: item for name, item in value.items() if name not in inner}))
+            blocks += [(f"[{key}.{name}]\n", part) for name, part in inner.items()]
+        elif isinstance(value, list):
+            blocks += [(f"[[{key}]]\n", table) for table in value]
+    return "\n".join(heading + "".join(map(_entry, table, table.values())) for heading, table in blocks)
 
 
 def _entry(key: str, value: object) -> str:
+    """A line, or as many as a list of numbers, or of lists of them, fills."""
     name = load("tomli_w").dumps({key: 0}).removesuffix(" = 0\n")
-    if isinstance(value, list) and value and all(isinstance(item, list) for item in value):
-        return f"{name} = [\n{''.join(_rows(value))}]\n"
     line = f"{name} = {_inline(value)}"
-    if isinstance(value, list) and len(line) > _WIDTH and all(isinstance(item, int | float) for item in value):
+    if isinstance(value, list) and value and all(isinstance(item, list) for item in value):
+        lines = ["   "]
+        for text in map(repr, value):  # of plain numbers: what TOML writes too
+            if len(lines[-1]) + len(text) + 2 > _WIDTH:
+                lines.append("   ")
+            lines[-1] += f" {text},"
+        line = "\n".join([f"{name} = [", *lines, "]"])
+    elif isinstance(value, list) and len(line) > _WIDTH and all(isinstance(item, int | float) for item in value):
         line = textwrap.fill(line, _WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
     return line + "\n"
-
-
-def _rows(rows: list[list[Any]]) -> Iterator[str]:
-    """Lists of numbers, as many in a line as there is room for."""
-    line = "   "
-    for text in map(repr, rows):  # of plain numbers: what TOML writes too
-        if len(line) + len(text) + 2 > _WIDTH:
-            yield f"{line}\n"
-            line = "   "
-        line += f" {text},"
-    yield f"{line}\n"
 
 
 def _inline(value: object) -> str:

@@ -3,6 +3,7 @@
 from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.material import Material, Mises, MohrCoulomb, NoTension, Region, Strength, Tresca
+from qvi_contact.problem.point_data import PointData
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.front import front
 
@@ -16,6 +17,7 @@ __all__ = [
     "Mises",
     "MohrCoulomb",
     "NoTension",
+    "PointData",
     "Polynomial",
     "Region",
     "RigidPlate",

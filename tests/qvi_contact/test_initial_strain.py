@@ -16,9 +16,11 @@ from qvi_contact import (
     Symmetry,
     Traction,
     TriangleMesh,
+    load_problem,
     solve,
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.problem import PointData
 from qvi_contact.problem.fingerprint import problem_digest
 from qvi_contact.problem.initial_strain import stress_along_z
 from tests.qvi_contact.builders import holed, quarter
@@ -277,3 +279,29 @@ def test_what_cannot_be_meant_is_refused():
         Material(E, NU, prestress=(1.0, 2.0))
     with pytest.raises(InputError, match="temperature"):
         solve(ContactProblem(mesh, steel(), FREE, temperature=lambda x, _: np.full_like(x, np.nan)))
+
+
+def test_a_temperature_by_values_at_points(tmp_path):
+    """Linear between them: on the vertices of the problem and of another mesh, in a file, beside chords of arcs."""
+    meshio = pytest.importorskip("meshio")
+    mesh, x, y = TriangleMesh.rectangle((5, 3), 2.0, 1.0), np.array([0.1, 1.7]), np.array([0.3, 0.9])
+    hot = 10.0 + 20.0 * mesh.vertices[:, 0] - 7.0 * mesh.vertices[:, 1]
+    field = PointData(mesh, hot)
+    assert field(x, y) == pytest.approx(10.0 + 20.0 * x - 7.0 * y)
+    meshio.write_points_cells(
+        tmp_path / "hot.vtu", np.pad(mesh.vertices, [(0, 0), (0, 1)]), {"triangle": mesh.cells}, {"T": hot}
+    )
+    (tmp_path / "problem.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "T" }'))
+    problem = load_problem(tmp_path / "problem.toml").problem
+    assert problem.temperature(x, y) == pytest.approx(field(x, y))
+    (tmp_path / "wrong.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "U" }'))
+    with pytest.raises(InputError, match=r"temperature\.data"):
+        load_problem(tmp_path / "wrong.toml")
+    with pytest.raises(InputError, match="outside"):
+        field(np.array([9.0]), np.array([0.0]))
+    ring = quarter(2, 3, arcs=False)
+    beside = PointData(ring, ring.vertices @ np.array([1.0, 2.0]))
+    angle = np.pi / 12.0
+    assert beside(2.0 * np.cos(angle), 2.0 * np.sin(angle)) == pytest.approx(
+        2.0 * (np.cos(angle) + 2.0 * np.sin(angle))
+    )

@@ -322,24 +322,17 @@ def test_a_joint_that_no_contact_uses_is_named():
         problem_from_toml(text[:last])
 
 
-ZEROS = ",".join(["0"] * 400_001)
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("a" + ".a" * 1000 + " = 1", "too many parts"),
-        ("[a" + " . a" * 60_000 + "]", "too many parts"),
+        ("a" + ".a" * 1000 + " = 1", "nested too deeply"),
         ("a = " + "{a=" * 900 + "1" + "}" * 900, "nested too deeply"),
         (
             "a = " + "{" + ".".join("a" * 19) + "=" + ("{" + ".".join("a" * 19) + "=") * 200 + "1" + "}" * 201,
             "nested too deeply",
         ),
         ("a = " + "[" * 5000 + "1" + "]" * 5000, "nested too deeply"),
-        (f"contacts = [{ZEROS}]", "200000 numbers"),
-        ("a.a = 1\n" * 200_001, "200000 numbers"),
-        ("a = " + "1" * 1_000_000, "too long"),
-        ("a = 0." + "1" * 1_000_000, "too long"),
+        ("a = " + "1" * 5_000, "correct the syntax"),
         ("title = '" + "a" * 20_000_001 + "'", "20000000 bytes"),
     ],
 )
