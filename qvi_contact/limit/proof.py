@@ -247,18 +247,26 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
         return given, vertex_values(stated.points, p, given, [], at_vertices)
 
     try:
-        given, values = exact(factor)
-    except OutOfBalanceError as error:  # loads that are in balance at one factor only
         try:
-            exact(factor + 1)
-        except OutOfBalanceError as other:
-            if other.amount == error.amount:
-                raise error from None
-            factor -= error.amount / (other.amount - error.amount)
-        given, values = exact(factor)
+            given, values = exact(factor)
+        except OutOfBalanceError as error:  # loads that are in balance at one factor only
+            factor += _change(error.amount, exact, factor + 1)
+            given, values = exact(factor)
+    except OutOfBalanceError as error:
+        remedy = "they cannot be stated exactly"
+        raise SolveError(f"proof: the loads are in balance up to rounding only: {remedy}") from error
     airy = smooth(stated.points, stated.mesh.cells.tolist(), p, given, values, rough)
     ordinates = [[[str(value) for value in part] for part in cell] for cell in airy]
     return {"factor": str(factor), "degree": p, "airy": ordinates}
+
+
+def _change(amount: Fraction, exact: Callable[[Fraction], object], more: Fraction) -> Fraction:
+    """What brings loads into balance that are out of it by an amount: to be added to the factor; `more` has 1 more."""
+    try:
+        exact(more)
+    except OutOfBalanceError as error:
+        return amount / (amount - error.amount) if amount != error.amount else Fraction(0)
+    return Fraction(1)
 
 
 def _second_derivatives(

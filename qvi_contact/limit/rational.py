@@ -18,7 +18,6 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element.triangle import EDGES, exponents
-from qvi_contact.errors import SolveError
 
 Vector: TypeAlias = tuple[Fraction, Fraction]
 
@@ -29,11 +28,11 @@ Given: TypeAlias = Mapping[tuple[int, int], Sequence[list[Fraction] | None]]
 """What is known of an edge: ordinates of n·G' and of e·G' from its first end on, or None."""
 
 
-class OutOfBalanceError(SolveError):
+class OutOfBalanceError(ArithmeticError):
     """Rows contradict each other by an amount. It is affine in the factor of loads: they may hold for one factor."""
 
     def __init__(self, amount: Fraction) -> None:
-        super().__init__("proof: the loads are in balance up to rounding only: they cannot be stated exactly")
+        super().__init__(f"out of balance by {float(amount):.1e}")
         self.amount = amount
 
 
