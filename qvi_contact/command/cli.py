@@ -31,27 +31,15 @@ _SPACE: Final = ("degree", "law_on")
 _METAVARS: Final = {"time_limit": "SECONDS", "quantity": "NAME", "max_unknowns": "N", "max_rounds": "N"}
 
 
-def _inner() -> Iterable[str]:
+def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
+    """What the shell offers for an option: words that can be used here."""
     from solvers import available
-
-    return available()
-
-
-def _methods() -> Iterable[str]:
-    from solvers.solve import METHODS
-
-    return METHODS
-
-
-def _factorisations() -> Iterable[str]:
     from solvers.factorisation import available_backends
     from solvers.factorisation.choice import OTHERS
+    from solvers.solve import METHODS
 
-    return (*OTHERS, *available_backends())
-
-
-_WORDS: Final = {"method": _methods, "inner": _inner, "factorisation": _factorisations}
-"""What the shell offers for an option: words that can be used here."""
+    known: dict[str | None, Iterable[str]] = {"method": METHODS, "inner": available()}
+    return [word for word in known.get(option.name, (*OTHERS, *available_backends())) if word.startswith(begun)]
 
 
 def _options(declared: type, *names: str, **texts: str) -> Callable[[_Command], _Command]:
@@ -66,11 +54,8 @@ def _options(declared: type, *names: str, **texts: str) -> Callable[[_Command], 
                 more["type"] = click.Choice(kind.words)
             elif isinstance(kind, Number | Whole):
                 more["type"] = float if isinstance(kind, Number) else int
-            if name in _WORDS:
-                known = _WORDS[name]
-                more["shell_complete"] = lambda _context, _option, begun, known=known: [
-                    word for word in known() if word.startswith(begun)
-                ]
+            if name in ("method", "inner", "factorisation"):
+                more["shell_complete"] = _words
             if name in _METAVARS:
                 more["metavar"] = _METAVARS[name]
             command = click.option(f"--{name.replace('_', '-')}", help=said.get(name), **more)(command)
@@ -143,6 +128,10 @@ def group() -> None:
         qvi-contact solve examples/punch.toml --plot answer.png --npz answer.npz
         qvi-contact verify answer.npz
     \b
+    Exit status: 0 the answer was found and passes its checks
+                 1 it was not, or a check failed: the message gives the reason
+                 2 something is wrong with the input, or a file cannot be written
+    \b
     Reproduce the paper that the method comes from:
         python -m comparisons paper
     """  # noqa: D301  # click wants the character \b, not the two
@@ -197,11 +186,6 @@ def solve(
     the picture of --deformed. Steps of a history have no such displacement.
 
     \b
-    Exit status: 0 solved, with a passing certificate
-                 1 not solved, or a check of --certificate failed: the message gives the reason
-                 2 something is wrong with the input
-
-    \b
     Examples:
         qvi-contact solve examples/compressed_plate.toml
         qvi-contact solve examples/punch.toml --inner socp:clarabel --plot punch.png
@@ -224,11 +208,10 @@ def solve(
     with _opened(file, given) as (problem_file, targets, options):
         problem_file, plan = several.asked(problem_file, swept)
         units = problem_file.units
-        shared = {name: given[name] for name in ("workers", "dask")}
         several.check_asked(plan, store, {**given, "certificate": certificate})
         if plan is not None and store is not None:
-            shared = {name: value for name, value in shared.items() if value is not None}
-            sweep = several.stored_sweep(problem_file, plan, options, verbose, store, shared)
+            shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
+            sweep = several.swept(problem_file, plan, options, verbose, store=store, **shared)
             document = several.stored_document(problem_file, sweep)
             if "save_json" in targets:
                 write_text(targets["save_json"], json_text(document) + "\n")
@@ -277,11 +260,6 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
 
     A result that was not solved fails. If its accuracy is good enough for you, give that accuracy as --tolerance. A
     problem with Python functions for loads or gaps cannot be stored, so its result cannot be checked.
-
-    \b
-    Exit status: 0 everything holds
-                 1 a check failed: the last line names it
-                 2 the file cannot be read, or is not a result
 
     \b
     Examples:
@@ -350,11 +328,6 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
     are not guaranteed.
 
     \b
-    Exit status: 0 solved, and both bounds found
-                 1 not solved, or a bound is missing: the message gives the reason
-                 2 something is wrong with the input
-
-    \b
     Examples:
         qvi-contact bracket examples/punch.toml --plot apart.png
         qvi-contact bracket examples/compressed_plate.toml --degree 3 --json
@@ -404,11 +377,6 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     and up to a hundred. If several certified solutions are found, a displacement model on the same mesh is solved too.
     The table lists the solutions by how far their strains are from those of that model, the nearest first. Files that
     are written hold the first one. If no other solution is found, there may still be one.
-
-    \b
-    Exit status: 0 solved, whatever the number of solutions
-                 1 not solved: the message gives the reason
-                 2 something is wrong with the input
 
     \b
     Examples:
@@ -463,11 +431,6 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
     Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
     done in time. The energy bounds on the page of --report take one more solve.
-
-    \b
-    Exit status: 0 the target was reached
-                 1 it was not: the message gives the reason, and the answer is the best one found
-                 2 something is wrong with the input
 
     \b
     Examples:

@@ -34,7 +34,7 @@ from qvi_contact.basics.schema import (
     within,
 )
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.curves import AnyArc, Arc, Curve, checked_bends, ellipse, fitted
+from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
 from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment, triangles_in_box
@@ -353,7 +353,7 @@ class ArcTable:
         if self.angle is not None and self.axes is None:
             raise InputError("angle", self.angle, "this belongs to an ellipse: give axes, or leave it out")
 
-    def on(self, mesh: TriangleMesh) -> AnyArc:
+    def on(self, mesh: TriangleMesh) -> Curve:
         """These edges of the mesh on their circle, ellipse or other curve."""
         if self.bends is not None:
             edges = np.array(self.edges, dtype=np.int64).reshape(-1, 2)
@@ -367,7 +367,7 @@ class ArcTable:
         if self.axes is not None:
             circled = ellipse(self.centre, self.axes, self.angle or 0.0)
             return fitted("axes", circled, 0.0, 2.0 * np.pi, pairs, mesh.vertices)
-        return Arc(self.centre, self.radius or 0.0, pairs).checked("", mesh.vertices, mesh.topology)
+        return circle(self.centre, self.radius or 0.0, pairs, mesh.vertices)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, 
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import barycentric_of, stretches
 from qvi_contact.mesh.bisection import bisected, divided_at_arcs, fanned
-from qvi_contact.mesh.curves import AnyArc, Arc, Curve, CurveFunction, MeshParts, bends_of, fitted, refuse_bad_arcs
+from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
 from qvi_contact.mesh.edges import Edges, edges_of, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
@@ -63,7 +63,7 @@ class TriangleMesh(Stated):
         Named edges by their vertices: parts of the boundary, or joints if they lie inside the body.
     regions : mapping of str to (k,) int array, optional
         Named sets of triangles.
-    arcs : sequence of Arc or Curve, optional
+    arcs : sequence of Curve, optional
         Edges that are arcs rather than their chords; see `with_arc` and `with_curve`.
 
     Raises
@@ -79,7 +79,7 @@ class TriangleMesh(Stated):
     cells: IntArray
     edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    arcs: Sequence[AnyArc] = ()
+    arcs: Sequence[Curve] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", checked_vertices(self.vertices))
@@ -92,10 +92,10 @@ class TriangleMesh(Stated):
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in named.items()}
         object.__setattr__(self, "regions", MappingProxyType(regions))
         if not isinstance(self.arcs, Sequence):
-            raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Arcs and Curves")
+            raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
         for number, arc in enumerate(self.arcs):
-            if not isinstance(arc, Arc | Curve):
-                raise InputError(f"TriangleMesh.arcs[{number}]", arc, "give an Arc or a Curve")
+            if not isinstance(arc, Curve):
+                raise InputError(f"TriangleMesh.arcs[{number}]", arc, "give a Curve")
         arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.vertices, self.topology) for k, a in enumerate(self.arcs)]
         object.__setattr__(self, "arcs", tuple(arcs))
         if arcs:
@@ -289,7 +289,7 @@ class TriangleMesh(Stated):
     @cached_property
     def bends(self) -> FloatArray:
         """How the edges of `topology` bend, see `Edges.bend`; from the vertex of lower number, (e, k)."""
-        return bends_of(self.arcs, self.vertices, self.topology)
+        return bends_of(self.arcs, self.topology)
 
     @cached_property
     def sides(self) -> FloatArray:
@@ -477,8 +477,7 @@ class TriangleMesh(Stated):
             for its triangle.
 
         """
-        arc = Arc(centre, radius, self.pairs(name)).checked("", self.vertices, self.topology)
-        return replace(self, arcs=(*self.arcs, arc))
+        return replace(self, arcs=(*self.arcs, circle(centre, radius, self.pairs(name), self.vertices)))
 
     def with_curve(self, name: str, curve: CurveFunction, start: float = 0.0, stop: float = 1.0) -> TriangleMesh:
         """The same mesh with the edges called `name` on a smooth curve, on which their vertices lie; see `with_arc`.

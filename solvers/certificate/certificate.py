@@ -130,17 +130,17 @@ class Certificate:
     scales: Mapping[str, float] = field(default_factory=dict)
     signed: Mapping[str, float] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def limits(self) -> dict[str, float]:
         """Measure → the value at which it fails, see `measures`."""
         return {measure.name: measure.limit(self.tolerance) for measure in MEASURES}
 
-    @property
+    @cached_property
     def passed(self) -> bool:
         """Whether every measure is within its limit."""
         return all(self.measures[name] <= limit for name, limit in self.limits.items())
 
-    @property
+    @cached_property
     def accuracy(self) -> float:
         """The smallest tolerance at which it would pass."""
         return max(self._needed.values())
@@ -247,29 +247,43 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     _ = qvi.settled  # by the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
+    S, E, E_b = scales["stress"], scales["energy"], scales["body_energy"]
     K, N, T, A = qvi.arrays
     residual = gradient + N.T @ m_N + T.T @ m_T + A.T @ nu
-    sizes = _row_sizes(qvi, z)
     error, outside = qvi.linear_system.solve(residual)
-    left = residual - K @ error - A.T @ outside
-    square = float(residual @ error)
-    defect = 0.5 * _admissible_square(qvi, square, error, m_N)
+    square, size = float(residual @ error), float(np.sqrt(2.0 * E_b))
+    # A z = b: a row is large by b, by a share of what cancels in A z, and by the largest row.
+    equality = conjugate = 0.0
+    if qvi.p:
+        sizes = np.abs(qvi.b) + _CANCELS * absolute_product(qvi.A, z)
+        sizes += _BESIDE * sizes.max(initial=0.0)
+        rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
+        missed = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
+        equality = largest(missed / np.where(sizes > 0.0, sizes, 1.0))
+        conjugate = largest(outside * sizes) / E
+    # The error of z for its multipliers: in the energy norm, and in the contact tractions.
+    energy = float(np.sqrt(abs(square))) / size
+    if qvi.root is not None and energy > _ROUNDING_FREE:
+        scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
+        energy = max(energy - scales["rounding"], 0.0)
+    tractions = max(largest(N @ error), largest(T @ error)) / S
+    # What the linear solve has left, in a lower bound of its energy norm up to √(entries of a row).
+    left, diagonal = residual - K @ error - A.T @ outside, qvi.stiffness.diagonal
+    unsolved = float(np.sqrt(np.sum(left**2 / np.where(diagonal > 0.0, diagonal, 1.0)))) / size
+    # |ρ|² once m_N is made admissible: the residual changes by Nᵀ(max(m_N, 0) − m_N).
+    change = np.maximum(m_N, 0.0) - m_N
+    if change.any():
+        square += 2.0 * float(change @ (N @ error)) + float(change @ qvi.linear_system.relief(qvi.N)(change))
     law = law_residuals(qvi, z, m_N, m_T, scales)
-    E, E_b = scales["energy"], scales["body_energy"]
-    gap = (abs(law.work) + defect) / E_b
+    gap = law.work + 0.5 * abs(square)
     measures = {
-        "equality": _equality(qvi, z, sizes),
-        "stationarity": max(
-            _stationarity(qvi, z, square, error, outside * sizes, scales), _unsolved(qvi, left) / np.sqrt(2.0 * E_b)
-        ),
-        "energy_gap": gap,
+        "equality": equality,
+        "stationarity": max(energy, tractions, conjugate, unsolved),
+        "energy_gap": (abs(law.work) + 0.5 * abs(square)) / E_b,
         **law.measures,
     }
-    return (
-        measures,
-        scales,
-        {"energy_gap": float(np.copysign(gap, law.work + defect)), "bipotential": law.bipotential / E},
-    )
+    signed = {"energy_gap": float(np.copysign(measures["energy_gap"], gap)), "bipotential": law.bipotential / E}
+    return measures, scales, signed
 
 
 def _contact_scales(qvi: FrictionQVI) -> tuple[float, float]:
@@ -303,51 +317,6 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     body = _nonzero(body)
     energy = min(stress * displacement * length, body)
     return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": body}
-
-
-def _stationarity(
-    qvi: FrictionQVI, z: Vector, square: float, error: Vector, outside: Vector, scales: dict[str, float]
-) -> float:
-    """Error of z for its multipliers: in the energy norm, and in the contact tractions; and `outside`, δν B."""
-    size = float(np.sqrt(2.0 * scales["body_energy"]))
-    energy = float(np.sqrt(abs(square))) / size
-    if qvi.root is not None and energy > _ROUNDING_FREE:
-        scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
-        energy = max(energy - scales["rounding"], 0.0)
-    tractions = max(largest(qvi.arrays.N @ error), largest(qvi.arrays.T @ error)) / scales["stress"]
-    return max(energy, tractions, largest(outside) / scales["energy"])
-
-
-def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vector) -> float:
-    """|ρ|² once m_N is made admissible, from |ρ|² and K⁻¹ρ before: the residual changes by Nᵀ(max(m_N, 0) − m_N)."""
-    change = np.maximum(m_N, 0.0) - m_N
-    if not change.any():
-        return abs(square)
-    relieved = qvi.linear_system.relief(qvi.N)(change)
-    return abs(square + 2.0 * float(change @ (qvi.arrays.N @ error)) + float(change @ relieved))
-
-
-def _unsolved(qvi: FrictionQVI, left: Vector) -> float:
-    """√(Σ r_i² / K_ii) of what a linear solve has left, a lower bound of its energy norm up to √(entries of a row)."""
-    diagonal = qvi.K.diagonal()
-    return float(np.sqrt(np.sum(left**2 / np.where(diagonal > 0.0, diagonal, 1.0))))
-
-
-def _equality(qvi: FrictionQVI, z: Vector, sizes: Vector) -> float:
-    """Error of A z = b beside the sizes B of its rows; 0 without rows."""
-    if not qvi.p:
-        return 0.0
-    rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
-    error = np.maximum(np.abs(qvi.arrays.A @ z - qvi.b) - rounding, 0.0)
-    return largest(error / np.where(sizes > 0.0, sizes, 1.0))
-
-
-def _row_sizes(qvi: FrictionQVI, z: Vector) -> Vector:
-    """B (p,), what counts as large in a row of A z = b: b, a share of what cancels in A z, and of the largest row."""
-    if not qvi.p:
-        return np.zeros(0)
-    sizes = np.abs(qvi.b) + _CANCELS * absolute_product(qvi.A, z)
-    return np.asarray(sizes + _BESIDE * sizes.max(initial=0.0))
 
 
 def _nonzero(scale: float) -> float:

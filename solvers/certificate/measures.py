@@ -153,22 +153,29 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
     """All measures of the contact law of the QVI at z (n,) with row multipliers m_N, m_T (m,)."""
     S, D, E = scales["stress"], scales["displacement"], scales["energy"]
     sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
-    bound = qvi.threshold(np.abs(sigma_N))
+    bound, one_sided = qvi.threshold(np.abs(sigma_N)), ~qvi.bilateral
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
     far = largest_gap(qvi, scales) * qvi.W
     near_N, near_T = np.minimum(m_N, far), slack_T * far / np.maximum(np.abs(m_T), far)
     bipotential = float(near_T.sum() - near_N @ sigma_N)
-    natural, augmented = _projections(qvi, sigma_N, sigma_T, lambda_N, lambda_T, S / D)
-    pulled = np.where(qvi.bilateral, 0.0, np.maximum(sigma_N, 0.0))
+    # Projections on the law after a step along the displacements.
+    shifted_N, shifted_T = sigma_N + S / D * lambda_N, sigma_T + S / D * lambda_T
+    projected = np.where(one_sided, np.minimum(shifted_N, 0.0), shifted_N)
+    augmented = qvi.threshold(np.abs(np.where(one_sided, projected, sigma_N)))
+    natural, other = (np.abs(sigma_T - np.clip(shifted_T, -limit, limit)) for limit in (bound, augmented))
+    normal = np.abs(sigma_N - projected)
+    # Multipliers of the wrong sign.
+    wrong_N = np.where(one_sided, np.maximum(-lambda_N, 0.0), np.abs(lambda_N))
+    wrong_T = np.maximum(-lambda_T * sigma_T, 0.0)
     measures = {
-        "normal": largest(pulled) / S,
+        "normal": largest(np.where(one_sided, np.maximum(sigma_N, 0.0), 0.0)) / S,
         "friction": largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
-        "sign": _signs(qvi, sigma_T, lambda_N, lambda_T, S, D),
+        "sign": max(largest(wrong_N) / D, largest(wrong_T) / (S * max(D, largest(lambda_T)))),
         "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(near_T).sum()) / E,
-        "natural_map": natural / S,
-        "alart_curnier": augmented / S,
+        "natural_map": max(largest(normal), largest(natural)) / S,
+        "alart_curnier": largest(np.maximum(normal, other) / (1.0 + qvi.mu)) / S,
         "bipotential": abs(bipotential) / E,
     }
     return LawResiduals(measures, float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N), bipotential)
@@ -178,23 +185,3 @@ def largest_gap(qvi: FrictionQVI, scales: dict[str, float]) -> float:
     """Up to where gaps and slips λ count: 10 E / (S Σ W), at which a wrong stress of ε S weighs 10 ε, however large."""
     length = float(qvi.W.sum())
     return _NEAR * scales["energy"] / (scales["stress"] * length) if length > 0.0 else 0.0
-
-
-def _signs(qvi: FrictionQVI, sigma_T: Vector, lambda_N: Vector, lambda_T: Vector, S: float, D: float) -> float:
-    """Multipliers of the wrong sign, relative."""
-    wrong_N = np.where(qvi.bilateral, np.abs(lambda_N), np.maximum(-lambda_N, 0.0))
-    wrong_T = np.maximum(-lambda_T * sigma_T, 0.0)
-    return max(largest(wrong_N) / D, largest(wrong_T) / (S * max(D, largest(lambda_T))))
-
-
-def _projections(
-    qvi: FrictionQVI, sigma_N: Vector, sigma_T: Vector, lambda_N: Vector, lambda_T: Vector, k: float
-) -> tuple[float, float]:
-    """Largest residual of the natural map, and of Alart and Curnier's, the latter over 1 + mu."""
-    shifted_N, shifted_T = sigma_N + k * lambda_N, sigma_T + k * lambda_T
-    projected = np.where(qvi.bilateral, shifted_N, np.minimum(shifted_N, 0.0))
-    normal = np.abs(sigma_N - projected)
-    bound = qvi.threshold(np.abs(sigma_N))
-    augmented = qvi.threshold(np.abs(np.where(qvi.bilateral, sigma_N, projected)))
-    natural, other = (np.abs(sigma_T - np.clip(shifted_T, -limit, limit)) for limit in (bound, augmented))
-    return max(largest(normal), largest(natural)), largest(np.maximum(normal, other) / (1.0 + qvi.mu))

@@ -57,14 +57,13 @@ class Saddle:
         D, e = problem.blocks(lam / s, slope)
         sizes = sizes * D  # W D |T|²
         stiff = (sizes > 1.0).nonzero()[0]
-        soft = W.copy()
-        soft[stiff] = 0.0
+        soft = np.where(sizes > 1.0, 0.0, W)
         rows = T + (e / D)[:, None] * N  # Σ ± λ/s C / D
-        matrix = np.zeros((k + len(stiff),) * 2)
+        matrix = np.zeros((k + stiff.size,) * 2)
         matrix[:k, :k] = problem.S + (T.T * (soft * D)) @ rows
         matrix[:k, k:] = T[stiff].T * W[stiff]
         matrix[k:, :k] = rows[stiff]
-        diagonal = np.arange(k, len(matrix))
+        diagonal = np.arange(k, k + stiff.size)
         matrix[diagonal, diagonal] = -1.0 / D[stiff]
         tiny = np.finfo(np.float64).tiny
         size = np.abs(matrix)
@@ -80,7 +79,7 @@ class Saddle:
 
     def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """(dy, ds, dλ) for residuals of y and of the slacks, and the wanted change of s λ."""
-        problem, k = self.problem, len(force)
+        problem, k = self.problem, force.size
         moved = problem.summed((comp + self.lam * slack) / self.s)
         right = np.concatenate([-force - problem.forces @ (self.soft * moved), -(moved / self.D)[self.stiff]])
         x = self.right * dgetrs(self.factor, self.pivots, self.left * right)[0]
@@ -94,19 +93,19 @@ class Saddle:
         problem, stiff, D = self.problem, self.stiff, self.D[self.stiff]
         s = -slack - problem.change(y, self.slope)
         net = forces - problem.summed(comp / self.s)[stiff]
-        count = int(np.searchsorted(stiff, problem.count))
+        count = int(stiff.searchsorted(problem.count))
         s[stiff[:count]] = -net[:count] / D[:count]  # of the one bound of a normal traction
-        if count == len(stiff):
+        if count == stiff.size:
             return s
         free, coulomb = -slack, problem.coulomb  # g
         pressed = problem.pressed[coulomb]
         free[coulomb] += problem.friction[coulomb] * (s + slack)[pressed]
-        if len(problem.split):
+        if problem.split.size:
             free += problem.friction_of(self.slope * problem.split_change(y))
         bounds, n = problem.slots[stiff[count:]], problem.slots.shape[1]
         there = bounds >= 0
         g, ratio = free[bounds], np.where(there, (self.lam / self.s)[bounds], 0.0)
         pairs = g[:, :, None] - _SAME_SIDE[:n, :n] * g[:, None, :]  # exactly zero for a bound with itself
-        resisted = (pairs * ratio[:, None, :]).sum(axis=2) - net[count:, None] * _SIDES[:n]
+        resisted = np.add.reduce(pairs * ratio[:, None, :], axis=2) - net[count:, None] * _SIDES[:n]
         s[bounds[there]] = (resisted / D[count:, None])[there]
         return s

@@ -35,7 +35,7 @@ from solvers.inequality.problem import FrictionQVI
 from solvers.inner.linear_program import is_failure, one_line
 from solvers.inner.problem import InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
-from solvers.solution import Iteration, Outcome, QVISolution, finish, no_outcome
+from solvers.solution import Iteration, Outcome
 
 _GROWTH = 2.0  # residual growth at which the memory is dropped
 _CONDITION = 1e-10  # relative singular values dropped in the least-squares problem
@@ -171,7 +171,7 @@ class _State:
     advice: str = ""  # instead of that of the reason
 
 
-def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions) -> QVISolution:
+def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions) -> Outcome:
     """Solve the QVI by the iteration of this module; `inner` names the inner solver."""
     began = time.perf_counter()
     inner_tolerance = options.inner_tolerance or float(np.clip(_INNER_FACTOR * tolerance, *_INNER_LIMITS))
@@ -183,22 +183,20 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
     except BaseException as error:
         if not is_failure(error):
             raise
-        nothing = no_outcome(qvi, Status.BACKEND_FAILED, one_line(f"{inner}: {type(error).__name__}: {error}"))
-        return finish(qvi, nothing, "fixed-point", inner, tolerance)
+        return Outcome.nothing(qvi, Status.BACKEND_FAILED, one_line(f"{inner}: {type(error).__name__}: {error}"))
     state = _init(qvi, options)
     set_up = time.perf_counter()
-    with np.errstate(over="ignore", invalid="ignore"):  # a diverging back end is judged by its residual
-        while state.reason is None:
-            if deadline.over:
-                state.reason = Status.TIME_LIMIT
-            else:
-                _step(qvi, form, solver, state, options, tolerance)
-    outcome = _outcome(qvi, state)
-    outcome.form = form.name
-    outcome.turned = "The fixed point cycled before it was damped" if state.breaks else ""
-    outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
-    outcome.versions = versions(solver.packages)
-    return finish(qvi, outcome, "fixed-point", inner, tolerance)
+    while state.reason is None:
+        if deadline.over:
+            state.reason = Status.TIME_LIMIT
+        else:
+            _step(qvi, form, solver, state, options, tolerance)
+    result = state.best or no_result(qvi, Status.BACKEND_FAILED, "")
+    turned = "The fixed point cycled before it was damped" if state.breaks else ""
+    return Outcome(
+        state.reason, result.z, result.m_N, result.m_T, result.nu, state.history, len(state.history), state.message,
+        state.advice, set_up - began, versions(solver.packages), state.feasibility, form.name, turned=turned,
+    )  # fmt: skip
 
 
 def initial_pressure(qvi: FrictionQVI, initial: object) -> Vector:
@@ -398,13 +396,3 @@ def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _S
     if state.accelerator is not None:
         state.accelerator.reset()
     state.damping = min(state.damping, 0.5)
-
-
-def _outcome(qvi: FrictionQVI, state: _State) -> Outcome:
-    result = state.best or no_result(qvi, Status.BACKEND_FAILED, "")
-    threshold = qvi.threshold(qvi.pressure(result.z))
-    reason = state.reason or Status.STALLED
-    return Outcome(
-        reason, result.z, result.m_N, result.m_T, result.nu, threshold, state.history,
-        len(state.history), state.message, feasibility=state.feasibility, advice=state.advice,
-    )  # fmt: skip

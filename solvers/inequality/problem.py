@@ -6,6 +6,7 @@ In `docs/theory.md`: (D2).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple, cast
 
@@ -205,17 +206,17 @@ class FrictionQVI(Stated):
         """The same problem with |σ_T| ≤ bound (m,), whatever the pressure."""
         return self.with_law(mu=np.zeros(self.m), cohesion=bound, cap=None)
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of unknowns."""
         return int(self.K.shape[0])
 
-    @property
+    @cached_property
     def m(self) -> int:
         """Number of contact points."""
         return int(self.N.shape[0])
 
-    @property
+    @cached_property
     def p(self) -> int:
         """Number of equality rows."""
         return int(self.A.shape[0])

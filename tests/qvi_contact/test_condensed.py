@@ -195,7 +195,7 @@ def test_traces_reproduce_the_tractions(sides, joints):
 
 
 def begun(body):
-    """Complementarity and interior point of a body, as `solve_condensed` begins, with a share that leads into folds."""
+    """Complementarity and interior point of a body, as the condensed method begins, with a share that leads into folds."""
     qvi = discretize(body).rescaled().qvi
     space = DenseCoordinates(qvi)
     base = space.base(np.zeros(qvi.n))
