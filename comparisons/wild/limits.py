@@ -31,8 +31,8 @@ from qvi_contact import (
     limit_proof,
 )
 from qvi_contact.limit import check
-from qvi_contact.problem.conditions import Condition
-from qvi_contact.problem.material import Strength
+from qvi_contact.problem.conditions import Condition, Law
+from qvi_contact.problem.material import Plane, Strength
 
 ROUNDING: Final = 1e-7
 """Relative difference by which sides that meet may be in the wrong order."""
@@ -57,7 +57,8 @@ def stated(number: int) -> tuple[ContactProblem, str, int]:
         mesh = mesh.with_joint("joint", lambda _, y: np.isclose(y, joint))
     middle = float(np.median(mesh.vertices[:, 0]))
     mesh = mesh.with_region("part", lambda x, _: x > middle)
-    plane, own, other = dice.pick(("strain", "stress")), _strength(dice), _strength(dice)
+    plane: Plane = dice.pick(("strain", "stress"))
+    own, other = _strength(dice), _strength(dice)
     contacts = [_contact(dice, "bottom")]
     contacts += [_contact(dice, name) for name in mesh.joint_names]
     loads: list[Condition] = [
@@ -65,7 +66,7 @@ def stated(number: int) -> tuple[ContactProblem, str, int]:
         Traction("left", x=dice.between(0.02, 0.2), y=0.0, name="push"),
         *(Traction(side, x=0.0, y=0.0) for side in ("right", "step") if side in mesh.edge_names),
     ]
-    weight = Polynomial({(0, 1): dice.between(0.2, 1.0)}) if dice.chance(0.5) else 0.0
+    weight = Polynomial([[0.0, dice.between(0.2, 1.0)]]) if dice.chance(0.5) else 0.0
     region = Region(Material(2.0, 0.3, plane, other), name="part")
     problem = ContactProblem(mesh, Material(1.0, 0.2, plane, own), [*contacts, *loads], weight, [region])
     return problem, dice.pick(("push", "top")), dice.pick((3, 4, 4, 5))
@@ -78,7 +79,7 @@ def _strength(dice: Dice) -> Strength | None:
 
 
 def _contact(dice: Dice, edges: str) -> Contact:
-    law = dice.pick(("unilateral", "unilateral", "unilateral", "bilateral"))
+    law: Law = dice.pick(("unilateral", "unilateral", "unilateral", "bilateral"))
     friction = dice.pick((0.0, 0.3, 0.5, 0.7)) if law == "unilateral" else 0.0
     cap = dice.between(0.2, 1.0) if dice.chance(0.3) else None
     return Contact(edges, friction, cohesion=dice.pick((0.0, 0.2)), shear_limit=cap, law=law)

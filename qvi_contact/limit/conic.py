@@ -152,9 +152,7 @@ class ConicProgram:
         """
         x = self.projected(x)
         margins = self.margins(x)
-        if (
-            not least and margins.min(initial=0.0) < -_ROUNDING
-        ):  # once more, from rows that are tighter by what is missed
+        if margins.min(initial=0.0) < -_ROUNDING:  # once more, from rows that are tighter by what is missed
             found = self.tightened(room=_TIGHTER * float(-margins.min()) * self.size(x)).solve()
             nearby = x if isinstance(found, str) else self.projected(found)
             if self.margins(nearby).min(initial=0.0) > margins.min():

@@ -28,7 +28,7 @@ from qvi_contact.problem.conditions import Contact
 if TYPE_CHECKING:
     from qvi_contact.limit.flow import Flow, FlowProgram, Velocities
 
-KEPT_BACK: Final = 1e-7
+KEPT_BACK: Final = 1e-9
 """Share of the way to a flow inside, which may dissipate much more, that a proof keeps back for rounding."""
 
 _ACTIVE: Final = 1e-9  # speed of opening, over the largest one, within which a contact of rigid blocks is at its limit

@@ -15,7 +15,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram, gap_in_cells
+from qvi_contact.limit.flow import BodyMotion, FlowProgram, gap_in_cells
 from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
 from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
 from qvi_contact.limit.proof import Statement, carried, proof_of
@@ -239,20 +239,23 @@ def limit_proof(
         cones = YieldCones.of(problem, low.space.degree - 2)
         program = FlowProgram(problem, names, cones, low.scales)
 
-        def above(stated: Statement) -> dict[str, Any]:
-            factor, mechanism = upper_bound(problem, names) if names else (math.inf, find_mechanism(problem))
-            proves: Flow | Mechanism | None = mechanism
-            if names and problem.yields and factor > -math.inf:
-                flow = program.solved(KEPT_BACK)
-                proves = flow if flow.motion is not None and flow.bound < factor else mechanism
-            if proves is None:
-                raise SolveError("proof: the loads can grow without limit" if names else "proof: no rigid blocks move")
-            return exceeded(stated, program, proves)
+        def below(stated: Statement) -> dict[str, Any]:
+            return carried(stated, StressProgram(low, posed.high, cones))
 
-        sides = {"upper": above}
-        if names:
-            sides = {"lower": lambda stated: carried(stated, StressProgram(low, posed.high, cones)), **sides}
-        return proof_of(problem, names, cones.degree, sides)
+        def by_blocks(stated: Statement) -> dict[str, Any]:
+            mechanism = upper_bound(problem, names)[1] if names else find_mechanism(problem)
+            if mechanism is None:
+                raise SolveError("proof: no motion of rigid blocks bounds the loads")
+            return exceeded(stated, program, mechanism)
+
+        def by_flow(stated: Statement) -> dict[str, Any]:
+            flow = program.solved(KEPT_BACK)
+            if flow.motion is None:
+                raise SolveError("proof: the loads have no finite bound from above")
+            return exceeded(stated, program, flow)
+
+        upper = [by_flow, by_blocks] if names and problem.yields else [by_blocks]
+        return proof_of(problem, names, cones.degree, {"lower": [below] if names else [], "upper": upper})
 
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:

@@ -41,11 +41,12 @@ def proof_of(
     problem: ContactProblem,
     names: Sequence[str],
     degree: int,
-    sides: Mapping[str, Callable[[Statement], dict[str, Any]]],
+    sides: Mapping[str, Sequence[Callable[[Statement], dict[str, Any]]]],
 ) -> dict[str, Any]:
     """A proof as `check_proof.check` reads it, of the sides that can be proved; "missing" says why others are not.
 
-    Tractions are stated by polynomials of the degree.
+    Of several ways to prove a side that with the lowest bound is taken. Tractions are stated by polynomials of the
+    degree.
 
     Raises
     ------
@@ -54,20 +55,27 @@ def proof_of(
 
     """
     stated = Statement(problem, names, degree)
-    proof, errors = stated.stated(), dict[str, InputError | SolveError]()
-    for side, prove in sides.items():
+    about, found = stated.stated(), dict[str, tuple[Any, dict[str, Any]]]()
+    errors: dict[str, InputError | SolveError] = {}
+    for side, prove in ((side, prove) for side, ways in sides.items() for prove in ways):
         try:
             part = prove(stated)
-            check(proof | part)
-            proof |= part
+            lower, upper, _ = check(about | part)
         except (InputError, SolveError) as error:
-            errors[side] = error
+            errors.setdefault(side, error)
         except ValueError as error:
             remedy = "take a mesh that is less graded, or change the loads that are not multiplied by a millionth"
-            errors[side] = SolveError(f"proof: in exact arithmetic {error}: {remedy}")
-    if len(errors) == len(sides):
+            errors.setdefault(side, SolveError(f"proof: in exact arithmetic {error}: {remedy}"))
+        else:
+            bound = lower if side == "lower" else upper
+            if side not in found or bound < found[side][0]:
+                found[side] = bound, part
+    if not found:
         raise next(iter(errors.values()))
-    return proof | {"missing": {side: str(error) for side, error in errors.items()}}
+    proof = about | {"missing": {side: str(error) for side, error in errors.items() if side not in found}}
+    for _, part in found.values():
+        proof |= part
+    return proof
 
 
 def save_proof(path: str | Path, proof: dict[str, Any]) -> None:
