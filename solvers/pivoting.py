@@ -312,7 +312,7 @@ class Vertex:
 def solve_lcp(M: Matrix, q: Vector, d: Vector) -> Vertex | None:
     """A solution of the problem of this module, (n, n), (n,) and (n,) > 0; nothing if the path ends in a ray.
 
-    Nor is there one if the time is over before the path ends, see `watch`.
+    Nor is there one if the time is over before the path ends, see `deadline`.
     """
     n = len(q)
     if q.min(initial=0.0) >= 0.0:

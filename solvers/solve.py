@@ -19,12 +19,11 @@ from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
 from solvers.certificate.feasibility import refuted
 from solvers.condensed.method import EXACT, LAST, CondensedOptions, CondensedRun
-from solvers.condensed.systems import FITTING_SHARES
+from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError, SolverUnavailableError
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import Request
-from solvers.fixed_point.forms import CONDENSED_LIMIT
-from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solve_fixed_point
+from solvers.fixed_point import CONDENSED_LIMIT, FixedPointOptions, initial_pressure, solve_fixed_point
 from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
@@ -154,7 +153,14 @@ def _checked_options(kind: type[_Options], method: str, given: Mapping[str, Any]
 
 
 def solve_qvi(
-    qvi: FrictionQVI, method: str | None = None, inner: str | None = None, tolerance: float = 1e-8, **settings: Any
+    qvi: FrictionQVI,
+    method: str | None = None,
+    inner: str | None = None,
+    tolerance: float = 1e-8,
+    time_limit: float | None = None,
+    *,
+    verbose: bool = False,
+    **settings: Any,
 ) -> QVISolution:
     """Solve the quasi-variational inequality (D2).
 
@@ -162,7 +168,7 @@ def solve_qvi(
     ----------
     qvi : FrictionQVI
         The problem, dimensionless.
-    method, inner, tolerance, **settings
+    method, inner, tolerance, time_limit, verbose, **settings
         See `Settings`, its `options` by their names.
 
     Returns
@@ -178,7 +184,8 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    checked = Settings.of(method, inner, tolerance=tolerance, **settings)
+    given = {"tolerance": tolerance, "time_limit": time_limit, "verbose": verbose, **settings}
+    checked = Settings.of(method, inner, **given)
     with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log:
         log.begin(facts_of(qvi, checked))
         solution = solved(qvi, checked)
@@ -242,9 +249,11 @@ def energy_root(search: Search) -> Tries:
 def other_shares(search: Search) -> Tries:
     """Other central paths: the usual start where an earlier answer led nowhere, then other shares of friction in s λ.
 
-    Those with which slacks fit most easily come first where slacks did not. Smaller shares follow a point that is
-    solved but for its forces: the two multipliers of shear at an open point are proportional to that share, and lose as
-    many digits in their difference. None follows where it is soon proved that the load cannot be carried.
+    Those with which slacks fit most easily come first where slacks did not, and those near the bonded solution where a
+    start stalled: on strongly graded meshes multipliers that are large at first bend the path. Smaller shares follow a
+    point that is solved but for its forces: the two multipliers of shear at an open point are proportional to that
+    share, and lose as many digits in their difference. None follows where it is soon proved that the load cannot be
+    carried.
     """
     first, best = search.run, search.best
     if first is None or best is None or first.reason in LAST:
@@ -257,13 +266,15 @@ def other_shares(search: Search) -> Tries:
         return
     shares = first.space.shares
     others = [share for share in shares[1:] if share.late < shares[0].late or not inexact]
-    if first.reason is Status.INNER_INFEASIBLE and FITTING_SHARES not in shares:
-        others.insert(0, FITTING_SHARES)
+    for reason, share in ((Status.INNER_INFEASIBLE, FITTING_SHARES), (Status.STALLED, NEAR_BONDED_SHARES)):
+        if first.reason is reason and share not in shares:
+            others.insert(0, share)
     for share in [shares[0], *others] if first.warm else others:
         before = search.run or first
         run = search.run = before.again(share, turned=share != shares[0] and not inexact)
         run.iterate()
-        name = f"condensed, friction's share {share.early:g}, then {share.late:g}"
+        near = ", near the bonded state" if share.start < shares[0].start else ""
+        name = f"condensed, friction's share {share.early:g}, then {share.late:g}{near}"
         yield run.attempt(name, f"the start before ended {before.reason.words}"), run.outcome()
         if run.reason in LAST or (run.reason is Status.SOLVED and not inexact):
             return

@@ -24,7 +24,7 @@ Where a row is bilateral, λ_N = 0.
 | step ω_T shrunk to round-off, no change any more               | stalled                       |
 | λ no longer finite                                             | diverged                      |
 | `max_iterations` done, or exactly `iterations`                 | max_iterations                |
-| the time is over, see `watch`                                  | time_limit                    |
+| the time is over, see `deadline`                                 | time_limit                    |
 
 At mu = 0, and where the gap is open, Δ = ω_T never shrinks and the iteration ends in a cycle; `step_decay`
 shrinks the step.

@@ -18,7 +18,6 @@ _Command = Callable[..., Any]
 
 _TARGETS: Final = {
     "plot": ("PICTURE", "Draw the result: a file name that ends in .png, .svg or .pdf."),
-    "deformed": ("PICTURE", "Draw the deformed body by displacement elements on the same mesh."),
     "vtk": ("VTU", "Write the fields for ParaView (.vtu), and the contacts to …_contacts.vtu."),
     "npz": ("NPZ", "Write problem and result as NumPy arrays (.npz), for qvi-contact verify."),
     "save_json": ("JSON", "Write what --json prints to a file."),
@@ -143,7 +142,13 @@ def group() -> None:
 @_options(SolveOptions, "method", "inner", "factorisation", "threads", "tolerance", "time_limit")
 @_VERBOSE
 @_JSON
-@_writes("plot", "deformed", "vtk", "npz", "save_json", "report")
+@_writes("plot", "vtk", "npz", "save_json", "report")
+@click.option(
+    "--panels",
+    metavar="NAMES",
+    help="Contacts with a chart of pressure and friction in pictures, as base,wall; none without charts.  [default: at "
+    "most two]",
+)
 @click.option("--certificate", is_flag=True, help="Compute the certificate again and print it as a table.")
 @click.option(
     "--set",
@@ -163,7 +168,14 @@ def group() -> None:
     "--dask", metavar="ADDRESS", help="Share a sweep with --store on a Dask cluster: its scheduler's address."
 )
 def solve(
-    file: str, verbose: bool, as_json: bool, certificate: bool, swept: tuple[str, ...], store: str | None, **given: Any
+    file: str,
+    verbose: bool,
+    as_json: bool,
+    certificate: bool,
+    swept: tuple[str, ...],
+    store: str | None,
+    panels: str | None,
+    **given: Any,
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
 
@@ -182,8 +194,8 @@ def solve(
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
-    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk, and
-    the picture of --deformed. Steps of a history have no such displacement.
+    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk;
+    steps of a history have none.
 
     \b
     Examples:
@@ -201,13 +213,14 @@ def solve(
     """  # noqa: D301
     from qvi_contact.basics.writing import write_text
     from qvi_contact.command import series as several
-    from qvi_contact.command.outputs import SecondModel, json_text, page_of, write_all
+    from qvi_contact.command.outputs import SecondModel, asked_panels, json_text, page_of, write_all
     from qvi_contact.command.report import result_lines, verification_lines
     from qvi_contact.files.export import summary
 
     with _opened(file, given) as (problem_file, targets, options):
         problem_file, plan = several.asked(problem_file, swept)
         units = problem_file.units
+        charts = asked_panels(problem_file, panels)
         several.check_asked(plan, store, {**given, "certificate": certificate})
         if plan is not None and store is not None:
             shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
@@ -231,9 +244,9 @@ def solve(
                 step["verification"] = verification.document()
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
-        page = page_of(file, problem_file, steps, second, series=series)
+        page = page_of(file, problem_file, steps, second, series=series, panels=charts)
         history = None if series is None else series.history
-        complete = write_all(targets, problem_file, second, document, page, history)
+        complete = write_all(targets, problem_file, second, document, page, history, charts)
     if as_json:
         _show(problem_file, document)
     else:
@@ -529,7 +542,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     if "plot" in targets and found.mechanism is None and found.collapse is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {targets['plot']}", err=True)
     elif "plot" in targets:
-        drawn(targets["plot"], loads, problem, found, problem_file.units)
+        drawn(targets["plot"], loads, problem, found, problem_file)
     if as_json:
         _show(problem_file, {"loads": list(loads), **document(found, refinement)})
     else:

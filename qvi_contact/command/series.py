@@ -148,7 +148,7 @@ def check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, A
         if not streams and asked[name] is not None:
             remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
             raise InputError(f"--{name}", asked[name], remedy)
-    for name in ("plot", "deformed", "vtk", "npz", "report", "certificate"):
+    for name in ("plot", "vtk", "npz", "report", "certificate"):
         if streams and asked[name]:
             remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
             raise InputError(f"--{name}", asked[name], remedy)

@@ -22,6 +22,7 @@ from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
+from qvi_contact.mesh.joining import joined, stacked
 from qvi_contact.mesh.outline import Line, Point, polygons
 from qvi_contact.mesh.search import PointSearch
 from qvi_contact.mesh.selection import (
@@ -37,7 +38,7 @@ from qvi_contact.mesh.selection import (
 )
 from qvi_contact.mesh.topology import Topology, chains
 from solvers.basics.names import known_name
-from solvers.basics.types import Stated, load
+from solvers.basics.types import PicklesFields, load
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
@@ -50,7 +51,7 @@ _DEEPEST: Final = 100
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangleMesh(Stated):
+class TriangleMesh(PicklesFields):
     """A body divided into triangles.
 
     Parameters
@@ -217,13 +218,31 @@ class TriangleMesh(Stated):
         return cls(*from_skfem(mesh))
 
     @classmethod
-    def load(cls, path: str | Path) -> TriangleMesh:
+    def joined(cls, name: str, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+        """Bodies that touch along straight lines as one mesh, with a joint of that name between them.
+
+        Their vertices need not match there: those of either side are put into the other, and triangles are cut. Parts
+        of one name are one. A named part of the boundary loses the edges that are in the joint, unless all of it is.
+
+        Raises
+        ------
+        InputError
+            If the bodies do not touch along a straight line, the name is taken, or together they are no mesh.
+
+        """
+        if not isinstance(meshes, Sequence) or not all(isinstance(mesh, TriangleMesh) for mesh in meshes):
+            raise InputError("meshes", meshes, "give a list of TriangleMesh")
+        return cls(*joined(stacked([mesh._parts for mesh in meshes]), name))
+
+    @classmethod
+    def load(cls, path: str | Path, join: str | None = None) -> TriangleMesh:
         """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), and by meshio Abaqus or CalculiX (.inp), MED (.med), VTK.
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
-        body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`.
+        body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. Bodies in the file that
+        touch along straight lines get a joint called `join`, see `joined`.
         """
-        return cls(*read_mesh(path))
+        return cls(*(read_mesh(path) if join is None else joined(read_mesh(path), join)))
 
     @classmethod
     def outline(

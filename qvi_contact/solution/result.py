@@ -34,7 +34,7 @@ from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, sup
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.frames import columns_of, frame, pandas
 from solvers.basics.names import Named, known_name
-from solvers.basics.types import Stated, load
+from solvers.basics.types import PicklesFields, load
 from solvers.certificate.feasibility import AdmissibleRows
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def plate_motion(plate: RigidPlate, x: float, y: float, rotation: float) -> Plat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(Stated, Attached):
+class ContactResult(PicklesFields, Attached):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.

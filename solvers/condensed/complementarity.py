@@ -24,7 +24,6 @@ In `docs/theory.md`: (D5), (D6).
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
@@ -33,12 +32,9 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.certificate import body_scales
-from solvers.condensed.systems import FRICTION_SHARES, Coordinates, Expansion, NewtonSystem, PathWeights
+from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, magnitudes, mapped, scaled
-
-SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
-"""Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
 
 _EPSILON = float(np.finfo(np.float64).eps)
 _TERMS = 16.0  # roundings of the size of a sum's terms that count as none

@@ -23,8 +23,7 @@ from numpy.linalg import LinAlgError
 
 from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.saddle import Saddle
-from solvers.condensed.systems import Solve
+from solvers.condensed.systems import Saddle, Solve
 from solvers.inequality.rows import largest
 from solvers.solution import Start
 
@@ -124,7 +123,7 @@ class InteriorPoint:
     settled : whether friction has its own share, and few bounds may be passed
     finest : gap below which τ is not made smaller
     least : that τ
-    accurate : whether Newton steps are those of `saddle`
+    accurate : whether Newton steps are those of `Saddle`
 
     """
 
@@ -280,7 +279,7 @@ class Newton:
 
     @classmethod
     def at(cls, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> "Newton":
-        """Assemble and factorise; `accurate`: as in `saddle`."""
+        """Assemble and factorise; `accurate`: as in `Saddle`."""
         slope = (point.pull - point.push) / (point.pull + point.push)
         if accurate:
             return cls(point, problem, residuals, slope, None, Saddle.at(problem, point.s, point.lam, slope))

@@ -1,7 +1,7 @@
 """The condensed method: (D2) solved directly on what the contact feels, to the last digits.
 
-    1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`reduction`)
-       or, where the contact is a large share of the body, nothing: all matrices are sparse   (`whole`)
+    1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`coordinates`)
+       or, where the contact is a large share of the body, nothing: all matrices are sparse
     2  solve the mixed complementarity problem there by an interior point method              (`interior_point`)
        where it stalls, follow the central path around its turns                              (`CentralPath`)
     3  move z, compute the gradient without the rounding inside K, and go on from there: a defect correction, repeated
@@ -51,7 +51,7 @@ from solvers.solution import Attempt, Iteration, Outcome, Start
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
 _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`
 _COARSEST_GAP = 1e-11  # that will do if it does not shrink any more
-_SPOILT, _LATE = 1e-11, 1e-4  # force residual, below this gap, from which on Newton steps are those of `saddle`
+_SPOILT, _LATE = 1e-11, 1e-4  # force residual, below this gap, from which on Newton steps are those of `Saddle`
 _LARGEST_SADDLE = 2500  # unknowns of them
 _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
 _UNBALANCED = 1e-10  # error of the stress, in the energy norm and relative, that forces out of balance may make

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from solvers.basics.types import Stated, Vector
+from solvers.basics.types import PicklesFields, Vector
 from solvers.errors import InputError
 from solvers.factorisation.base import State
 from solvers.inequality.contact import CondensedContact
@@ -23,7 +23,7 @@ _CORRECTIONS = 6  # defect corrections of the bonded solution at most
 
 
 @dataclass(frozen=True, eq=False)
-class Loads(Stated):
+class Loads(PicklesFields):
     """Loads, tractions at z = 0, and right-hand sides of equations.
 
     Attributes

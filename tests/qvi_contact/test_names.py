@@ -24,7 +24,7 @@ from qvi_contact import (
     solve_history,
     solve_sweep,
 )
-from qvi_contact.plots import deformed_contact
+from qvi_contact.plots import result_figure
 from solvers.basics.names import closest, known_name
 
 
@@ -73,7 +73,7 @@ def refused(function):
         (lambda result: result.problem.mesh.edge_set("botom"), "bottom"),
         (lambda result: result.problem.mesh.joint_set("saem"), "seam"),
         (lambda result: result.problem.mesh.edges("saem"), "seam"),
-        (lambda result: deformed_contact(None, result, contacts=["fitt"]), "fit"),
+        (lambda result: result_figure(result, panels=["fitt"]), "fit"),
         (lambda result: solve_sweep(result.problem, "friction", [0.1], ["fitt"]), "fit"),
         (lambda result: solve_sweep(result.problem, "load", [0.1], ["lleft"]), "left"),
         (lambda result: limit_load_factor(result.problem, ["rihgt"]), "right"),

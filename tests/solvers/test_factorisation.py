@@ -432,7 +432,7 @@ def test_a_singular_matrix_is_a_status(method, name):
     assert solution.certificate.accuracy == np.inf
 
 
-@pytest.mark.parametrize("place", ["solvers.factorisation.superlu.splu", "solvers.inequality.linear.dpotrf"])
+@pytest.mark.parametrize("place", ["solvers.factorisation.superlu.splu", "solvers.inequality.contact.dpotrf"])
 def test_lack_of_memory_is_a_status(monkeypatch, place):
     """In SciPy's factorisation, or in dense algebra on the contact."""
 
