@@ -101,6 +101,7 @@ def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
             power[kind] -= area * sum(_dot(phi[1:], value) for value in v.values()) / len(v)
         for edge, side in _sides(names, ends, v):
             velocities.setdefault(edge, []).append(side)
+    _demand({*loads, *contacts} <= velocities.keys(), "there are loads or contacts where there is no edge")
     for edge, sides in velocities.items():
         alone, (values, normal, out) = _alone(edge, sides), sides[0]
         if edge in contacts:
@@ -122,7 +123,7 @@ def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
 
 def _powers(edge: Any, velocities: list[Any], loads: list[tuple[Any, Any, Any]]) -> Iterator[tuple[str, Fraction]]:
     """The power of the loads on an edge, along which v must be zero in the directions without a load."""
-    _demand(len(loads) < 2 or _dot(loads[0][0], loads[1][0]) == 0, f"loads on edge {edge} are slanted")
+    _demand(len(loads) < 2 or (len(loads) == 2 and _dot(loads[0][0], loads[1][0]) == 0), f"edge {edge} is overloaded")
     for v in velocities:
         rest = v
         for d, _, _ in loads:

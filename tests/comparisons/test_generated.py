@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comparisons.wild import estimates, generator, judge, practical, report
+from comparisons.wild import estimates, generator, judge, limits, practical, report
 from comparisons.wild import study as wild
 from comparisons.wild.bodies import Dice
 from qvi_contact import (
@@ -284,3 +284,24 @@ class TestEstimates:
             after = estimates.values_of(estimates.runs_of(changed))
             assert after["estimates"] - after["held"] == before["estimates"] - before["held"] + 1
             assert after["doubtful"] == before["doubtful"] + doubts
+
+
+class TestLimits:
+    """Both sides of limit loads, and their proofs."""
+
+    @pytest.mark.parametrize("number", [8, 12])
+    def test_sides_and_proofs_are_in_order(self, number):
+        found = limits.solve_case({"number": number})
+        assert found["proved_lower"] <= found["lower"] <= found["upper"] <= found["proved_upper"] * (1.0 + 1e-9)
+        assert found["proved_upper"] - found["proved_lower"] < 1e-3 * found["upper"] + found["upper"] - found["lower"]
+
+    def test_the_committed_rows(self):
+        runs = committed("limits")
+        values = limits.values_of(limits.runs_of(runs))
+        assert values["runs"] == values["solved"] == values["held"] >= 60
+        assert values["wrong"] == 0
+        assert min(values["below"] / values["finite"], values["above"] / values["bounded"]) > 0.8
+        first = next(each for each in runs if isinstance(each.result.get("proved_upper"), float))
+        worse = replace(first, result={**first.result, "lower": 2.0 * first.result["upper"] + 1.0})
+        values = limits.values_of(limits.runs_of([worse if each is first else each for each in runs]))
+        assert values["held"] == values["runs"] - 1
