@@ -126,7 +126,7 @@ class ContactFlow:
 
 
 @dataclass(frozen=True, eq=False)
-class _Nodes:
+class Nodes:
     """Coefficients of velocities on a split triangle.
 
     Attributes
@@ -150,7 +150,7 @@ class _Nodes:
         return np.asarray((self.keys[:, :3] + self.keys[:, 3:] / 3.0) / self.keys[0].sum())
 
     @classmethod
-    def of(cls, degree: int) -> _Nodes:
+    def of(cls, degree: int) -> Nodes:
         """For velocities of a degree."""
         index: dict[tuple[int, int, int, int], int] = {}
         parts = np.empty((3, len(exponents(degree))), dtype=np.int64)
@@ -174,7 +174,7 @@ class Velocities:
 
     Attributes
     ----------
-    nodes : _Nodes
+    nodes : Nodes
         Coefficients of a triangle.
     global_ : (cells, m) int array
         Which of all coefficients they are.
@@ -185,7 +185,7 @@ class Velocities:
 
     def __init__(self, problem: ContactProblem, degree: int, strong: BoolArray) -> None:
         self.problem, self.mesh, self.degree = problem, problem.mesh, degree
-        self.nodes = _Nodes.of(degree)
+        self.nodes = Nodes.of(degree)
         self.global_ = self._numbered()
         self.count = int(self.global_.max()) + 1
         corners = (self.mesh.corners - self.mesh.origin) / self.mesh.length
