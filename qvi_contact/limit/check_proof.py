@@ -53,7 +53,7 @@ def _carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
         stress = {}
         for alpha in _exponents(p - 2):
             h = [[Fraction(0)] * 2 for _ in range(2)]  # second derivatives
-            for i, j, x, y in product(range(3), range(3), range(2), range(2)):
+            for i, j, (x, y) in product(range(3), range(3), ((0, 0), (0, 1), (1, 1))):
                 value = p * (p - 1) * c[tuple(alpha[n] + (n == i) + (n == j) for n in range(3))]
                 h[x][y] += value * slopes[i][x] * slopes[j][y]
             at = [sum((Fraction(alpha[n], p - 2) * ends[n][i] for n in range(3)), Fraction(0)) for i in (0, 1)]
