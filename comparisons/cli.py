@@ -11,7 +11,7 @@ from comparisons.paper.command import paper
 from comparisons.peers.command import peers, peers_pin
 from comparisons.solvers.command import solvers
 from comparisons.verification.command import verify
-from comparisons.wild.command import estimates, wild
+from comparisons.wild.command import estimates, limits, wild
 
 _NEEDED: Final = {"markdown-it-py": "markdown_it", "pandas": "pandas"}
 """Distributions that every report needs → their modules."""
@@ -36,6 +36,6 @@ def group(context: click.Context) -> None:
 
 for command in (
     paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    peers_pin, wild, estimates, export, import_file,
+    peers_pin, wild, estimates, limits, export, import_file,
 ):  # fmt: skip
     group.add_command(command)

@@ -45,9 +45,10 @@ from qvi_contact import (
     loop_area,
     solve,
     solve_history,
+    strength_reduction_factor,
 )
 from qvi_contact.companion import CompanionResult, solve_companion
-from qvi_contact.limit import LimitLoad
+from qvi_contact.limit import LimitLoad, StrengthReduction
 from qvi_contact.limit.load_factor import limit_load
 from qvi_contact.refinement.outcome import Measure as Quantity
 from solvers import Status
@@ -107,6 +108,11 @@ class Answer:
         if load not in self._limits:
             self._limits[load] = limit_load(self.problem, [load], degree=self.options["degree"])
         return self._limits[load]
+
+    @cached_property
+    def safety(self) -> StrengthReduction:
+        """Of `strength_reduction_factor`, to 1 %."""
+        return strength_reduction_factor(self.problem, accuracy=0.01, degree=self.options["degree"])
 
 
 Measure: TypeAlias = Callable[[Answer], tuple[Value, Proof]]
@@ -231,12 +237,22 @@ def _lost_and_around(history: History) -> float:
     return float(history.friction_work[-half:].sum() / loop_area(motion[around], force[around]))
 
 
-def _both_sides(load: str, factor: float, source: str) -> tuple[Known, Known]:
-    """The limit load factor, by the stresses of the mesh and by a mechanism."""
+def _both_sides(load: str, factor: float, source: str, below: float = 1e-6, above: float = 1e-9) -> tuple[Known, Known]:
+    """The limit load factor, by the stresses of the mesh and by a mechanism or a flow, with their tolerances."""
     return (
-        Known("limit load factor, from below", _limit(load, lambda limit: limit.lower), factor, 1e-6, source),
-        Known("limit load factor, from above", _limit(load, lambda limit: limit.upper), factor, 1e-9, source),
+        Known("limit load factor, from below", _limit(load, lambda limit: limit.lower), factor, below, source),
+        Known("limit load factor, from above", _limit(load, lambda limit: limit.upper), factor, above, source),
     )
+
+
+def _safety(side: str) -> Measure:
+    """The factor of safety on strength to 1 %, from one side."""
+
+    def measured(answer: Answer) -> tuple[float, Proof]:
+        found = answer.safety
+        return getattr(found, side), Proof(0.0 < found.lower <= found.upper, "bounds from both sides")
+
+    return measured
 
 
 def _by_another_method(answer: Answer, quick: bool, contact: str, form: str = "full") -> Iterator[Row]:
@@ -300,6 +316,8 @@ class Table:
 
 _HERTZ: Final = "Hertz; half planes, a/R = "
 _DAM: Final = (10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0)  # weight, uplift and thrust [MN/m]
+_SEAM: Final = (15.24, 0.00981 * 33.0 * 40.0 / 2.0, 0.00981 * 33.0**2 / 2.0)  # the same of the dam on a seam
+_SLIDING: Final = (0.5 * (_SEAM[0] - _SEAM[1]) + 0.05 * 40.0) / _SEAM[2]
 _EXTERNAL, _METHODS, _PUBLISHED = Kind.EXTERNAL, Kind.METHODS, Kind.PUBLISHED
 
 KNOWN: Final[dict[str, Table]] = {
@@ -346,6 +364,13 @@ KNOWN: Final[dict[str, Table]] = {
         Known("peak pressure [MPa]", _ellipse("contact", 0), 358.536, 2e-4, f"{_HERTZ}0.012"),
         Known("half-width [mm]", _ellipse("contact", 1), 0.62146, 2e-4, f"{_HERTZ}0.012"),
     ]),
+    "dam_on_seam": Table("A dam on rock with a weak seam: its factor of safety, and the thrust it carries.", [
+        Known("N of seam [MN/m]", "seam.normal_force", _SEAM[0], 1e-9, "W"),
+        Known("T of seam [MN/m]", "seam.tangential_force", _SEAM[2], 1e-9, "H = γ h²/2"),
+        Known("factor of safety, from below", _safety("lower"), _SLIDING, 0.01, "(μ (W - U) + c L)/H, to 1 %"),
+        Known("factor of safety, from above", _safety("upper"), _SLIDING, 0.01, "(μ (W - U) + c L)/H, to 1 %"),
+        *_both_sides("thrust", _SLIDING, "(μ (W - U) + c L)/H", 2e-5, 2e-5),
+    ], degree=3),
     "dragged_block_holds": Table("A block at 0.99 of what friction can carry: balance, and the limit load factor.", [
         Known("N [MN/m]", "base.normal_force", 20.0, 1e-9, "p w, balance"),
         Known("T [MN/m]", "base.tangential_force", -9.9, 1e-9, "−T w, balance"),
@@ -471,6 +496,13 @@ KNOWN: Final[dict[str, Table]] = {
         )
     ], [partial(_by_another_method, contact="lower"),
          partial(_by_displacements, contact="lower", tolerance=5e-3, shear=True)]),
+    "strip_footing": Table("A strip footing on clay: Prandtl's pressure lies between both bounds.", [
+        Known(f"limit load factor, from {side}", _limit("footing", value), (2.0 + pi) / 2.0, tolerance,
+              "(2 + π) c, Prandtl", compare=compare)
+        for side, value, further in (("below", lambda limit: limit.lower, "at_most"),
+                                     ("above", lambda limit: limit.upper, "at_least"))
+        for compare, tolerance in (("relative", 0.01), (further, 0.0))
+    ], degree=5),
     "trapezoid": Table("A trapezoid on a plane that holds it: bounds around the force of a displacement code.", [
         *(Known(f"P, {side} bound [MN/m]", _bound("base.normal_force", side), 14.0483793, 0.0,
                 "NGSolve, degree 12, mesh graded to the corners", _EXTERNAL, compare)

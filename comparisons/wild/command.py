@@ -1,4 +1,4 @@
-"""The commands `wild` and `estimates`."""
+"""The commands `wild`, `estimates` and `limits`."""
 
 import click
 
@@ -41,5 +41,21 @@ def estimates(count: int) -> Plan:
         python -m comparisons estimates --count 6
     """  # noqa: D301
     from comparisons.wild import estimates as study
+
+    return Plan([study.declared(count)], study.report)
+
+
+@experiment(timeout=300.0, short_help="Whether both sides of limit loads, and their proofs, are in order.")
+@click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
+def limits(count: int) -> Plan:
+    """Bound the limit loads of generated bodies that yield, with contacts, from both sides, and prove both.
+
+    The report says whether the sides are in order, and whether the proofs hold in exact arithmetic.
+
+    \b
+    Example:
+        python -m comparisons limits --count 6
+    """  # noqa: D301
+    from comparisons.wild import limits as study
 
     return Plan([study.declared(count)], study.report)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import meshio
 import numpy as np
+from scipy.spatial import Delaunay
 
 from qvi_contact import Corner, TriangleMesh, gallery
 from qvi_contact.mesh.curves import MeshParts
@@ -38,6 +39,38 @@ def gravity_dam() -> TriangleMesh:
     return TriangleMesh.outline(
         corners, 8.0, joints={"base": [(0.0, 0.0), (base, 0.0)]}, sizes={(base / 2.0, 0.0): 1.0}
     )
+
+
+def strip_footing() -> TriangleMesh:
+    """Half of a strip of pressure 1 wide on ground 2 deep, with a fan around its end [m]; made without gmsh."""
+    rays, radii = np.linspace(0.0, math.pi, 17), np.array([0.125, 0.25, 0.5, 1.0]) / math.sqrt(2.0)
+    x, y = (np.multiply.outer(radii, part(rays)).ravel() for part in (np.cos, np.sin))
+    fan = np.column_stack([1.0 + x, np.where(y > 1e-9, -y, 0.0)])
+    far = np.stack(np.meshgrid(np.arange(9) / 2.0, -np.arange(5) / 2.0), axis=-1).reshape(-1, 2)
+    far = far[np.hypot(*(far - [1.0, 0.0]).T) > 0.9]
+    points = np.concatenate([[[1.0, 0.0]], fan, far])
+    cells = Delaunay(points).simplices
+    mesh = TriangleMesh(points, cells[np.abs(np.linalg.det(np.diff(points[cells], axis=1))) > 1e-9])
+    mesh = mesh.with_edges("far", lambda x, y: (x > 3.999) | (y < -1.999)).with_edges("axis", lambda x, _: x < 1e-9)
+    mesh = mesh.with_edges("footing", lambda x, y: (y > -1e-9) & (x < 1.0))
+    return mesh.with_edges("surface", lambda x, y: (y > -1e-9) & (x > 1.0))
+
+
+def dam_on_seam() -> TriangleMesh:
+    """A dam of 30 m on a slab of rock of 5 m, which lies on a seam: a joint from the water in front to a cut [m]."""
+    seam, length = -5.0, 40.0
+    corners = [
+        Corner((0.0, -15.0), "underground"),
+        Corner((length, -15.0), "rock right"),
+        Corner((length, seam), "cut"),
+        Corner((length, 0.0), "ground"),
+        Corner((24.0, 0.0), "downstream", size=2.0),
+        Corner((5.0, 30.0), "crest"),
+        Corner((0.0, 30.0), "freeboard"),
+        Corner((0.0, 28.0), "upstream"),
+        Corner((0.0, seam), "rock left"),
+    ]
+    return TriangleMesh.outline(corners, 6.0, joints={"seam": [(0.0, seam), (length, seam)]}, sizes={(20.0, seam): 3.0})
 
 
 def wedge() -> TriangleMesh:
@@ -175,7 +208,7 @@ def meshed_apart() -> list[TriangleMesh]:
 
 MAKERS = (
     gravity_dam, wedge, brake_pad, bolted_angle, cylinder_on_block, half_discs, trapezoid, lug, shrink_fit,
-    masonry_wall, jointed_slope, meshed_apart,
+    masonry_wall, jointed_slope, strip_footing, dam_on_seam, meshed_apart,
 )  # fmt: skip
 BODIES = {made.__name__: made for made in MAKERS}
 

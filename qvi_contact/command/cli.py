@@ -496,7 +496,8 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 @_VERBOSE
 @_JSON
 @_writes(
-    "plot", "report", "proof", plot="Draw how the body gives way beyond the limit: .png, .svg or .pdf.",
+    "plot", "vtk", "report", "proof", plot="Draw how the body gives way beyond the limit: .png, .svg or .pdf.",
+    vtk="Write how a body that yields gives way for ParaView (.vtu).",
     report="Write a report on one page (.html): both numbers, and how the body gives way.",
 )  # fmt: skip
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -519,7 +520,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
         qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_report import document, drawn, lines, proved, reported
+    from qvi_contact.command.limit_report import document, lines, proved, reported, written
     from qvi_contact.command.progress_line import solving
     from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
@@ -541,10 +542,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
             found, problem = refinement.limit, refinement.problem
         proofs = proved(targets["proof"], problem, list(loads), degree) if "proof" in targets else []
-    if "plot" in targets and found.mechanism is None and found.collapse is None:
-        click.echo(f"qvi-contact: there is no mechanism to draw in {targets['plot']}", err=True)
-    elif "plot" in targets:
-        drawn(targets["plot"], loads, problem, found, problem_file)
+    for line in written(targets, loads, problem, found, problem_file):
+        click.echo(f"qvi-contact: {line}", err=True)
     if "report" in targets:
         reported(targets["report"], file, problem_file, problem, found, lines(loads, found, refinement))
     if as_json:

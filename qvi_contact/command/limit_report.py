@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any
@@ -57,12 +57,22 @@ def proved(path: str, problem: ContactProblem, loads: Sequence[str], degree: int
     return found + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
 
 
-def drawn(path: str, loads: Sequence[str], problem: ContactProblem, limit: LimitLoad, file: ProblemFile) -> None:
-    """Draw how the body of a problem gives way, on the mesh of the analysis."""
+def written(
+    targets: Mapping[str, str], loads: Sequence[str], problem: ContactProblem, limit: LimitLoad, file: ProblemFile
+) -> Iterator[str]:
+    """Draw how the body of a problem gives way, on the mesh of the analysis, and write it; what cannot be."""
+    from qvi_contact.files.vtu import write_collapse_vtu
     from qvi_contact.plots import limit_figure, save_figure
 
-    answer = f"{'; '.join(lines(loads, limit, None))}."
-    save_figure(path, limit_figure(problem, limit, file.units, file.title, answer))
+    if "plot" in targets and limit.mechanism is None and limit.collapse is None:
+        yield f"there is no mechanism to draw in {targets['plot']}"
+    elif "plot" in targets:
+        answer = f"{'; '.join(lines(loads, limit, None))}."
+        save_figure(targets["plot"], limit_figure(problem, limit, file.units, file.title, answer))
+    if "vtk" in targets and limit.collapse is None:
+        yield f"there is no flow to write to {targets['vtk']}: no part of the body yields, or it has no largest load"
+    elif "vtk" in targets:
+        write_collapse_vtu(targets["vtk"], problem, limit, file.units)
 
 
 def reported(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from importlib.util import find_spec
+from math import isqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from xml.sax.saxutils import escape
@@ -12,7 +13,10 @@ from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, replacing
 from qvi_contact.discretization.loads import physical
+from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
+from qvi_contact.limit.flow import Nodes
+from qvi_contact.limit.stresses import part_corners
 from qvi_contact.mesh.arcs import cross
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
@@ -21,9 +25,12 @@ from solvers.basics.types import load
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
+    from qvi_contact.limit import LimitLoad
+    from qvi_contact.problem.problem import ContactProblem
 
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
 _SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
+_DIVIDED: Final = 3  # parts along each side of a part of a triangle, in files of limit loads
 _MOST_SUBDIVISIONS: Final = 100  # of a part of a cell: ten thousand triangles
 
 
@@ -162,6 +169,63 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
     points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])
     data = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     _write_grid(path, points, np.concatenate(joints), data, {"contact": np.concatenate(number)})
+
+
+def write_collapse_vtu(
+    path: str | Path, problem: "ContactProblem", limit: "LimitLoad", units: Units | None = None
+) -> None:
+    """Write how a body that yields gives way at its limit load, for ParaView; needs the extra ``vtk`` (meshio).
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, ending in .vtu.
+    problem : ContactProblem
+        The problem on the mesh of the analysis, such as `LimitRefinement.problem`.
+    limit : LimitLoad
+        What `limit_load_factor` has found.
+    units : Units, optional
+        If given, names of fields end in their unit.
+
+    Raises
+    ------
+    InputError
+        If meshio is missing, the body does not yield or has no limit, the suffix is another one, or the file cannot be
+        written.
+
+    Notes
+    -----
+    Each of the three parts of a triangle is cut into 9. Point data: "stress" at `LimitLoad.lower`, with xx, yy, 0, xy,
+    0, 0 as components of VTK's symmetric tensors; "velocity", x, y, 0, of the flow that proves `LimitLoad.upper`, its
+    largest coefficient being 1. Cell data: "dissipation" of a triangle over its area, the largest being 1, "gap", its
+    part of upper − lower, "material", and "cell", its number.
+
+    """
+    _check_vtu(path)
+    mesh, collapse = problem.mesh, limit.collapse
+    if collapse is None:
+        raise InputError("vtk", str(path), "there is no flow to write: the body has no strength, or no largest load")
+    places, corners = triangle_lattice(_DIVIDED)
+    k = (isqrt(8 * collapse.stress.shape[2] + 1) - 3) // 2  # degree of the stress
+    nodes = Nodes.of(k + 1).of_parts
+    points = (places @ part_corners(mesh.corners)).reshape(-1, 2)
+    xx, yy, xy = (bernstein(k, places) @ collapse.stress).reshape(-1, 3).T
+    v = (bernstein(k + 1, places) @ collapse.motion.velocities[:, nodes]).reshape(-1, 2)
+    point_data = {
+        _named("stress", "stress", units): np.column_stack([xx, yy, 0 * xx, xy, 0 * xx, 0 * xx]),
+        "velocity": _vectors(v / np.abs(collapse.motion.velocities).max()),
+    }
+    a, b, c = mesh.corners.swapaxes(0, 1)
+    density = collapse.motion.dissipation / np.abs(cross(b - a, c - a))
+    number = np.repeat(np.arange(mesh.cell_count), 3 * len(corners))
+    cell_data: dict[str, FloatArray | IntArray] = {
+        "dissipation": density[number] / max(float(density.max()), 1e-300),
+        "gap": collapse.gap[number],
+        "material": problem.cell_materials[number],
+        "cell": number,
+    }
+    triangles = (len(places) * np.arange(3 * mesh.cell_count)[:, None, None] + corners).reshape(-1, 3)
+    _write_grid(path, points, triangles, point_data, cell_data)
 
 
 def contacts_path(path: str | Path) -> Path:

@@ -53,7 +53,7 @@ def _carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
         stress = {}
         for alpha in _exponents(p - 2):
             h = [[Fraction(0)] * 2 for _ in range(2)]  # second derivatives
-            for i, j, x, y in product(range(3), range(3), range(2), range(2)):
+            for i, j, (x, y) in product(range(3), range(3), ((0, 0), (0, 1), (1, 1))):
                 value = p * (p - 1) * c[tuple(alpha[n] + (n == i) + (n == j) for n in range(3))]
                 h[x][y] += value * slopes[i][x] * slopes[j][y]
             at = [sum((Fraction(alpha[n], p - 2) * ends[n][i] for n in range(3)), Fraction(0)) for i in (0, 1)]
@@ -84,15 +84,16 @@ def _carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
 
 def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
     """The factor that the flow proves no stress to exceed."""
-    degree, spent, power = proof["flow"]["degree"], Fraction(0), {"dead": Fraction(0), "live": Fraction(0)}
+    flow, spent, power = proof["flow"], Fraction(0), {"dead": Fraction(0), "live": Fraction(0)}
     velocities, loads, contacts = dict[Any, list[Side]](), _loads(proof), _contacts(proof)
-    for t, names, ends, slopes, v in _parts(proof, proof["flow"]["velocities"], degree):
+    degree = flow["degree"]
+    for t, names, ends, slopes, v in _parts(proof, flow["velocities"], degree):
         area = abs(_cross(_less(ends[1], ends[0]), _less(ends[2], ends[0]))) / 2
         for alpha in _exponents(degree - 1):
             near = [v[tuple(alpha[n] + (n == i) for n in range(3))] for i in range(3)]
             g = [[sum(degree * near[n][x] * slopes[n][y] for n in range(3)) for y in (0, 1)] for x in (0, 1)]
-            trace, d2 = g[0][0] + g[1][1], (g[0][0] - g[1][1]) ** 2 + (g[0][1] + g[1][0]) ** 2
-            rate = min([0 if trace == 0 == d2 else inf, *(_rate(trace, d2, cone, ends) for cone in _cones(proof, t))])
+            strain = [g[0][0] + g[1][1], g[0][0] - g[1][1], g[0][1] + g[1][0]]
+            rate = _dissipated(strain, _cones(proof, t), flow["shares"].get(str(counted["strain rates"])), ends)
             _demand(rate < inf, f"triangle {t} cannot flow like this")
             spent += area * Fraction(rate) / len(_exponents(degree - 1))
             counted["strain rates"] += 1
@@ -100,6 +101,7 @@ def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
             power[kind] -= area * sum(_dot(phi[1:], value) for value in v.values()) / len(v)
         for edge, side in _sides(names, ends, v):
             velocities.setdefault(edge, []).append(side)
+    _demand({*loads, *contacts} <= velocities.keys(), "there are loads or contacts where there is no edge")
     for edge, sides in velocities.items():
         alone, (values, normal, out) = _alone(edge, sides), sides[0]
         if edge in contacts:
@@ -121,7 +123,7 @@ def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
 
 def _powers(edge: Any, velocities: list[Any], loads: list[tuple[Any, Any, Any]]) -> Iterator[tuple[str, Fraction]]:
     """The power of the loads on an edge, along which v must be zero in the directions without a load."""
-    _demand(len(loads) < 2 or _dot(loads[0][0], loads[1][0]) == 0, f"loads on edge {edge} are slanted")
+    _demand(len(loads) < 2 or (len(loads) == 2 and _dot(loads[0][0], loads[1][0]) == 0), f"edge {edge} is overloaded")
     for v in velocities:
         rest = v
         for d, _, _ in loads:
@@ -240,8 +242,18 @@ def _inside(stress: Any, a: Fraction, cone: dict[str, Any]) -> bool:
     return bool(limit >= 0 and radius <= limit**2)
 
 
-def _rate(trace: Fraction, d2: Fraction, cone: dict[str, Any], ends: list[Any]) -> Fraction | float:
-    """π of a strain rate in a cone, or a little more, by tr ε and d2 = (ε_xx − ε_yy)² + (2 ε_xy)²; or inf."""
+def _dissipated(strain: list[Any], cones: list[Any], shares: Any, ends: list[Any]) -> Fraction | float:
+    """π of a strain rate (tr ε, ε_xx − ε_yy, 2 ε_xy), or a little more: in one of the cones, or shared by all."""
+    if shares is None:
+        return min([inf if any(strain) else 0, *(_rate(strain, cone, ends) for cone in cones)])
+    shares = _exact(shares)  # that of the cone which is left out is the rest
+    rest = [whole - sum(each[i] for each in shares if each) for i, whole in enumerate(strain)]
+    return sum(_rate(share or rest, cone, ends) for share, cone in zip(shares, cones, strict=True))
+
+
+def _rate(strain: list[Any], cone: dict[str, Any], ends: list[Any]) -> Fraction | float:
+    """The same in one cone; inf if there is no bound."""
+    trace, d2 = strain[0], strain[1] ** 2 + strain[2] ** 2
     a = max(_affine(cone["a"], at) for at in ends)
     if "f2" in cone and cone["gamma2"] > 0:
         return a * _root(cone["f2"] * (d2 + trace**2 / cone["gamma2"])) / 2
@@ -267,7 +279,9 @@ def _exponents(degree: int) -> list[tuple[int, ...]]:
 def _exact(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _exact(each) for key, each in value.items()}
-    return [_exact(each) for each in value] if isinstance(value, list) else Fraction(value)
+    if isinstance(value, list):
+        return [_exact(each) for each in value]
+    return None if value is None else Fraction(value)
 
 
 def _less(u: Any, v: Any) -> Any:

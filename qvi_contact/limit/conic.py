@@ -152,10 +152,8 @@ class ConicProgram:
         """
         x = self.projected(x)
         margins = self.margins(x)
-        if (
-            not least and margins.min(initial=0.0) < -_ROUNDING
-        ):  # once more, from rows that are tighter by what is missed
-            found = self._shrunk(_TIGHTER * float(-margins.min()) * self.size(x)).solve()
+        if margins.min(initial=0.0) < -_ROUNDING:  # once more, from rows that are tighter by what is missed
+            found = self.tightened(room=_TIGHTER * float(-margins.min()) * self.size(x)).solve()
             nearby = x if isinstance(found, str) else self.projected(found)
             if self.margins(nearby).min(initial=0.0) > margins.min():
                 x, margins = nearby, self.margins(nearby)
@@ -206,20 +204,11 @@ class ConicProgram:
         E = sparse.csr_array(sparse.hstack([self.E, sparse.csr_array((len(self.e), count))]))
         return ConicProgram(q, E, self.e, sparse.csr_array(bounds), limits, cones, self.dependent)
 
-    def _shrunk(self, room: float) -> ConicProgram:
-        """The program with that much room asked for in all inequalities and cones."""
-        cones = []
-        for cone in self.cones:
-            g = cone.g.copy()
-            g[:, 0] -= room
-            cones.append(Cones(cone.G, g))
-        return replace(self, h=self.h - room, cones=cones)
+    def tightened(self, share: float = 0.0, room: float = 0.0) -> ConicProgram:
+        """The program with constants of inequalities and cones less by a share of them, if positive, and by a room."""
 
-    def tightened(self, share: float) -> ConicProgram:
-        """The program with positive constants of inequalities and cones less by a share."""
-        cones = []
-        for cone in self.cones:
-            g = cone.g.copy()
-            g[:, 0] -= share * np.maximum(g[:, 0], 0.0)
-            cones.append(Cones(cone.G, g))
-        return replace(self, h=self.h - share * np.maximum(self.h, 0.0), cones=cones)
+        def less(constants: FloatArray) -> FloatArray:
+            return np.asarray(constants - share * np.maximum(constants, 0.0) - room)
+
+        cones = [Cones(cone.G, np.column_stack([less(cone.g[:, 0]), cone.g[:, 1:]])) for cone in self.cones]
+        return replace(self, h=less(self.h), cones=cones)

@@ -70,12 +70,15 @@ class Flow:
         What the conditions on the velocities are missed by, relative: rounding.
     motion : BodyMotion or None
         The velocities; None if the bound is not finite.
+    shares : (r, 3) array or None
+        What each row of the cones has of (tr ε, ε_xx − ε_yy, 2ε_xy) at its coefficient; lengths over that of the mesh.
 
     """
 
     bound: float
     violation: float
     motion: BodyMotion | None = None
+    shares: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +126,7 @@ class ContactFlow:
 
 
 @dataclass(frozen=True, eq=False)
-class _Nodes:
+class Nodes:
     """Coefficients of velocities on a split triangle.
 
     Attributes
@@ -147,7 +150,7 @@ class _Nodes:
         return np.asarray((self.keys[:, :3] + self.keys[:, 3:] / 3.0) / self.keys[0].sum())
 
     @classmethod
-    def of(cls, degree: int) -> _Nodes:
+    def of(cls, degree: int) -> Nodes:
         """For velocities of a degree."""
         index: dict[tuple[int, int, int, int], int] = {}
         parts = np.empty((3, len(exponents(degree))), dtype=np.int64)
@@ -171,7 +174,7 @@ class Velocities:
 
     Attributes
     ----------
-    nodes : _Nodes
+    nodes : Nodes
         Coefficients of a triangle.
     global_ : (cells, m) int array
         Which of all coefficients they are.
@@ -182,7 +185,7 @@ class Velocities:
 
     def __init__(self, problem: ContactProblem, degree: int, strong: BoolArray) -> None:
         self.problem, self.mesh, self.degree = problem, problem.mesh, degree
-        self.nodes = _Nodes.of(degree)
+        self.nodes = Nodes.of(degree)
         self.global_ = self._numbered()
         self.count = int(self.global_.max()) + 1
         corners = (self.mesh.corners - self.mesh.origin) / self.mesh.length
@@ -341,7 +344,24 @@ class FlowProgram:
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"
             )
-        return Flow(float(program.q @ x) / power, violation, self._motion(layout, x / power))
+        x = x / power
+        return Flow(float(program.q @ x), violation, self._motion(layout, x), self._shares(x, size))
+
+    def _shares(self, x: FloatArray, n: int) -> FloatArray:
+        """Parts of the strain rate that the cones have, see `Flow`."""
+        cones, rows = self.cones, len(self.cones.coefficient)
+        later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean != 0.0)
+        found = np.zeros((rows, 3))
+        found[:, 0] = cones.pressure * x[n : n + rows]
+        found[later, 1:] = x[n + rows : n + rows + 2 * len(later)].reshape(-1, 2)
+        found[mean, 0] += cones.mean[mean] * x[n + rows + 2 * len(later) :][: len(mean)]
+        found *= 2.0 / self._weights[cones.coefficient, None]
+        strain = (self._strain @ (self.space.basis @ x[:n])).reshape(-1, 3)
+        taken = np.zeros_like(strain[:, :2])
+        np.add.at(taken, cones.coefficient[later], found[later, 1:])
+        at = cones.coefficient[cones.first]
+        found[cones.first, 1:] = np.column_stack([strain[at, 0] - strain[at, 1], strain[at, 2]]) - taken[at]
+        return found
 
     def _program(self, live: FloatArray, dead: FloatArray) -> tuple[ConicProgram, _Layout]:
         """Unknown are q, then s, r and ρ of the cones, then the slips of contacts."""

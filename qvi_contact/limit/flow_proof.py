@@ -26,9 +26,9 @@ from qvi_contact.mechanism import Mechanism
 from qvi_contact.problem.conditions import Contact
 
 if TYPE_CHECKING:
-    from qvi_contact.limit.flow import BodyMotion, FlowProgram, Velocities
+    from qvi_contact.limit.flow import Flow, FlowProgram, Velocities
 
-KEPT_BACK: Final = 1e-7
+KEPT_BACK: Final = 1e-9
 """Share of the way to a flow inside, which may dissipate much more, that a proof keeps back for rounding."""
 
 _ACTIVE: Final = 1e-9  # speed of opening, over the largest one, within which a contact of rigid blocks is at its limit
@@ -36,22 +36,41 @@ _ZERO: Final = Fraction(0)
 _AXES: Final[list[Vector]] = [(Fraction(1), _ZERO), (_ZERO, Fraction(1))]
 
 
-def exceeded(stated: Statement, flow: FlowProgram, motion: BodyMotion | Mechanism) -> dict[str, Any]:
+def exceeded(stated: Statement, program: FlowProgram, flow: Flow | Mechanism) -> dict[str, Any]:
     """The part of a proof that says what no stress carries, from velocities of blocks or of the program."""
-    cones = flow.cones
-    keeps = np.zeros(stated.mesh.cell_count, dtype=bool)
-    keeps[cones.coefficient[(cones.pressure == 0.0) & (cones.mean == 0.0)] // (3 * cones.count)] = True
-    degree = 1 if isinstance(motion, Mechanism) else cones.degree + 1
-    if isinstance(motion, Mechanism):
-        parts = _of_blocks(stated, motion)
+    cones, shares = program.cones, dict[str, Any]()
+    changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
+    keeps = ~cones.strong
+    keeps[cones.coefficient[changes] // (3 * cones.count)] = False
+    degree = 1 if isinstance(flow, Mechanism) else cones.degree + 1
+    if isinstance(flow, Mechanism):
+        parts = _of_blocks(stated, flow)
     elif keeps.all():
-        parts = _of_stream(stated, flow.space, motion)
+        parts = _of_stream(stated, program.space, flow)
     elif not keeps.any():
-        parts = _of_nodes(stated, flow.space, motion, cones.strong)
+        parts = _of_nodes(stated, program.space, flow, cones.strong)
+        shares = _shares(program, flow, changes)
     else:
         raise SolveError("proof: no part of a body may keep its volume where another one changes it or is rigid")
     velocities = [[[[str(x), str(y)] for x, y in part] for part in cell] for cell in parts]
-    return {"flow": {"degree": degree, "velocities": velocities}}
+    return {"flow": {"degree": degree, "velocities": velocities, "shares": shares}}
+
+
+def _shares(program: FlowProgram, flow: Flow, changes: BoolArray) -> dict[str, Any]:
+    """What each of several cones has of a strain rate, by its number; the first that may change volume has the rest.
+
+    Velocities are lengths over that of the mesh, and so are strain rates here: of lengths they are as much less.
+    """
+    assert flow.shares is not None
+    coefficient, strain = program.cones.coefficient, flow.shares / program.space.mesh.length
+    small, found = _ACTIVE * float(np.abs(strain).max(initial=0.0)), dict[str, Any]()
+    order = np.argsort(coefficient, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(coefficient[order])) + 1):
+        if len(rows) > 1 and np.abs(strain[rows]).max() > small:
+            numbers = [[str(Fraction(x)) for x in strain[row].tolist()] for row in rows]
+            rest = int(np.flatnonzero(changes[rows])[0])
+            found[str(int(coefficient[rows[0]]))] = [*numbers[:rest], None, *numbers[rest + 1 :]]
+    return found
 
 
 def _held(stated: Statement) -> list[tuple[int, tuple[int, int], list[Vector]]]:
@@ -125,7 +144,7 @@ def _at_limits(
                     yield slip
 
 
-def _of_stream(stated: Statement, space: Velocities, motion: BodyMotion) -> Iterator[list[list[Vector]]]:
+def _of_stream(stated: Statement, space: Velocities, flow: Flow) -> Iterator[list[list[Vector]]]:
     """Velocities (ψ_y, −ψ_x) of a stream function, C1 on every block."""
     p, mesh, sides = space.degree + 1, stated.mesh, space.nodes.of_sides  # opposite to each corner
     tips = np.array([sides[2, 0], sides[2, -1], sides[1, -1]])
@@ -133,7 +152,7 @@ def _of_stream(stated: Statement, space: Velocities, motion: BodyMotion) -> Iter
     ids = inverse.reshape(-1, 3)  # of corners, which blocks do not share
     points = [stated.points[v] for v in mesh.cells.ravel()[at].tolist()]
     given, rows = _kept(stated, ids, points, p)
-    values, rough = _stream_function(space, motion.velocities, tips, ids)
+    values, rough = _stream_function(space, _velocities(flow), tips, ids)
     exact = vertex_values(points, p, given, rows, values)
     number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
     for cell, ordinates in zip(ids.tolist(), smooth(points, ids.tolist(), p, given, exact, rough), strict=True):
@@ -147,6 +166,11 @@ def _of_stream(stated: Statement, space: Velocities, motion: BodyMotion) -> Iter
                 part.append((w * one[0] - u * other[0], w * one[1] - u * other[1]))
             found.append(part)
         yield found
+
+
+def _velocities(flow: Flow) -> FloatArray:
+    assert flow.motion is not None
+    return flow.motion.velocities
 
 
 def _kept(stated: Statement, ids: IntArray, points: Sequence[Vector], p: int) -> tuple[Given, list[Row]]:
@@ -201,9 +225,7 @@ def _stream_function(space: Velocities, v: FloatArray, tips: IntArray, ids: IntA
     return values, rough
 
 
-def _of_nodes(
-    stated: Statement, space: Velocities, motion: BodyMotion, strong: BoolArray
-) -> Iterator[list[list[Vector]]]:
+def _of_nodes(stated: Statement, space: Velocities, flow: Flow, strong: BoolArray) -> Iterator[list[list[Vector]]]:
     """Velocities by numbers at nodes, in the directions that are free, and of rigid parts by their motions."""
     held: dict[int, list[Vector]] = {}
     for cell, pair, directions in _held(stated):
@@ -211,7 +233,7 @@ def _of_nodes(
         for n in space.global_[cell, space.nodes.of_sides[opposite]].tolist():
             held.setdefault(n, []).extend(directions)
     rounded = np.zeros((space.count, 2))
-    rounded[space.global_] = motion.velocities
+    rounded[space.global_] = _velocities(flow)
     found = _rigid_nodes(stated, space, rounded, strong, held)
     for n, (x, y) in enumerate(rounded.tolist()):
         if n not in found:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -24,7 +24,7 @@ from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
-from qvi_contact.problem.material import Mises, MohrCoulomb, NoTension, Strength, Tresca
+from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers.basics.frames import frame
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
 _FOLLOWED = 1e-9  # misfit of a body force, relative, that is rounding
+_FARTHEST: Final = 1e4  # factors of strength beyond count as infinite, and below the inverse as zero
+_STEP: Final = 2.0  # between the first of them that are tried
 
 
 class LimitLoad(float):
@@ -235,22 +237,25 @@ def limit_proof(
         posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
         low, names = posed.low, posed.names
         cones = YieldCones.of(problem, low.space.degree - 2)
-        flow = FlowProgram(problem, names, cones, low.scales)
+        program = FlowProgram(problem, names, cones, low.scales)
 
-        def above(stated: Statement) -> dict[str, Any]:
-            factor, mechanism = upper_bound(problem, names) if names else (math.inf, find_mechanism(problem))
-            motion: Mechanism | BodyMotion | None = mechanism
-            if names and problem.yields and factor > -math.inf:
-                found = flow.solved(KEPT_BACK)
-                motion = found.motion if found.bound < factor else mechanism
-            if motion is None:
-                raise SolveError("proof: the loads can grow without limit" if names else "proof: no rigid blocks move")
-            return exceeded(stated, flow, motion)
+        def below(stated: Statement) -> dict[str, Any]:
+            return carried(stated, StressProgram(low, posed.high, cones))
 
-        sides = {"upper": above}
-        if names:
-            sides = {"lower": lambda stated: carried(stated, StressProgram(low, posed.high, cones)), **sides}
-        return proof_of(problem, names, cones.degree, sides)
+        def by_blocks(stated: Statement) -> dict[str, Any]:
+            mechanism = upper_bound(problem, names)[1] if names else find_mechanism(problem)
+            if mechanism is None:
+                raise SolveError("proof: no motion of rigid blocks bounds the loads")
+            return exceeded(stated, program, mechanism)
+
+        def by_flow(stated: Statement) -> dict[str, Any]:
+            flow = program.solved(KEPT_BACK)
+            if flow.motion is None:
+                raise SolveError("proof: the loads have no finite bound from above")
+            return exceeded(stated, program, flow)
+
+        upper = [by_flow, by_blocks] if names and problem.yields else [by_blocks]
+        return proof_of(problem, names, cones.degree, {"lower": [below] if names else [], "upper": upper})
 
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
@@ -288,7 +293,10 @@ class LimitProblem:
     @classmethod
     def of(cls, problem: ContactProblem, names: tuple[str, ...], **space: Any) -> LimitProblem:
         """The analysis of checked loads; `space` is for `discretize`."""
-        return cls(problem, names, *_sampled(problem, names, space))
+        multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
+        scales = Scales.of(multiples[1])
+        low = discretize(multiples[0], scales=scales, **space)  # in the same units, with the same degrees of freedom
+        return cls(problem, names, low, low.with_data(multiples[1], scales))
 
     @property
     def unknowns(self) -> int:
@@ -322,17 +330,14 @@ class LimitProblem:
                 f"{upper:.9g}: use another degree, or a mesh that is less graded"
             )
         if carried.stress is not None and flow.motion is not None:
+            force, cells = self.problem.body_potential, np.arange(self.problem.mesh.cell_count)
+            missed = coefficients_of(self.problem, cells, degree, "ContactProblem.body_potential", force)[1]
             parts = gap_in_cells(self.low, carried, flow.motion, degree)
             stress = carried.stress * self.low.scales.stress
-            collapse = Collapse(flow.motion, stress, parts, straight and self._polynomial_force(degree))
+            collapse = Collapse(flow.motion, stress, parts, straight and missed <= _FOLLOWED)
         violation = max(carried.violation, flow.violation)
         limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
         return LimitAnalysis(self, limit, None)
-
-    def _polynomial_force(self, degree: int) -> bool:
-        """Whether the potential of the body force is a polynomial that stresses can follow."""
-        field, cells = self.problem.body_potential, np.arange(self.problem.mesh.cell_count)
-        return coefficients_of(self.problem, cells, degree, "ContactProblem.body_potential", field)[1] <= _FOLLOWED
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,16 +402,6 @@ def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "l
     return tuple(dict.fromkeys(named))
 
 
-def _sampled(
-    problem: ContactProblem, names: Sequence[str], space: Mapping[str, Any]
-) -> tuple[Discretization, Discretization]:
-    """The problem at two load factors in the same units, with the same degrees of freedom kept."""
-    multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
-    scales = Scales.of(multiples[1])
-    low = discretize(multiples[0], scales=scales, **space)
-    return low, low.with_data(multiples[1], scales)
-
-
 def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
     """The problem with the named loads times a factor."""
     conditions = [_scaled(condition, names, factor) for condition in problem.conditions]
@@ -442,12 +437,6 @@ def times(field: Field, factor: float) -> Field:
         return factor * field
     function: Callable[[FloatArray, FloatArray], object] = field
     return lambda x, y: factor * np.asarray(function(x, y), dtype=float)
-
-
-_FARTHEST: Final = 1e4  # factors beyond count as infinite, and below the inverse as zero
-
-
-_STEP: Final = 2.0  # between the first trials
 
 
 @dataclass(frozen=True)
@@ -505,28 +494,33 @@ def strength_reduction_factor(
         raise InputError("problem", problem, "give a ContactProblem")
     if not positive_number("accuracy", accuracy) < 1.0:
         raise InputError("accuracy", accuracy, "give a relative width below 1, such as 1e-3")
-    chosen = _chosen(problem, of)
+    weak = [contact.name for contact in problem.contacts if contact.law != "tied"]
+    weak += [BODY, *(region.name for region in problem.regions if region.name is not None)]
+    if of is not None and (isinstance(of, str) or not isinstance(of, Sequence) or not of):
+        raise InputError("of", of, f"give a list of names out of {', '.join(weak)}")
+    chosen = frozenset(weak if of is None else (known_name("of", name, {"contacts and regions": weak}) for name in of))
     names = (*loads_of(problem), FLUID)
     space: dict[str, Any] = {"degree": degree, "law_on": law_on}
 
-    def sides(factor: float) -> tuple[bool, bool]:
-        """Whether the loads are carried, and whether it is not proved that they are not."""
+    def sides(factor: float) -> tuple[float, float]:
+        """What loads are carried at most, over those there are, and above what it is proved that they are not."""
         limit = LimitProblem.of(_reduced(problem, chosen, factor), names, **space).solved().limit
-        return limit.lower >= 1.0, limit.upper >= 1.0
+        return limit.lower, limit.upper
 
     with deadline(time_limit):
-        known: dict[float, tuple[bool, bool]] = {}
+        known: dict[float, tuple[float, float]] = {}
         found = []
         for side in (0, 1):
-            holds, fails = 0.0, math.inf
+            before, stale = (0.0, math.inf), 0
             while True:
-                for factor, answer in known.items():
-                    holds = max(holds, factor) if answer[side] else holds
-                    fails = fails if answer[side] else min(fails, factor)
+                holds = max((factor for factor, shares in known.items() if shares[side] >= 1.0), default=0.0)
+                fails = min((factor for factor, shares in known.items() if shares[side] < 1.0), default=math.inf)
+                stale = stale + 1 if before[0] == holds else min(stale, 0) - 1 if before[1] == fails else 0
+                before = holds, fails
+                if fails <= holds * (1.0 + accuracy):
+                    break
                 if holds > 0.0 and fails < math.inf:
-                    if fails <= holds * (1.0 + accuracy):
-                        break
-                    factor = math.sqrt(holds * fails)
+                    factor = _between(before, (known[holds][side], known[fails][side]), stale, accuracy)
                 else:
                     factor = 1.0 if not known else holds * _STEP if holds > 0.0 else fails / _STEP
                     if not 1.0 / _FARTHEST < factor < _FARTHEST:
@@ -536,58 +530,44 @@ def strength_reduction_factor(
     return StrengthReduction(found[0][0], found[1][1])
 
 
-def _chosen(problem: ContactProblem, of: Sequence[str] | None) -> frozenset[str]:
-    """The names of what is divided."""
-    known = [contact.name for contact in problem.contacts if contact.law != "tied"]
-    known += [BODY, *(region.name for region in problem.regions if region.name is not None)]
-    if of is None:
-        return frozenset(known)
-    if isinstance(of, str) or not isinstance(of, Sequence) or not of:
-        raise InputError("of", of, f"give a list of names out of {', '.join(known)}")
-    return frozenset(known_name("of", name, {"contacts and regions": known}) for name in of)
+def _between(factors: tuple[float, float], shares: tuple[float, float], stale: int, accuracy: float) -> float:
+    """The next trial between two factors, with the shares of the loads that are carried at them.
+
+    It is where the power law through both is 1 (the method of Illinois: an end that stays counts by halves), but so far
+    from both ends that the interval is short enough, or becomes shorter, whatever it gives.
+    """
+    (holds, fails), (enough, little) = factors, shares
+    if not (math.isfinite(enough) and little > 0.0):
+        return math.sqrt(holds * fails)
+    above, below = math.log(enough) * 0.5 ** max(stale - 1, 0), math.log(little) * 0.5 ** max(-stale - 1, 0)
+    guess = holds * (fails / holds) ** (above / (above - below))
+    step = 1.0 + 0.9 * accuracy
+    return min(max(guess, holds * step), fails / step) if fails > holds * step**2 else math.sqrt(holds * fails)
 
 
 def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:
     """The problem with strengths of what is chosen over the factor; regions without a name count as the body."""
-    material = problem.material
-    if BODY in chosen:
-        material = replace(material, strength=_weaker(material.strength, factor))
+
+    def weaker(material: Material) -> Material:
+        strength = material.strength
+        given = {} if strength is None else {each.name: getattr(strength, each.name) for each in fields(strength)}
+        less: dict[str, Any] = {name: times(value, 1.0 / factor) for name, value in given.items() if value is not None}
+        if "phi" in less:
+            less["phi"] = math.atan(math.tan(given["phi"]) / factor)
+        return material if strength is None else replace(material, strength=replace(strength, **less))
+
+    def slipperier(contact: Contact) -> Contact:
+        laws = {name: getattr(contact, name) for name in ("friction", "cohesion", "shear_limit")}
+        less: dict[str, Any] = {name: times(law, 1.0 / factor) for name, law in laws.items() if law is not None}
+        return replace(contact, **less)
+
     regions = [
-        replace(region, material=replace(region.material, strength=_weaker(region.material.strength, factor)))
-        if (region.name or BODY) in chosen
-        else region
+        replace(region, material=weaker(region.material)) if (region.name or BODY) in chosen else region
         for region in problem.regions
     ]
     conditions = [
-        _slipperier(condition, factor)
-        if isinstance(condition, Contact) and condition.name in chosen and condition.law != "tied"
-        else condition
-        for condition in problem.conditions
+        slipperier(each) if isinstance(each, Contact) and each.name in chosen and each.law != "tied" else each
+        for each in problem.conditions
     ]
+    material = weaker(problem.material) if BODY in chosen else problem.material
     return replace(problem, material=material, regions=regions, conditions=conditions)
-
-
-def _slipperier(contact: Contact, factor: float) -> Contact:
-    cap = contact.shear_limit
-    return replace(
-        contact,
-        friction=times(contact.friction, 1.0 / factor),
-        cohesion=times(contact.cohesion, 1.0 / factor),
-        shear_limit=None if cap is None else times(cap, 1.0 / factor),
-    )
-
-
-def _weaker(strength: Strength | None, factor: float) -> Strength | None:
-    def less(field: Field | None) -> Field | None:
-        return None if field is None else times(field, 1.0 / factor)
-
-    if isinstance(strength, Tresca):
-        return Tresca(times(strength.c, 1.0 / factor))
-    if isinstance(strength, Mises):
-        return Mises(times(strength.yield_stress, 1.0 / factor))
-    if isinstance(strength, MohrCoulomb):
-        phi = math.atan(math.tan(strength.phi) / factor)
-        return MohrCoulomb(times(strength.c, 1.0 / factor), phi, less(strength.tension))
-    if isinstance(strength, NoTension):
-        return NoTension(less(strength.crushing))
-    return None

@@ -21,7 +21,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
-from qvi_contact.limit.rational import Vector, dot, less, smooth, vertex_values
+from qvi_contact.limit.rational import Given, OutOfBalanceError, Vector, dot, less, smooth, vertex_values
 from qvi_contact.limit.stresses import lattice, part_corners
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
@@ -41,11 +41,12 @@ def proof_of(
     problem: ContactProblem,
     names: Sequence[str],
     degree: int,
-    sides: Mapping[str, Callable[[Statement], dict[str, Any]]],
+    sides: Mapping[str, Sequence[Callable[[Statement], dict[str, Any]]]],
 ) -> dict[str, Any]:
     """A proof as `check_proof.check` reads it, of the sides that can be proved; "missing" says why others are not.
 
-    Tractions are stated by polynomials of the degree.
+    Of several ways to prove a side that with the lowest bound is taken. Tractions are stated by polynomials of the
+    degree.
 
     Raises
     ------
@@ -54,20 +55,27 @@ def proof_of(
 
     """
     stated = Statement(problem, names, degree)
-    proof, errors = stated.stated(), dict[str, InputError | SolveError]()
-    for side, prove in sides.items():
+    about, found = stated.stated(), dict[str, tuple[Any, dict[str, Any]]]()
+    errors: dict[str, InputError | SolveError] = {}
+    for side, prove in ((side, prove) for side, ways in sides.items() for prove in ways):
         try:
             part = prove(stated)
-            check(proof | part)
-            proof |= part
+            lower, upper, _ = check(about | part)
         except (InputError, SolveError) as error:
-            errors[side] = error
+            errors.setdefault(side, error)
         except ValueError as error:
             remedy = "take a mesh that is less graded, or change the loads that are not multiplied by a millionth"
-            errors[side] = SolveError(f"proof: in exact arithmetic {error}: {remedy}")
-    if len(errors) == len(sides):
+            errors.setdefault(side, SolveError(f"proof: in exact arithmetic {error}: {remedy}"))
+        else:
+            bound = lower if side == "lower" else upper
+            if side not in found or bound < found[side][0]:
+                found[side] = bound, part
+    if not found:
         raise next(iter(errors.values()))
-    return proof | {"missing": {side: str(error) for side, error in errors.items()}}
+    proof = about | {"missing": {side: str(error) for side, error in errors.items() if side not in found}}
+    for _, part in found.values():
+        proof |= part
+    return proof
 
 
 def save_proof(path: str | Path, proof: dict[str, Any]) -> None:
@@ -241,11 +249,32 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
         raise SolveError("proof: this mesh carries no largest multiple of the loads: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)
     rough, at_vertices = _rounded_airy(program, found)
-    given = _second_derivatives(stated, p - 2, factor)
-    values = vertex_values(stated.points, p, given, [], at_vertices)
+
+    def exact(factor: Fraction) -> tuple[Given, list[Fraction]]:
+        given = _second_derivatives(stated, p - 2, factor)
+        return given, vertex_values(stated.points, p, given, [], at_vertices)
+
+    try:
+        try:
+            given, values = exact(factor)
+        except OutOfBalanceError as error:  # loads that are in balance at one factor only
+            factor += _change(error.amount, exact, factor + 1)
+            given, values = exact(factor)
+    except OutOfBalanceError as error:
+        remedy = "they cannot be stated exactly"
+        raise SolveError(f"proof: the loads are in balance up to rounding only: {remedy}") from error
     airy = smooth(stated.points, stated.mesh.cells.tolist(), p, given, values, rough)
     ordinates = [[[str(value) for value in part] for part in cell] for cell in airy]
     return {"factor": str(factor), "degree": p, "airy": ordinates}
+
+
+def _change(amount: Fraction, exact: Callable[[Fraction], object], more: Fraction) -> Fraction:
+    """What brings loads into balance that are out of it by an amount: to be added to the factor; `more` has 1 more."""
+    try:
+        exact(more)
+    except OutOfBalanceError as error:
+        return amount / (amount - error.amount) if amount != error.amount else Fraction(0)
+    return Fraction(1)
 
 
 def _second_derivatives(

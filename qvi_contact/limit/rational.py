@@ -18,7 +18,6 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element.triangle import EDGES, exponents
-from qvi_contact.errors import SolveError
 
 Vector: TypeAlias = tuple[Fraction, Fraction]
 
@@ -27,6 +26,14 @@ Row: TypeAlias = tuple[dict[int, Fraction], Fraction]
 
 Given: TypeAlias = Mapping[tuple[int, int], Sequence[list[Fraction] | None]]
 """What is known of an edge: ordinates of n·G' and of e·G' from its first end on, or None."""
+
+
+class OutOfBalanceError(ArithmeticError):
+    """Rows contradict each other by an amount. It is affine in the factor of loads: they may hold for one factor."""
+
+    def __init__(self, amount: Fraction) -> None:
+        super().__init__(f"out of balance by {float(amount):.1e}")
+        self.amount = amount
 
 
 def vertex_values(
@@ -197,7 +204,7 @@ def solved(rows: Sequence[Row], values: list[Fraction]) -> list[Fraction]:
                     del rest[column]
         if not rest:
             if right != 0:
-                raise SolveError("proof: the loads are in balance up to rounding only: they cannot be stated exactly")
+                raise OutOfBalanceError(right)
             continue
         pivot = max(
             rest, key=lambda column: (abs(float(rest[column])) > 0.5 * max(map(abs, map(float, rest.values()))), column)

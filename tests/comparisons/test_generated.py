@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from comparisons.wild import bodies, estimates, generator, judge, practical, report
+from comparisons.wild import bodies, estimates, generator, judge, limits, practical, report
 from comparisons.wild import study as wild
 from qvi_contact import (
     Contact,
@@ -235,3 +235,24 @@ class TestEstimates:
         assert values["estimates"] >= 100
         assert values["share"] >= 0.95
         assert values["q95"] < 3.0
+
+
+class TestLimits:
+    """Both sides of limit loads, and their proofs."""
+
+    @pytest.mark.parametrize("number", [8, 12])
+    def test_sides_and_proofs_are_in_order(self, number):
+        found = limits.solve_case({"number": number})
+        assert found["proved_lower"] <= found["lower"] <= found["upper"] <= found["proved_upper"] * (1.0 + 1e-9)
+        assert found["proved_upper"] - found["proved_lower"] < 1e-3 * found["upper"] + found["upper"] - found["lower"]
+
+    def test_the_committed_rows(self):
+        runs = committed("limits")
+        values = limits.values_of(limits.runs_of(runs))
+        assert values["runs"] == values["solved"] == values["held"] >= 60
+        assert values["wrong"] == 0
+        assert min(values["below"] / values["finite"], values["above"] / values["bounded"]) > 0.8
+        first = next(each for each in runs if isinstance(each.result.get("proved_upper"), float))
+        worse = replace(first, result={**first.result, "lower": 2.0 * first.result["upper"] + 1.0})
+        values = limits.values_of(limits.runs_of([worse if each is first else each for each in runs]))
+        assert values["held"] == values["runs"] - 1

@@ -90,9 +90,9 @@ def numbers_of(result: ContactResult, *, bracket: bool = True) -> Numbers:
 
 
 def _inside(result: ContactResult) -> Iterator[tuple[float, float]]:
-    """Points of the body by chance, around its contacts: they depend on its shape, not on its cells."""
-    line = [(part.x, part.y) for part in result.contacts.values()]
-    points = np.concatenate([np.column_stack(pair) for pair in line])
+    """Points of the body by chance, around its contacts if it has any: they depend on its shape, not on its cells."""
+    line = [np.column_stack((part.x, part.y)) for part in result.contacts.values()]
+    points = np.concatenate(line or [result.problem.mesh.vertices])
     low, size = points.min(axis=0), max(np.ptp(points, axis=0))
     shares = np.random.default_rng(1992).uniform(-0.4, 1.4, (200, 2))
     found = 0

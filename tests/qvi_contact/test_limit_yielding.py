@@ -296,12 +296,20 @@ def test_strength_that_is_not_enough_has_a_factor_below_one():
 def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell):
     file, picture = tmp_path / "block.toml", tmp_path / "flow.png"
     save_problem(file, block(Tresca(0.5), 0.6, 2.0))
-    status, out, _ = shell("limit", file, "--load", "shear", "--json", "--plot", picture)
+    status, out, _ = shell(
+        "limit", file, "--load", "shear", "--json", "--plot", picture, "--vtk", tmp_path / "flow.vtu"
+    )
     found = json.loads(out)
     assert status == 0
     assert found["bounds"]
     assert [found["factor"], found["upper"]] == pytest.approx([0.5, 0.5], rel=1e-5)
     assert picture.read_bytes().startswith(b"\x89PNG")
+    grid = pytest.importorskip("meshio").read(tmp_path / "flow.vtu")
+    assert len(grid.points) == 16 * 3 * 10
+    stress = next(values for name, values in grid.point_data.items() if name.startswith("stress"))
+    assert stress[:, 3] == pytest.approx(0.5, rel=1e-3)  # shear at its limit
+    assert np.abs(grid.point_data["velocity"]).max() == pytest.approx(1.0)
+    assert sum(map(len, grid.cell_data["gap"])) == 16 * 3 * 9
     status, out, _ = shell("safety", file, "--json", "--accuracy", "0.1")
     assert status == 1  # the block carries half of the shear
     assert json.loads(out)["lower"] <= 0.5 * (1 + 1e-6) <= json.loads(out)["upper"] * (1 + 1e-6)

@@ -1,0 +1,168 @@
+"""Whether both sides of limit loads are what they say, on bodies by chance: the study, its numbers and its report.
+
+A number makes a body of one or two parts, which yield by one criterion or another or not at all, with a contact below
+it, a joint in it or none, weight and tractions. Both sides of its limit load must be in order. Proof files of both are
+written and checked in exact arithmetic: what they prove is no more than `lower`, and no less than `upper`.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from pandas import DataFrame, concat
+
+from comparisons.lab.reports import Report, render
+from comparisons.lab.studies import Row, Study, frame_of
+from comparisons.wild.bodies import Dice, quadrilateral
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Material,
+    Mises,
+    MohrCoulomb,
+    NoTension,
+    Polynomial,
+    QVIError,
+    Region,
+    Traction,
+    Tresca,
+    limit_load_factor,
+    limit_proof,
+)
+from qvi_contact.limit import check
+from qvi_contact.problem.conditions import Condition, Law
+from qvi_contact.problem.material import Plane, Strength
+
+ROUNDING: Final = 1e-7
+"""Relative difference by which sides that meet may be in the wrong order."""
+
+NEAR: Final = 1e-3
+"""Relative difference of what is proved from a side that is next to nothing."""
+
+_NUMBERS: Final = ("degree", "lower", "upper", "proved_lower", "proved_upper", "cells")
+
+
+def declared(count: int) -> Study:
+    """The study of the first problems of the generator."""
+    return Study("limits", 1, "comparisons.wild.limits:solve_case", [{"number": n} for n in range(count)])
+
+
+def stated(number: int) -> tuple[ContactProblem, str, int]:
+    """Problem `number`, the load to multiply, and the degree."""
+    dice = Dice("limits", number)
+    width, height = dice.between(0.5, 2.0), dice.between(0.5, 2.0)
+    mesh = quadrilateral(dice, width, height)
+    levels = sorted({float(y) for y in mesh.vertices[:, 1] if 0.0 < y < height})
+    joint = dice.pick(levels)
+    straight = np.isclose(mesh.vertices[:, 1], joint).sum() > 2
+    if straight and dice.chance(0.6):
+        mesh = mesh.with_joint("joint", lambda _, y: np.isclose(y, joint))
+    middle = float(np.median(mesh.vertices[:, 0]))
+    mesh = mesh.with_region("part", lambda x, _: x > middle)
+    plane: Plane = dice.pick(("strain", "stress"))
+    own, other = _strength(dice), _strength(dice)
+    contacts = [_contact(dice, "bottom")]
+    contacts += [_contact(dice, name) for name in mesh.joint_names]
+    loads: list[Condition] = [
+        Traction("top", x=dice.between(-0.05, 0.05), y=-dice.between(0.3, 1.0)),
+        Traction("left", x=dice.between(0.02, 0.2), y=0.0, name="push"),
+        *(Traction(side, x=0.0, y=0.0) for side in ("right", "step") if side in mesh.edge_names),
+    ]
+    weight = Polynomial([[0.0, dice.between(0.2, 1.0)]]) if dice.chance(0.5) else 0.0
+    region = Region(Material(2.0, 0.3, plane, other), name="part")
+    problem = ContactProblem(mesh, Material(1.0, 0.2, plane, own), [*contacts, *loads], weight, [region])
+    return problem, dice.pick(("push", "top")), dice.pick((3, 4, 4, 5))
+
+
+def _strength(dice: Dice) -> Strength | None:
+    c = dice.between(0.5, 3.0)
+    return dice.pick((Tresca(c), Tresca(c), Mises(2.0 * c), MohrCoulomb(c, 0.5), MohrCoulomb(c, 0.2, 0.3 * c),
+                      NoTension(4.0 * c), NoTension(), None))  # fmt: skip
+
+
+def _contact(dice: Dice, edges: str) -> Contact:
+    law: Law = dice.pick(("unilateral", "unilateral", "unilateral", "bilateral"))
+    friction = dice.pick((0.0, 0.3, 0.5, 0.7)) if law == "unilateral" else 0.0
+    cap = dice.between(0.2, 1.0) if dice.chance(0.3) else None
+    return Contact(edges, friction, cohesion=dice.pick((0.0, 0.2)), shear_limit=cap, law=law)
+
+
+def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
+    """The task of the study: "strengths", "lower" and "upper", the proved ones, and why a side has no proof."""
+    problem, load, degree = stated(case["number"])
+    strengths = " and ".join(dict.fromkeys("rigid" if each.strength is None else each.strength.kind
+                                           for each in problem.materials))  # fmt: skip
+    asked = {"load": load, "degree": degree, "cells": problem.mesh.cell_count, "strengths": strengths,
+             "plane": problem.material.plane}  # fmt: skip
+    try:
+        limit = limit_load_factor(problem, [load], degree=degree)
+    except QVIError as error:
+        return {**asked, "status": type(error).__name__, "message": str(error)}
+    found = {**asked, "status": "solved", "lower": _number(limit.lower), "upper": _number(limit.upper)}
+    try:
+        proof = limit_proof(problem, [load], degree=degree)
+        *proved, _ = check(json.loads(json.dumps(proof)))
+    except QVIError as error:
+        return {**found, "missing_lower": str(error), "missing_upper": str(error)}
+    sides = {f"proved_{side}": None if value is None else _number(float(value))
+             for side, value in zip(("lower", "upper"), proved, strict=True)}  # fmt: skip
+    return {**found, **sides, **{f"missing_{side}": reason for side, reason in proof["missing"].items()}}
+
+
+def _number(value: float) -> float | str:
+    """A number, or a word for what is not finite, as rows are JSON."""
+    return float(value) if np.isfinite(value) else str(value)
+
+
+def runs_of(rows: Sequence[Row]) -> DataFrame:
+    """One line a run: what `solve_case` says, and "kind" of the limit.
+
+    "held", whether the sides are in order, and "proofs", whether what is proved is on the right side of each.
+    """
+    runs = frame_of(rows, _NUMBERS, ("status", "message", "strengths", "plane", "missing_lower", "missing_upper"))
+    for name in _NUMBERS:
+        runs[name] = runs[name].astype(float)
+    room = ROUNDING * (1.0 + runs.upper.abs().where(np.isfinite(runs.upper), 0.0))
+    held = (runs.status == "solved") & (runs.lower <= runs.upper + room)
+    low = runs.proved_lower.isna() | (runs.proved_lower <= runs.lower + room)
+    high = runs.proved_upper.isna() | (runs.proved_upper >= runs.upper - room)
+    return runs.assign(
+        held=held, proofs=low & high, finite=np.isfinite(runs.lower), bounded=np.isfinite(runs.upper),
+        gap=1.0 - runs.lower / runs.upper,
+    )  # fmt: skip
+
+
+def values_of(runs: DataFrame) -> dict[str, Any]:
+    """The numbers in sentences."""
+    solved = runs[runs.status == "solved"]
+    above, below = (
+        solved[solved.bounded & solved.proved_upper.notna()],
+        solved[solved.finite & solved.proved_lower.notna()],
+    )
+    near = [
+        int(((first - second).abs() <= NEAR * (1e-3 + first.abs())).sum())
+        for first, second in ((below.lower, below.proved_lower), (above.upper, above.proved_upper))
+    ]
+    return {
+        "runs": len(runs), "solved": len(solved), "held": int(solved.held.sum()), "wrong": int((~solved.proofs).sum()),
+        "finite": int(solved.finite.sum()), "bounded": int(solved.bounded.sum()),
+        "below": len(below), "above": len(above), "near_below": near[0], "near_above": near[1],
+    }  # fmt: skip
+
+
+def report(rows: Sequence[Row]) -> Report:
+    """The report; the same rows give the same one."""
+    runs = runs_of(rows)
+    solved = runs[runs.status == "solved"]
+    strengths = solved.groupby("strengths").agg(
+        runs=("held", "size"), held=("held", "sum"), below=("proved_lower", "count"), above=("proved_upper", "count")
+    ).reset_index()  # fmt: skip
+    missing = [
+        solved[solved[f"missing_{side}"].notna() & (solved[f"missing_{side}"] != "")]
+        .groupby(f"missing_{side}").agg(runs=("held", "size")).reset_index()
+        .rename(columns={f"missing_{side}": "reason"}).assign(side=side)
+        for side in ("lower", "upper")
+    ]  # fmt: skip
+    tables = {"strengths": strengths, "missing": concat(missing), "others": runs[runs.status != "solved"]}
+    return render("comparisons.wild", "limits", values_of(runs), tables, {}, rows, template="limits.md")
