@@ -46,4 +46,4 @@ print(f"factor of safety against sliding: from {limit.lower:.6f} to {limit.upper
 if len(sys.argv) > 1:
     from qvi_contact.plots import result_figure, save_figure
 
-    save_figure(sys.argv[1], result_figure(result, Units(length="m", stress="MPa")))
+    save_figure(sys.argv[1], result_figure(result, Units(length="m", stress="MPa"), "Gravity dam"))

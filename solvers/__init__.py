@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from solvers.inequality.loads import Loads
     from solvers.inequality.problem import FrictionQVI, Law
     from solvers.inequality.stiffness import EnergyRoot, Stiffness
-    from solvers.inequality.traces import Traces
+    from solvers.inequality.traces import TractionFactor
     from solvers.inner.registry import available
     from solvers.solution import Iteration, QVISolution
     from solvers.solve import solve_qvi
@@ -40,7 +40,7 @@ _HOME = {
     "SolverUnavailableError": "errors",
     "Status": "basics.status",
     "Stiffness": "inequality.stiffness",
-    "Traces": "inequality.traces",
+    "TractionFactor": "inequality.traces",
     "UnknownNameError": "errors",
     "available": "inner.registry",
     "certify": "certificate.certificate",
@@ -64,7 +64,7 @@ __all__ = [
     "SolverUnavailableError",
     "Status",
     "Stiffness",
-    "Traces",
+    "TractionFactor",
     "UnknownNameError",
     "available",
     "certify",

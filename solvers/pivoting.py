@@ -38,7 +38,7 @@ from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.certificate.certificate import certify
 from solvers.inequality.problem import Compliance, FrictionQVI
-from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution, finish, no_outcome
+from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution
 
 LARGEST = 200
 """Contact points up to which it is worth trying: a table of 600 rows."""
@@ -164,7 +164,6 @@ class _Run:
             self.accuracy = certificate.accuracy
             best = self.best
             best.z, best.m_N, best.m_T, best.nu = z, m[: qvi.m], m[qvi.m :], nu
-            best.threshold = qvi.threshold(qvi.pressure(z))
         return certificate.passed
 
 
@@ -173,27 +172,24 @@ def affordable(qvi: FrictionQVI) -> bool:
     return 0 < qvi.m <= LARGEST and qvi.n > 0
 
 
-def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions | None = None) -> QVISolution:
+def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions) -> Outcome:
     """Solve the QVI by the method of this module."""
     began = time.perf_counter()
     compliance = Compliance(qvi)
-    nothing = no_outcome(qvi, Status.STALLED, "the path of pivots ends in a ray")
-    run = _Run(
-        qvi, compliance, tolerance, *_scales(qvi, compliance), nothing, options or PivotingOptions(), began=began
-    )
+    best = Outcome.nothing(qvi, Status.STALLED, "the path of pivots ends in a ray")
+    run = _Run(qvi, compliance, tolerance, *_scales(qvi, compliance), best, options, began=began)
     for number in range(_DIRECTIONS):
         if _try(run, number):
-            run.best.reason = Status.SOLVED
+            best.reason = Status.SOLVED
             break
         if deadline.over:
-            run.best.reason, run.best.message = Status.TIME_LIMIT, "the time limit was reached on the path of pivots"
+            best.reason, best.message = Status.TIME_LIMIT, "the time limit was reached on the path of pivots"
             break
         if run.spent:
-            run.best.reason, run.best.message = Status.MAX_ITERATIONS, ""
+            best.reason, best.message = Status.MAX_ITERATIONS, ""
             break
-    run.best.iterations = len(run.best.history)
-    run.best.timings = {"setup": 0.0, "solve": time.perf_counter() - began}
-    return finish(qvi, run.best, "pivoting", "", tolerance)
+    best.iterations = len(best.history)
+    return best
 
 
 def other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Iterator[Vector]:
@@ -316,7 +312,7 @@ class Vertex:
 def solve_lcp(M: Matrix, q: Vector, d: Vector) -> Vertex | None:
     """A solution of the problem of this module, (n, n), (n,) and (n,) > 0; nothing if the path ends in a ray.
 
-    Nor is there one if the time is over before the path ends, see `watch`.
+    Nor is there one if the time is over before the path ends, see `deadline`.
     """
     n = len(q)
     if q.min(initial=0.0) >= 0.0:

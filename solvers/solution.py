@@ -244,10 +244,20 @@ LOOSEST = 1e-4
 
 @dataclass(eq=False)
 class Outcome:
-    """What an iteration leaves behind; `reason` is its own view, before any certificate.
+    """What an iteration leaves behind, before any certificate.
 
-    `turned` says how the way to it had to turn, which happens where there are several solutions. `near` is that of
-    `QVISolution`. `advice` says what to do where that is not what the reason says. `attempts` are the method's own.
+    Attributes
+    ----------
+    reason : how the iteration itself sees its end
+    z, m_N, m_T, nu : the point and its multipliers, NaN where there is none
+    history, iterations, versions, farkas, form, corrections, near : as `QVISolution` has them
+    message : what to say where it is not solved; advice : what to do then, if that is not what the reason says
+    setup : seconds before the first iteration
+    feasibility : that of the problem, if it is known
+    hopeless : no certificate is to be hoped for, nor is it of interest whether there is a solution
+    turned : how the way to it had to turn, which happens where there are several solutions
+    remark : a sentence that ends the message in any case
+
     """
 
     reason: Status
@@ -255,76 +265,79 @@ class Outcome:
     m_N: Vector  # noqa: N815  # letters of (D2)
     m_T: Vector  # noqa: N815
     nu: Vector
-    threshold: Vector
-    history: list[Iteration]
-    iterations: int
+    history: list[Iteration] = field(default_factory=list)
+    iterations: int = 0
     message: str = ""
-    timings: dict[str, float] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
+    advice: str = ""
+    setup: float = 0.0
+    versions: Mapping[str, str] = field(default_factory=dict)
     feasibility: Feasibility | None = None
     form: str = "full"
-    check_feasible: bool = True
+    hopeless: bool = False
     corrections: tuple[float, ...] = ()
     turned: str = ""
     near: bool | None = None
-    advice: str = ""
-    attempts: tuple[Attempt, ...] = ()
+    remark: str = ""
 
-    def discard(self, qvi: FrictionQVI) -> None:
-        """Forget the point."""
-        self.z, self.m_N, self.nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
-        self.m_T = self.threshold = self.m_N
+    @classmethod
+    def nothing(cls, qvi: FrictionQVI, reason: Status, message: str, advice: str = "") -> Outcome:
+        """Nothing but the reason why there is no result."""
+        z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
+        return cls(reason, z, rows, rows, nu, message=message, advice=advice)
 
-
-def no_outcome(qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
-    """Nothing but the reason why there is no result."""
-    z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
-    return Outcome(reason, z, rows, rows, nu, rows, [], 0, message)
+    def certified(self, qvi: FrictionQVI, tolerance: float) -> Certificate:
+        """What it is worth."""
+        return certify(qvi, self.z, self.m_N, self.m_T, self.nu, tolerance)
 
 
-def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, tolerance: float) -> QVISolution:
-    """Certify on the original data and decide the status; without a result, ask whether there can be one."""
+def finish(
+    qvi: FrictionQVI,
+    outcome: Outcome,
+    certificate: Certificate,
+    method: str,
+    inner: str,
+    attempts: tuple[Attempt, ...],
+    timings: Mapping[str, float],
+) -> QVISolution:
+    """Decide the status by the certificate; without a result, ask whether there can be one."""
     began = time.perf_counter()
-    certificate = certify(qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, tolerance)
-    status = _status(outcome.reason, certificate)
-    feasibility = outcome.feasibility
-    undecided = status not in (Status.SOLVED, Status.INACCURATE) and outcome.check_feasible and not deadline.over
+    status, feasibility = judged(outcome.reason, certificate), outcome.feasibility
+    undecided = status not in (Status.SOLVED, Status.INACCURATE) and not outcome.hopeless and not deadline.over
     if undecided and feasibility is None:
         feasibility = check_feasibility(qvi)
     if undecided and feasibility is not None and feasibility.feasible is False:
         status = Status.INFEASIBLE
     elif status is Status.INFEASIBLE:
         status = Status.INNER_INFEASIBLE
-    farkas = feasibility.farkas if feasibility is not None and status is Status.INFEASIBLE else None
-    if status is Status.INFEASIBLE:  # where an iteration stopped means nothing then
-        outcome.discard(qvi)
-        certificate = certify(qvi, outcome.z, None, None, None, tolerance)
-    outcome.timings["certificate"] = time.perf_counter() - began
+    if status is not Status.INFEASIBLE:
+        feasibility = None
+    else:  # where an iteration stopped means nothing then
+        nothing = Outcome.nothing(qvi, status, "")
+        outcome = replace(outcome, z=nothing.z, m_N=nothing.m_N, m_T=nothing.m_T, nu=nothing.nu)
+        certificate = outcome.certified(qvi, certificate.tolerance)
     advice = outcome.advice if status is outcome.reason else ""
+    message = _sentence(status, outcome.iterations, outcome.message, certificate, feasibility, advice)
+    remarks: tuple[str, ...] = ()
+    if status is Status.SOLVED and outcome.turned:
+        several = "the discrete problem may have several solutions, of which this is one"
+        remarks = (f"{outcome.turned}: {several}. {WHAT_TO_DO}",)
     return QVISolution(
-        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, outcome.threshold, certificate,
-        tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
-        _sentence(status, outcome.iterations, outcome.message, certificate, feasibility, advice),
-        dict(outcome.versions), farkas, outcome.form,
-        qvi.factorisation, outcome.corrections, _remarks(status, outcome.turned), outcome.near,
-        outcome.attempts or (Attempt(method, "", status, outcome.iterations),),
+        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, qvi.threshold(qvi.pressure(outcome.z)),
+        certificate, tuple(outcome.history), outcome.iterations,
+        {**timings, "certificate": timings["certificate"] + time.perf_counter() - began}, method, inner,
+        f"{message} {outcome.remark}".rstrip(), dict(outcome.versions),
+        None if feasibility is None else feasibility.farkas, outcome.form, qvi.factorisation, outcome.corrections,
+        remarks, outcome.near, attempts,
     )  # fmt: skip
 
 
-def _status(reason: Status, certificate: Certificate) -> Status:
+def judged(reason: Status, certificate: Certificate) -> Status:
     """Solved only by certificate; a stop short of it is inaccurate if the result can be used."""
     if certificate.passed:
         return Status.SOLVED
     if reason in (Status.SOLVED, Status.STALLED) and certificate.accuracy <= LOOSEST:
         return Status.INACCURATE
     return Status.STALLED if reason is Status.SOLVED else reason
-
-
-def _remarks(status: Status, turned: str) -> tuple[str, ...]:
-    """That there may be several solutions, where the way to this one suggests it."""
-    if status is not Status.SOLVED or not turned:
-        return ()
-    return (f"{turned}: the discrete problem may have several solutions, of which this is one. {WHAT_TO_DO}",)
 
 
 def _sentence(

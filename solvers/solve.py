@@ -1,59 +1,40 @@
-"""One entry for every method."""
+"""One entry for every method: settings, the ways to solve that are tried in order, and other solutions."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Final, Literal, NamedTuple, TypeVar
+from dataclasses import dataclass, field
+from itertools import chain
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.names import closest
-from solvers.basics.progress import Log, Progress, deadline, report
+from solvers.basics.progress import Log, Progress, checked_limit, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
-from solvers.condensed.method import CondensedOptions, solve_condensed
+from solvers.certificate.certificate import Certificate
+from solvers.certificate.feasibility import refuted
+from solvers.condensed.method import EXACT, LAST, CondensedOptions, CondensedRun
+from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError, SolverUnavailableError
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import Request
-from solvers.fixed_point.forms import CONDENSED_LIMIT
-from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solve_fixed_point
+from solvers.fixed_point import CONDENSED_LIMIT, FixedPointOptions, initial_pressure, solve_fixed_point
+from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting import PivotingOptions, affordable, another_solution, solve_pivoting
-from solvers.solution import Attempt, Outcome, QVISolution, Start, finish, no_outcome, out_of_time
+from solvers.solution import Attempt, Outcome, QVISolution, Start, finish, judged, out_of_time
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
 Method = Literal["condensed", "fixed-point", "pivoting", "uzawa"]
 METHODS: tuple[str, ...] = ("condensed", "fixed-point", "pivoting", "uzawa")
 
-_TOLERANCE = 1e-8
-_STARTED = ("condensed", "fixed-point")  # methods that take a start
-_START = "initial"
-"""Option that chooses no method: a state is for the condensed method and the fixed point, a pressure for the latter."""
-
-_OF_ALL_METHODS = ("method", "inner", "tolerance", "throw", "factorisation", "threads", "time_limit", "verbose")
-
 DEFAULT_INNER = "qp:clarabel"
-
-LEAST_SECONDS = 15.0
-"""A fall-back may take as long again as the method before it, and at least so many seconds."""
-
-_HOPELESS = 1e-4
-"""Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
-
-_FAILURES = {
-    "singular": Status.ILL_CONDITIONED,
-    "memory": Status.OUT_OF_MEMORY,
-    "time": Status.TIME_LIMIT,
-    "backend": Status.BACKEND_FAILED,
-}
-
-_REFUSED = "Nothing was begun, as the limit could not be met."
 
 _OPTIONS = {
     "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions, "pivoting": PivotingOptions,
@@ -61,118 +42,22 @@ _OPTIONS = {
 
 _Options = TypeVar("_Options", CondensedOptions, FixedPointOptions, UzawaOptions, PivotingOptions)
 
-
-class _FallBack(NamedTuple):
-    """A method that is tried after the condensed one: its name as the subject of a sentence, and for which problems."""
-
-    method: str
-    subject: str
-    serves: Callable[[FrictionQVI], bool]
-
-
-FALL_BACKS: Final = (
-    _FallBack("pivoting", "Pivoting", affordable),
-    _FallBack("fixed-point", "The fixed point", lambda qvi: 2 * qvi.m <= CONDENSED_LIMIT),
-)
-"""Tried in this order, where no method is asked for, until a certificate passes. Before them the condensed method has
-tried its own starts: the usual one, R in place of K, other shares of friction (`condensed.method`)."""
-
-_WORTH_A_FALL_BACK = (
-    Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
-    Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
-)  # fmt: skip
+_STARTED = ("condensed", "fixed-point")  # methods that take a start
+_START = "initial"
+"""Option that chooses no method: a state is for the condensed method and the fixed point, a pressure for the latter."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a problem is solved, checked: keyword arguments of `solve_qvi`, but for time and printing.
+    """How a problem is solved: the keyword arguments of `solve_qvi`, checked when they are put together by `of`.
 
     Attributes
     ----------
-    method : the one that is taken, or begins
-    by_default : whether that is because none was asked for, so that `FALL_BACKS` may follow
-    inner : inner solver of the fixed point
-    tolerance, throw, factorisation, threads : as `solve_qvi` has them
-    options : those of the method
-
-    """
-
-    method: str
-    by_default: bool
-    inner: str
-    tolerance: float
-    throw: bool
-    factorisation: str
-    threads: int | None
-    options: Mapping[str, Any]
-
-    @classmethod
-    def of(
-        cls,
-        method: str | None = None,
-        inner: str | None = None,
-        tolerance: float = _TOLERANCE,
-        throw: bool = False,
-        factorisation: str = "auto",
-        threads: int | None = None,
-        time_limit: object = None,  # noqa: ARG003  # checked where the clock is set
-        verbose: object = False,  # noqa: ARG003
-        **options: Any,
-    ) -> Settings:
-        """Raise what `solve_qvi` raises of these keyword arguments for any problem, before anything is computed."""
-        if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
-            raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-        check_choice(method, inner)
-        function_or_none("callback", options.get("callback"))
-        throw = true_or_false("throw", throw)
-        _ = Request.checked(factorisation, threads)
-        chosen = method or _method_with(inner, set(options).difference((_START,)))
-        left_out = (_START,) if chosen in _STARTED else ()  # a start is checked with the problem
-        _ = _options(_OPTIONS[chosen], chosen, {name: each for name, each in options.items() if name not in left_out})
-        by_default, inner = method is None and chosen == "condensed", DEFAULT_INNER if inner is None else inner
-        return cls(chosen, by_default, inner, tolerance, throw, factorisation, threads, MappingProxyType(options))
-
-    @property
-    def takes_state(self) -> bool:
-        """Whether a state may be added as `initial`; it changes no method."""
-        return self.method in _STARTED
-
-    def starting(self, initial: object) -> Settings:
-        """The same from another start."""
-        return dataclasses.replace(self, options=MappingProxyType({**self.options, _START: initial}))
-
-
-def _method_with(inner: str | None, given: set[str]) -> str:
-    """The method that an inner solver asks for, or the first of those that have most of the options given."""
-    if inner is not None:
-        return "fixed-point"
-    has = {method: len(given & {field.name for field in dataclasses.fields(kind)}) for method, kind in _OPTIONS.items()}
-    return max(has, key=has.__getitem__)
-
-
-def solve_qvi(
-    qvi: FrictionQVI,
-    method: str | None = None,
-    inner: str | None = None,
-    tolerance: float = _TOLERANCE,
-    throw: bool = False,
-    factorisation: str = "auto",
-    threads: int | None = None,
-    time_limit: float | None = None,
-    verbose: bool = False,
-    **options: Any,
-) -> QVISolution:
-    """Solve the quasi-variational inequality (D2).
-
-    Parameters
-    ----------
-    qvi : FrictionQVI
-        The problem, dimensionless.
     method : str, optional
         "condensed", "fixed-point", "pivoting" or "uzawa". By default "condensed"; where that fails "pivoting" if the
         contact is small, and "fixed-point" if it is not large, for as long again as the first took at most, or 15
         seconds if that is more; another method if an inner solver or options are given that only that one takes.
-        `initial` is no such option.
+        `initial` is no such option. Once checked: the method that is taken, or begins.
     inner : str, optional
         Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
     tolerance : float
@@ -190,12 +75,101 @@ def solve_qvi(
         take a limit; a factorisation, and an inner solve by another one, is not interrupted.
     verbose : bool
         Print a header, a line an iteration, and a footer with status and times.
-    **options : object
-        Fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or `UzawaOptions`. By default
-        `max_iterations` counts the iterations of the condensed method and the fixed point, and `callback` hears of all.
-        `initial` is the `QVISolution` of a problem with the same unknowns and rows, from which the condensed method and
-        the fixed point begin, or a pressure (m,), from which the fixed point does. Two iterations of the condensed
-        method tell whether such a state is near; if it is not, the usual start is taken.
+    options : mapping
+        All other keyword arguments: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
+        `UzawaOptions`. By default `max_iterations` counts the iterations of the condensed method and the fixed point,
+        and `callback` hears of all. `initial` is the `QVISolution` of a problem with the same unknowns and rows, from
+        which the condensed method and the fixed point begin, or a pressure (m,), from which the fixed point does. Two
+        iterations of the condensed method tell whether such a state is near; if it is not, the usual start is taken.
+    by_default : bool
+        Whether the method was not asked for, so that the other `ATTEMPTS` may follow.
+
+    """
+
+    method: str
+    inner: str = DEFAULT_INNER
+    tolerance: float = 1e-8
+    throw: bool = False
+    factorisation: str = "auto"
+    threads: int | None = None
+    time_limit: float | None = None
+    verbose: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
+    by_default: bool = False
+
+    @classmethod
+    def of(cls, method: str | None = None, inner: str | None = None, **given: Any) -> Settings:
+        """Raise what `solve_qvi` raises of these keyword arguments for any problem, before anything is computed."""
+        options = {name: value for name, value in given.items() if name not in _OWN}
+        own = {name: value for name, value in given.items() if name in _OWN}
+        if method is not None and not (isinstance(method, str) and method in METHODS):
+            raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
+        if inner is not None:
+            check_name(inner)
+        chosen = method or _method_with(inner, set(options).difference((_START,)))
+        default = method is None and chosen == "condensed"
+        made = cls(chosen, DEFAULT_INNER if inner is None else inner, options=options, by_default=default, **own)
+        if not (isinstance(made.tolerance, int | float) and 0 < made.tolerance < 1):
+            raise InputError("tolerance", made.tolerance, "give a number between 0 and 1")
+        function_or_none("callback", options.get("callback"))
+        for name in ("throw", "verbose"):
+            true_or_false(name, getattr(made, name))
+        checked_limit(made.time_limit)
+        Request.checked(made.factorisation, made.threads)
+        left_out = _START if chosen in _STARTED else ""  # a start is checked with the problem
+        _checked_options(_OPTIONS[chosen], chosen, {name: each for name, each in options.items() if name != left_out})
+        return made
+
+    def starting(self, initial: object) -> Settings:
+        """The same from another start."""
+        return dataclasses.replace(self, options={**self.options, _START: initial})
+
+    @property
+    def takes_state(self) -> bool:
+        """Whether a state may be added as `initial`; it changes no method."""
+        return self.method in _STARTED
+
+
+_OWN = frozenset(each.name for each in dataclasses.fields(Settings)) - {"method", "inner", "options", "by_default"}
+
+
+def _method_with(inner: str | None, given: set[str]) -> str:
+    """The method that an inner solver asks for, or the first of those that have most of the options given."""
+    if inner is not None:
+        return "fixed-point"
+    has = {method: len(given & {each.name for each in dataclasses.fields(kind)}) for method, kind in _OPTIONS.items()}
+    return max(has, key=has.__getitem__)
+
+
+def _checked_options(kind: type[_Options], method: str, given: Mapping[str, Any]) -> _Options:
+    """Options as checked data; an unknown one lists those that exist."""
+    names: list[str] = [each.name for each in dataclasses.fields(kind)]
+    for name, value in given.items():
+        if name not in names:
+            near = closest(name, [*names, "method", "inner", *_OWN])
+            listed = f"method {method!r} has the options {', '.join(names)}"
+            raise InputError(name, value, listed if near is None else f"did you mean {near!r}? Otherwise: {listed}")
+    return kind(**given)
+
+
+def solve_qvi(
+    qvi: FrictionQVI,
+    method: str | None = None,
+    inner: str | None = None,
+    tolerance: float = 1e-8,
+    time_limit: float | None = None,
+    *,
+    verbose: bool = False,
+    **settings: Any,
+) -> QVISolution:
+    """Solve the quasi-variational inequality (D2).
+
+    Parameters
+    ----------
+    qvi : FrictionQVI
+        The problem, dimensionless.
+    method, inner, tolerance, time_limit, verbose, **settings
+        See `Settings`, its `options` by their names.
 
     Returns
     -------
@@ -210,51 +184,15 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    settings = Settings.of(method, inner, tolerance, throw, factorisation, threads, **options)
-    with deadline(time_limit), Log("solve_qvi", verbose) as log:
-        log.begin(facts_of(qvi, settings))
-        solution = solved(qvi, settings)
+    given = {"tolerance": tolerance, "time_limit": time_limit, "verbose": verbose, **settings}
+    checked = Settings.of(method, inner, **given)
+    with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log:
+        log.begin(facts_of(qvi, checked))
+        solution = solved(qvi, checked)
         log.end(str(solution.status), solution.message, solution.timings, solution.solved)
-    if settings.throw and not solution.solved:
+    if checked.throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
-
-
-def solved(qvi: FrictionQVI, settings: Settings) -> QVISolution:
-    """Solve with checked settings: by a method, where it was not asked for by `FALL_BACKS` too, until one passes."""
-    first, later = _with_start(qvi, settings)
-    with qvi.stiffness.using(settings.factorisation, settings.threads):
-        began = time.perf_counter()
-        solution = _attempt(qvi, settings.method, settings.inner, settings.tolerance, first)
-        if not settings.by_default:
-            return solution
-        spent = solution.iterations >= settings.options.get("max_iterations", np.inf)
-        if not spent and solution.status in _WORTH_A_FALL_BACK and FALL_BACKS[-1].serves(qvi):
-            seconds = max(LEAST_SECONDS, time.perf_counter() - began)
-            over = deadline.over
-            solution = out_of_time(solution) if over else _fallen_back(qvi, solution, settings, later, seconds)
-        if solution.solved and not deadline.over:
-            doubted = solution.method != settings.method or bool(solution.remarks)
-            remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
-            solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
-        return solution
-
-
-def _with_start(qvi: FrictionQVI, settings: Settings) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Options of the method and of fall-backs with `initial` as each takes it; checked even if not used."""
-    options = dict(settings.options)
-    given = options.get(_START)
-    if given is None or not settings.takes_state:
-        return options, options
-    start = Start.of(given) if isinstance(given, QVISolution) else given
-    pressure = initial_pressure(qvi, start.pressure if isinstance(start, Start) else start)
-    later = {**options, _START: pressure}
-    if settings.method == "fixed-point":
-        return later, later
-    if settings.by_default and not isinstance(start, Start):
-        del options[_START]
-        return options, later
-    return {**options, _START: start}, later
 
 
 def facts_of(qvi: FrictionQVI, settings: Settings) -> dict[str, object]:
@@ -264,109 +202,286 @@ def facts_of(qvi: FrictionQVI, settings: Settings) -> dict[str, object]:
     return {"unknowns": qvi.n, "contact rows": qvi.m, **equations, **how}
 
 
-def check_choice(method: object, inner: object) -> None:
-    """Raise `SolverUnavailableError` where a method or an inner solver is given that is not the name of one."""
-    if method is not None and not (isinstance(method, str) and method in METHODS):
-        raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
-    if inner is not None:
-        check_name(inner)
+# The ways to solve, in the order in which they are tried until a certificate passes.
 
 
-def _attempt(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
-    """By method; a factorisation that fails ends in a status."""
-    report(Progress(method))
-    try:
-        return _solve(qvi, method, inner, tolerance, options)
-    except (FactorisationError, MemoryError) as error:
-        reason = error.reason if isinstance(error, FactorisationError) else "memory"
-        outcome = no_outcome(qvi, _FAILURES[reason], str(error) or "out of memory")
-        outcome.check_feasible = False
-        outcome.advice = _REFUSED if reason == "time" else ""
-        return finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
+LEAST_SECONDS = 15.0
+"""A fall-back may take as long again as the method before it, and at least so many seconds."""
+
+_HOPELESS = 1e-4
+"""Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
+
+_ASKED, _AT_LEAST = 0.2, 0.5  # of the time so far, and seconds, for a proof that the load cannot be carried
+
+_FAILURES = {
+    "singular": Status.ILL_CONDITIONED,
+    "memory": Status.OUT_OF_MEMORY,
+    "time": Status.TIME_LIMIT,
+    "backend": Status.BACKEND_FAILED,
+}
+
+_WORTH_A_FALL_BACK = (
+    Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
+    Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
+)  # fmt: skip
 
 
-def _fallen_back(
-    qvi: FrictionQVI, first: QVISolution, settings: Settings, options: dict[str, Any], seconds: float
-) -> QVISolution:
-    """`FALL_BACKS` after a first method, for so many seconds each at most: the first that passes, or the best."""
-    kept = {name: value for name, value in options.items() if name in (_START, "callback")}
-    if "max_iterations" in options:
-        kept["max_iterations"] = options["max_iterations"] - first.iterations
-    given = {"pivoting": {"callback": options.get("callback")}, "fixed-point": kept}
-    tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
-    attempts, last = first.attempts, first
-    for way in FALL_BACKS:
-        if way.serves(qvi):
-            if way is FALL_BACKS[-1]:
-                report(Progress(way.method, remark=tried))
-            with deadline(seconds):
-                last = _attempt(qvi, way.method, DEFAULT_INNER, settings.tolerance, given[way.method])
-            attempts += (Attempt(way.method, tried, last.status, last.iterations),)
-            if last.solved:
-                break
-    better, subject = last.certificate.accuracy < first.certificate.accuracy, way.subject
-    if last.solved or (last.status is Status.INACCURATE and better):
-        found, remark = last, f"{subject} found this solution after {tried}."
-    elif deadline.over:
-        found = out_of_time(last if better else first)
-        remark = f"The time limit ended the fixed point, which was tried because {tried}."
-    elif last.status is Status.TIME_LIMIT:
-        stopped = f"{subject}, tried next, was stopped after {seconds:.0f} seconds"
-        found, remark = first, f"{stopped}: method='fixed-point' gives it more time."
-    else:
-        found, remark = first, f"{subject}, tried next, ended {last.status.words}."
-    return dataclasses.replace(found, message=f"{found.message} {remark}", attempts=attempts)
+Tries: TypeAlias = Iterator[tuple[Attempt, Outcome]]
 
 
-def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
-    """By method."""
-    if method == "condensed":
-        condensed = _options(CondensedOptions, method, options)
-        return _linear(qvi, method, "", tolerance) or solve_condensed(qvi, tolerance, condensed)
-    if method == "pivoting":
-        pivoting = _options(PivotingOptions, method, options)
-        return _linear(qvi, method, "", tolerance) or solve_pivoting(qvi, tolerance, pivoting)
-    if not qvi.bonded_error <= _HOPELESS:
-        return _give_up(qvi, method, inner, tolerance)
-    if method == "fixed-point":
-        name = check_name(inner)
-        fixed_point = _options(FixedPointOptions, method, options)
-        return _linear(qvi, method, name, tolerance) or solve_fixed_point(qvi, name, tolerance, fixed_point)
-    uzawa = _options(UzawaOptions, method, options)
-    return _linear(qvi, method, "", tolerance) or solve_uzawa(qvi, tolerance, uzawa)
+def usual_start(search: Search) -> Tries:
+    """The condensed method from where the contact would be bonded, or near a state that is given."""
+    run = search.run = CondensedRun.of(search.qvi, search.options(CondensedOptions))
+    run.begin_near()
+    run.iterate()
+    yield run.attempt("condensed", ""), run.outcome()
 
 
-def _give_up(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution:
-    """Refuse a problem whose plain linear system cannot be solved."""
-    message = f"the linear system is solved to {qvi.bonded_error:.0e} only, in the energy norm"
-    outcome = no_outcome(qvi, Status.ILL_CONDITIONED, message)
-    outcome.check_feasible = False
-    return finish(qvi, outcome, method, inner, tolerance)
+def energy_root(search: Search) -> Tries:
+    """The same with R factorised in place of K, where defect corrections show that K has lost too much to rounding."""
+    run = search.run
+    if run is not None and run.sizes and run.sizes[0] > SLOW_CONTRACTION and search.qvi.stiffness.use_root():
+        run = search.run = run.by_root()
+        run.iterate()
+        yield run.attempt("condensed, R in place of K", "K has lost too much to rounding"), run.outcome()
 
 
-def _linear(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution | None:
-    """The answer of a linear system if there is no contact, or if nothing is unknown; else nothing."""
-    if qvi.m > 0 and qvi.n > 0:
+def other_shares(search: Search) -> Tries:
+    """Other central paths: the usual start where an earlier answer led nowhere, then other shares of friction in s λ.
+
+    Those with which slacks fit most easily come first where slacks did not, and those near the bonded solution where a
+    start stalled: on strongly graded meshes multipliers that are large at first bend the path. Smaller shares follow a
+    point that is solved but for its forces: the two multipliers of shear at an open point are proportional to that
+    share, and lose as many digits in their difference. None follows where it is soon proved that the load cannot be
+    carried.
+    """
+    first, best = search.run, search.best
+    if first is None or best is None or first.reason in LAST:
+        return
+    inexact = first.reason is Status.SOLVED and first.residual() > EXACT
+    if first.reason is Status.SOLVED and not inexact:
+        return
+    best.feasibility = refuted(search.qvi, max(_ASKED * search.seconds, _AT_LEAST))
+    if best.feasibility is not None:
+        return
+    shares = first.space.shares
+    others = [share for share in shares[1:] if share.late < shares[0].late or not inexact]
+    for reason, share in ((Status.INNER_INFEASIBLE, FITTING_SHARES), (Status.STALLED, NEAR_BONDED_SHARES)):
+        if first.reason is reason and share not in shares:
+            others.insert(0, share)
+    for share in [shares[0], *others] if first.warm else others:
+        before = search.run or first
+        run = search.run = before.again(share, turned=share != shares[0] and not inexact)
+        run.iterate()
+        near = ", near the bonded state" if share.start < shares[0].start else ""
+        name = f"condensed, friction's share {share.early:g}, then {share.late:g}{near}"
+        yield run.attempt(name, f"the start before ended {before.reason.words}"), run.outcome()
+        if run.reason in LAST or (run.reason is Status.SOLVED and not inexact):
+            return
+
+
+def pivoting(search: Search) -> Tries:
+    """From vertex to vertex, for small contacts."""
+    found = solve_pivoting(search.qvi, search.settings.tolerance, search.options(PivotingOptions))
+    yield Attempt("pivoting", "", found.reason, found.iterations), found
+
+
+def fixed_point(search: Search) -> Tries:
+    """Outer iteration on the friction bound, for contacts that are not large."""
+    options, name = search.options(FixedPointOptions), check_name(search.inner)
+    found = _hopeless(search.qvi) or solve_fixed_point(search.qvi, name, search.settings.tolerance, options)
+    yield Attempt("fixed-point", "", found.reason, found.iterations), found
+
+
+def uzawa(search: Search) -> Tries:
+    """The iteration of Więckowski 1992, where it is asked for."""
+    options = search.options(UzawaOptions)
+    found = _hopeless(search.qvi) or solve_uzawa(search.qvi, search.settings.tolerance, options)
+    yield Attempt("uzawa", "", found.reason, found.iterations), found
+
+
+def _hopeless(qvi: FrictionQVI) -> Outcome | None:
+    """What is left of a problem whose plain linear system cannot be solved; None of others."""
+    if qvi.bonded_error <= _HOPELESS:
         return None
-    began = time.perf_counter()
+    message = f"the linear system is solved to {qvi.bonded_error:.0e} only, in the energy norm"
+    return dataclasses.replace(Outcome.nothing(qvi, Status.ILL_CONDITIONED, message), hopeless=True)
+
+
+def _linear(qvi: FrictionQVI, method: str) -> Tries:
+    """The answer of a linear system, where there is no contact, or nothing is unknown."""
     z, zero = qvi.bonded, np.zeros(qvi.m)
     _, nu = qvi.linear_system.solve(-qvi.gradient(z))
     reason = Status.SOLVED if qvi.m == 0 else Status.INFEASIBLE  # unless the certificate passes
-    outcome = Outcome(reason, z, zero, zero, nu, qvi.threshold(qvi.pressure(z)), [], 0)
-    outcome.timings = {"setup": 0.0, "solve": time.perf_counter() - began}
-    outcome.versions = versions(("scipy",))
-    return finish(qvi, outcome, method, inner, tolerance)
+    yield Attempt(method, "", reason, 0), Outcome(reason, z, zero, zero, nu, versions=versions(("scipy",)))
 
 
-def _options(kind: type[_Options], method: str, given: dict[str, Any]) -> _Options:
-    """Options as checked data; an unknown one lists those that exist."""
-    names: list[str] = [field.name for field in dataclasses.fields(kind)]
-    for name, value in given.items():
-        if name not in names:
-            near = closest(name, [*names, *_OF_ALL_METHODS])
-            listed = f"method {method!r} has the options {', '.join(names)}"
-            raise InputError(name, value, listed if near is None else f"did you mean {near!r}? Otherwise: {listed}")
-    return kind(**given)
+class Way(NamedTuple):
+    """One entry of `ATTEMPTS`.
+
+    Attributes
+    ----------
+    method : to which it belongs; one that is asked for has its own entries alone
+    tries : what it tries, one by one as they are asked for; nothing where the ways before leave nothing to do
+    subject : of a sentence that says what the method found
+    serves : for which problems it is tried where no method is asked for
+
+    """
+
+    method: str
+    tries: Callable[[Search], Tries]
+    subject: str = ""
+    serves: Callable[[FrictionQVI], bool] = lambda _: True
+
+
+ATTEMPTS: Final = (
+    Way("condensed", usual_start),
+    Way("condensed", energy_root),
+    Way("condensed", other_shares),
+    Way("pivoting", pivoting, "Pivoting", affordable),
+    Way("fixed-point", fixed_point, "The fixed point", lambda qvi: 2 * qvi.m <= CONDENSED_LIMIT),
+    Way("uzawa", uzawa, serves=lambda _: False),
+)
+"""Tried in this order until a certificate passes."""
+
+
+class Search:
+    """What is tried of one problem.
+
+    Attributes
+    ----------
+    attempts : so far
+    best : outcome of the method under way, by its certificate
+    run : last start of the condensed method
+    inner : inner solver of the fixed point
+
+    """
+
+    def __init__(self, qvi: FrictionQVI, settings: Settings) -> None:
+        self.qvi, self.settings, self.inner = qvi, settings, settings.inner
+        self.attempts: tuple[Attempt, ...] = ()
+        self.best: Outcome | None = None
+        self.run: CondensedRun | None = None
+        self._began = time.perf_counter()
+        self._given = dict(settings.options)
+        self._pressure: Vector | None = None
+        given = settings.options.get(_START)
+        if given is not None and settings.takes_state:
+            start = Start.of(given) if isinstance(given, QVISolution) else given
+            state = start if isinstance(start, Start) else None
+            self._pressure = initial_pressure(qvi, start if state is None else state.pressure)
+            if settings.method == "fixed-point":
+                self._given[_START] = self._pressure
+            elif state is None and settings.by_default:
+                del self._given[_START]
+            else:
+                self._given[_START] = start
+
+    @property
+    def seconds(self) -> float:
+        """Since it began, without the factorisation."""
+        return time.perf_counter() - self._began - (self.run.setup if self.run else 0.0)
+
+    def options(self, kind: type[_Options]) -> _Options:
+        """Those of the method under way."""
+        return kind(**self._given)
+
+    def by(self, method: str, why: str = "") -> QVISolution:
+        """The best that a method finds, certified; a factorisation that fails ends in a status."""
+        qvi, tolerance = self.qvi, self.settings.tolerance
+        report(Progress(method))
+        began, certifying = time.perf_counter(), 0.0
+        self.best, certificate = None, None
+        if qvi.m and qvi.n:
+            tries = chain.from_iterable(way.tries(self) for way in ATTEMPTS if way.method == method)
+        else:
+            tries = chain(_linear(qvi, method))
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what diverges is judged by its end
+                for attempt, outcome in tries:
+                    before, found = time.perf_counter(), None
+                    if self.best is not None or outcome.reason is not Status.ILL_CONDITIONED:
+                        found = outcome.certified(qvi, tolerance)
+                        attempt = attempt._replace(status=judged(attempt.status, found))
+                    certifying += time.perf_counter() - before
+                    self.attempts += (attempt._replace(reason=attempt.reason or why),)
+                    certificate = self._keep(outcome, found, certificate)
+                    if certificate is not None and certificate.passed:
+                        break
+        except (FactorisationError, MemoryError) as error:
+            reason = error.reason if isinstance(error, FactorisationError) else "memory"
+            advice = "Nothing was begun, as the limit could not be met." if reason == "time" else ""
+            nothing = Outcome.nothing(qvi, _FAILURES[reason], str(error) or "out of memory", advice)
+            self.best, certificate = dataclasses.replace(nothing, hopeless=True), None
+            self.attempts += (Attempt(method, why, nothing.reason, 0),)
+        best, before = self.best, time.perf_counter()
+        assert best is not None
+        certificate = certificate or best.certified(qvi, tolerance)
+        certifying += time.perf_counter() - before
+        seconds = time.perf_counter() - began - best.setup - certifying
+        timings = {"setup": best.setup, "solve": seconds, "certificate": certifying}
+        inner = self.inner if method == "fixed-point" else ""
+        return finish(qvi, best, certificate, method, inner, self.attempts, timings)
+
+    def _keep(self, outcome: Outcome, found: Certificate | None, certificate: Certificate | None) -> Certificate | None:
+        """The better of the best so far and a new outcome; its certificate. What has no certificate is replaced."""
+        best = self.best
+        if best is None or certificate is None or found is None or found.accuracy < certificate.accuracy:
+            self.best = outcome
+            return found
+        best.history, best.iterations = outcome.history, outcome.iterations  # all count, whichever is best
+        if outcome.reason is Status.TIME_LIMIT and best.reason is not Status.SOLVED:
+            best.reason, best.message = outcome.reason, ""
+        return certificate
+
+    def fallen_back(self, first: QVISolution) -> QVISolution:
+        """The first of the methods left that passes, each for as long again as the first one took; or the best."""
+        later = [way for way in ATTEMPTS if way.method != first.method and way.serves(self.qvi)]
+        limit = self.settings.options.get("max_iterations")
+        spent, over = limit is not None and first.iterations >= limit, deadline.over
+        if spent or first.status not in _WORTH_A_FALL_BACK or not later:
+            return first
+        if over:
+            return out_of_time(first)
+        seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
+        tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
+        self.inner, last, subject = DEFAULT_INNER, first, ""
+        for way in later:
+            self._given = {"callback": self.settings.options.get("callback")}
+            if way.method in _STARTED:
+                self._given |= {_START: self._pressure}
+                self._given |= {} if limit is None else {"max_iterations": limit - first.iterations}
+            report(Progress(way.method, remark=tried))
+            with deadline(seconds):
+                last, subject = self.by(way.method, tried), way.subject
+            if last.solved:
+                break
+        better = last.certificate.accuracy < first.certificate.accuracy
+        if last.solved or (last.status is Status.INACCURATE and better):
+            found, remark = last, f"{subject} found this solution after {tried}."
+        elif deadline.over:
+            found = out_of_time(last if better else first)
+            remark = f"The time limit ended the fixed point, which was tried because {tried}."
+        elif last.status is Status.TIME_LIMIT:
+            stopped = f"{subject}, tried next, was stopped after {seconds:.0f} seconds"
+            found, remark = first, f"{stopped}: method='fixed-point' gives it more time."
+        else:
+            found, remark = first, f"{subject}, tried next, ended {last.status.words}."
+        return dataclasses.replace(found, message=f"{found.message} {remark}", attempts=self.attempts)
+
+
+def solved(qvi: FrictionQVI, settings: Settings) -> QVISolution:
+    """Solve with checked settings: by a method, where it was not asked for by the other `ATTEMPTS` too."""
+    with qvi.stiffness.using(settings.factorisation, settings.threads):
+        search = Search(qvi, settings)
+        solution = search.by(settings.method)
+        if settings.by_default:
+            solution = search.fallen_back(solution)
+            if solution.solved and not deadline.over:
+                doubted = solution.method != settings.method or bool(solution.remarks)
+                remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
+                solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
+        return solution
 
 
 # Other solutions of a problem: friction is changed step by step, each step starting from the state of the one before.

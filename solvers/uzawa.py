@@ -24,7 +24,7 @@ Where a row is bilateral, λ_N = 0.
 | step ω_T shrunk to round-off, no change any more               | stalled                       |
 | λ no longer finite                                             | diverged                      |
 | `max_iterations` done, or exactly `iterations`                 | max_iterations                |
-| the time is over, see `watch`                                  | time_limit                    |
+| the time is over, see `deadline`                                 | time_limit                    |
 
 At mu = 0, and where the gap is open, Δ = ω_T never shrinks and the iteration ends in a cycle; `step_decay`
 shrinks the step.
@@ -44,7 +44,7 @@ from solvers.basics.types import Vector
 from solvers.certificate.certificate import certify
 from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inner.registry import versions
-from solvers.solution import Iteration, Outcome, QVISolution, finish
+from solvers.solution import Iteration, Outcome
 
 Rule = Literal["printed", "accumulating"]
 Decay = Literal["geometric", "harmonic"]
@@ -107,7 +107,7 @@ class _State:
     message: str = ""
 
 
-def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> QVISolution:
+def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Outcome:
     """Run the procedure of this module; z belongs to the multipliers it was computed from in (4.1)."""
     began = time.perf_counter()
     compliance = Compliance(qvi)
@@ -115,17 +115,23 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> QV
     state = _State(np.zeros(2 * qvi.m), compliance.bonded)  # (i)
     W2 = np.concatenate([qvi.W, qvi.W])
     set_up = time.perf_counter()
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        while state.reason is None:
-            state.number += 1
-            state.sigma = compliance.bonded - compliance.relief(W2 * state.lam)  # (4.1)
-            new = _update(qvi, state, omega_N, _step_length(options, state.number), options.rule)
-            _measure(state, new)
-            _record(state, qvi, W2, options, began)
-            _terminate(qvi, compliance, state, W2, options, tolerance)
-            if state.reason is None:
-                state.lam = new
-    return _finish(qvi, compliance, state, W2, tolerance, {"setup": set_up - began, "began": set_up})
+    while state.reason is None:
+        state.number += 1
+        state.sigma = compliance.bonded - compliance.relief(W2 * state.lam)  # (4.1)
+        new = _update(qvi, state, omega_N, _step_length(options, state.number), options.rule)
+        _measure(state, new)
+        _record(state, qvi, W2, options, began)
+        _terminate(qvi, compliance, state, W2, options, tolerance)
+        if state.reason is None:
+            state.lam = new
+    m = W2 * state.lam
+    z, nu = compliance.unknowns(m)
+    if state.history[-1].number != state.number:
+        state.history.append(_iteration(state, qvi, W2, set_up))
+    return Outcome(
+        state.reason, z, m[: qvi.m], m[qvi.m :], nu, state.history, state.number, state.message, setup=set_up - began,
+        versions=versions(("scipy",)),
+    )  # fmt: skip
 
 
 def _default_step(qvi: FrictionQVI, compliance: Compliance) -> float:
@@ -227,25 +233,3 @@ def _cycles(state: _State, tolerance: float) -> bool:
     if state.snapshot is None or not 2 <= age <= _CYCLE_PERIOD or state.change <= tolerance:
         return False
     return bool(np.abs(state.lam - state.snapshot).max(initial=0.0) <= 1e-6 * state.change * state.scale)
-
-
-def _finish(
-    qvi: FrictionQVI,
-    compliance: Compliance,
-    state: _State,
-    W2: Vector,
-    tolerance: float,
-    times: dict[str, float],
-) -> QVISolution:
-    m = W2 * state.lam
-    z, nu = compliance.unknowns(m)
-    m_N, m_T = np.split(m, 2)
-    if state.history[-1].number != state.number:
-        state.history.append(_iteration(state, qvi, W2, times["began"]))
-    threshold = qvi.threshold(qvi.pressure(z))
-    outcome = Outcome(
-        state.reason or Status.STALLED, z, m_N, m_T, nu, threshold, state.history, state.number, state.message
-    )
-    outcome.timings = {"setup": times["setup"], "solve": time.perf_counter() - times["began"]}
-    outcome.versions = versions(("scipy",))
-    return finish(qvi, outcome, "uzawa", "", tolerance)

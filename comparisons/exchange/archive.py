@@ -2,7 +2,7 @@
 
     format, version                  "qvi_contact.FrictionQVI", 1
     f, N, n0, …, bilateral           fields of `FrictionQVI`; matrix X by columns: X_data, X_indices, X_indptr, X_shape
-    traces_rows, …_interpolation     `Traces`, if there are any
+    traces_rows, …_interpolation     `TractionFactor`, if there are any
     solution_z, …                    vectors of `QVISolution`; solution_record: its words and numbers as JSON
 
 Everything of (D2) is kept to the last bit. Lost are what only code can express: `root` and `load` (an energy evaluated
@@ -27,7 +27,7 @@ from solvers.basics.types import Sparse
 from solvers.certificate.certificate import certify
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.traces import Traces
+from solvers.inequality.traces import TractionFactor
 from solvers.solution import QVISolution
 
 FORMAT = "qvi_contact.FrictionQVI"
@@ -103,7 +103,7 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
     try:
         fields = {name: _matrix(arrays, name) for name in _MATRICES} | {name: arrays[name] for name in _VECTORS}
         if "traces_rows_data" in arrays:
-            fields["traces"] = Traces(_matrix(arrays, "traces_rows"), _matrix(arrays, "traces_interpolation"))
+            fields["traces"] = TractionFactor(_matrix(arrays, "traces_rows"), _matrix(arrays, "traces_interpolation"))
         qvi = FrictionQVI.from_arrays(**fields)
         return qvi, _read_solution(qvi, arrays) if "solution_record" in arrays else None
     except InputError:

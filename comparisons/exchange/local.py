@@ -38,7 +38,7 @@ from solvers.basics.checks import real_array
 from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import Certificate, certify
 from solvers.errors import InputError
-from solvers.fixed_point.forms import CondensedForm, Simplified
+from solvers.fixed_point import CondensedForm, Simplified
 from solvers.inequality.problem import FrictionQVI
 from solvers.solution import QVISolution
 from solvers.solve import solve_qvi

@@ -13,7 +13,7 @@ from qvi_contact import ContactProblem, solve
 from qvi_contact.basics.writing import replacing, write_text
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers.basics.types import Sparse, Vector
-from solvers.fixed_point.forms import Form, make_form
+from solvers.fixed_point import Form, make_form
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerProblem
 

@@ -34,7 +34,7 @@ from qvi_contact import (
 from qvi_contact.gallery import ssnv128
 from solvers import FrictionQVI, Law, QVISolution, certify, solve_qvi
 from solvers.basics.types import Vector
-from solvers.fixed_point.forms import Form, ProblemForm, make_form
+from solvers.fixed_point import Form, ProblemForm, make_form
 from solvers.inner.problem import Centre
 from solvers.inner.registry import make_inner
 

@@ -26,7 +26,7 @@ from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS, Instance, instance
 from solvers import Certificate, certify, solve_qvi
 from solvers.basics.status import Status
-from solvers.fixed_point.forms import Form
+from solvers.fixed_point import Form
 from solvers.inner.problem import InnerSolution
 from solvers.inner.registry import make_inner
 

@@ -18,7 +18,6 @@ _Command = Callable[..., Any]
 
 _TARGETS: Final = {
     "plot": ("PICTURE", "Draw the result: a file name that ends in .png, .svg or .pdf."),
-    "deformed": ("PICTURE", "Draw the deformed body by displacement elements on the same mesh."),
     "vtk": ("VTU", "Write the fields for ParaView (.vtu), and the contacts to …_contacts.vtu."),
     "npz": ("NPZ", "Write problem and result as NumPy arrays (.npz), for qvi-contact verify."),
     "save_json": ("JSON", "Write what --json prints to a file."),
@@ -31,27 +30,15 @@ _SPACE: Final = ("degree", "law_on")
 _METAVARS: Final = {"time_limit": "SECONDS", "quantity": "NAME", "max_unknowns": "N", "max_rounds": "N"}
 
 
-def _inner() -> Iterable[str]:
+def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
+    """What the shell offers for an option: words that can be used here."""
     from solvers import available
-
-    return available()
-
-
-def _methods() -> Iterable[str]:
-    from solvers.solve import METHODS
-
-    return METHODS
-
-
-def _factorisations() -> Iterable[str]:
     from solvers.factorisation import available_backends
     from solvers.factorisation.choice import OTHERS
+    from solvers.solve import METHODS
 
-    return (*OTHERS, *available_backends())
-
-
-_WORDS: Final = {"method": _methods, "inner": _inner, "factorisation": _factorisations}
-"""What the shell offers for an option: words that can be used here."""
+    known: dict[str | None, Iterable[str]] = {"method": METHODS, "inner": available()}
+    return [word for word in known.get(option.name, (*OTHERS, *available_backends())) if word.startswith(begun)]
 
 
 def _options(declared: type, *names: str, **texts: str) -> Callable[[_Command], _Command]:
@@ -66,11 +53,8 @@ def _options(declared: type, *names: str, **texts: str) -> Callable[[_Command], 
                 more["type"] = click.Choice(kind.words)
             elif isinstance(kind, Number | Whole):
                 more["type"] = float if isinstance(kind, Number) else int
-            if name in _WORDS:
-                known = _WORDS[name]
-                more["shell_complete"] = lambda _context, _option, begun, known=known: [
-                    word for word in known() if word.startswith(begun)
-                ]
+            if name in ("method", "inner", "factorisation"):
+                more["shell_complete"] = _words
             if name in _METAVARS:
                 more["metavar"] = _METAVARS[name]
             command = click.option(f"--{name.replace('_', '-')}", help=said.get(name), **more)(command)
@@ -143,6 +127,10 @@ def group() -> None:
         qvi-contact solve examples/punch.toml --plot answer.png --npz answer.npz
         qvi-contact verify answer.npz
     \b
+    Exit status: 0 the answer was found and passes its checks
+                 1 it was not, or a check failed: the message gives the reason
+                 2 something is wrong with the input, or a file cannot be written
+    \b
     Reproduce the paper that the method comes from:
         python -m comparisons paper
     """  # noqa: D301  # click wants the character \b, not the two
@@ -154,7 +142,13 @@ def group() -> None:
 @_options(SolveOptions, "method", "inner", "factorisation", "threads", "tolerance", "time_limit")
 @_VERBOSE
 @_JSON
-@_writes("plot", "deformed", "vtk", "npz", "save_json", "report")
+@_writes("plot", "vtk", "npz", "save_json", "report")
+@click.option(
+    "--panels",
+    metavar="NAMES",
+    help="Contacts with a chart of pressure and friction in pictures, as base,wall; none without charts.  [default: at "
+    "most two]",
+)
 @click.option("--certificate", is_flag=True, help="Compute the certificate again and print it as a table.")
 @click.option(
     "--set",
@@ -174,7 +168,14 @@ def group() -> None:
     "--dask", metavar="ADDRESS", help="Share a sweep with --store on a Dask cluster: its scheduler's address."
 )
 def solve(
-    file: str, verbose: bool, as_json: bool, certificate: bool, swept: tuple[str, ...], store: str | None, **given: Any
+    file: str,
+    verbose: bool,
+    as_json: bool,
+    certificate: bool,
+    swept: tuple[str, ...],
+    store: str | None,
+    panels: str | None,
+    **given: Any,
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
 
@@ -193,13 +194,8 @@ def solve(
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
-    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk, and
-    the picture of --deformed. Steps of a history have no such displacement.
-
-    \b
-    Exit status: 0 solved, with a passing certificate
-                 1 not solved, or a check of --certificate failed: the message gives the reason
-                 2 something is wrong with the input
+    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk;
+    steps of a history have none.
 
     \b
     Examples:
@@ -217,18 +213,18 @@ def solve(
     """  # noqa: D301
     from qvi_contact.basics.writing import write_text
     from qvi_contact.command import series as several
-    from qvi_contact.command.outputs import SecondModel, json_text, page_of, write_all
+    from qvi_contact.command.outputs import SecondModel, asked_panels, json_text, page_of, write_all
     from qvi_contact.command.report import result_lines, verification_lines
     from qvi_contact.files.export import summary
 
     with _opened(file, given) as (problem_file, targets, options):
         problem_file, plan = several.asked(problem_file, swept)
         units = problem_file.units
-        shared = {name: given[name] for name in ("workers", "dask")}
+        charts = asked_panels(problem_file, panels)
         several.check_asked(plan, store, {**given, "certificate": certificate})
         if plan is not None and store is not None:
-            shared = {name: value for name, value in shared.items() if value is not None}
-            sweep = several.stored_sweep(problem_file, plan, options, verbose, store, shared)
+            shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
+            sweep = several.swept(problem_file, plan, options, verbose, store=store, **shared)
             document = several.stored_document(problem_file, sweep)
             if "save_json" in targets:
                 write_text(targets["save_json"], json_text(document) + "\n")
@@ -248,9 +244,9 @@ def solve(
                 step["verification"] = verification.document()
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
-        page = page_of(file, problem_file, steps, second, series=series)
+        page = page_of(file, problem_file, steps, second, series=series, panels=charts)
         history = None if series is None else series.history
-        complete = write_all(targets, problem_file, second, document, page, history)
+        complete = write_all(targets, problem_file, second, document, page, history, charts)
     if as_json:
         _show(problem_file, document)
     else:
@@ -277,11 +273,6 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
 
     A result that was not solved fails. If its accuracy is good enough for you, give that accuracy as --tolerance. A
     problem with Python functions for loads or gaps cannot be stored, so its result cannot be checked.
-
-    \b
-    Exit status: 0 everything holds
-                 1 a check failed: the last line names it
-                 2 the file cannot be read, or is not a result
 
     \b
     Examples:
@@ -350,11 +341,6 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
     are not guaranteed.
 
     \b
-    Exit status: 0 solved, and both bounds found
-                 1 not solved, or a bound is missing: the message gives the reason
-                 2 something is wrong with the input
-
-    \b
     Examples:
         qvi-contact bracket examples/punch.toml --plot apart.png
         qvi-contact bracket examples/compressed_plate.toml --degree 3 --json
@@ -404,11 +390,6 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     and up to a hundred. If several certified solutions are found, a displacement model on the same mesh is solved too.
     The table lists the solutions by how far their strains are from those of that model, the nearest first. Files that
     are written hold the first one. If no other solution is found, there may still be one.
-
-    \b
-    Exit status: 0 solved, whatever the number of solutions
-                 1 not solved: the message gives the reason
-                 2 something is wrong with the input
 
     \b
     Examples:
@@ -463,11 +444,6 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
     Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
     done in time. The energy bounds on the page of --report take one more solve.
-
-    \b
-    Exit status: 0 the target was reached
-                 1 it was not: the message gives the reason, and the answer is the best one found
-                 2 something is wrong with the input
 
     \b
     Examples:
@@ -566,7 +542,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     if "plot" in targets and found.mechanism is None and found.collapse is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {targets['plot']}", err=True)
     elif "plot" in targets:
-        drawn(targets["plot"], loads, problem, found, problem_file.units)
+        drawn(targets["plot"], loads, problem, found, problem_file)
     if as_json:
         _show(problem_file, {"loads": list(loads), **document(found, refinement)})
     else:

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.check_proof import check, sentences
 from qvi_contact.limit.load_factor import limit_proof
 from qvi_contact.limit.proof import save_proof
 
 if TYPE_CHECKING:
+    from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.limit.load_factor import LimitLoad
     from qvi_contact.problem.problem import ContactProblem
     from qvi_contact.refinement import LimitRefinement
@@ -54,11 +54,12 @@ def proved(path: str, problem: ContactProblem, loads: Sequence[str], degree: int
     return found + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
 
 
-def drawn(path: str, loads: Sequence[str], problem: ContactProblem, limit: LimitLoad, units: Units) -> None:
+def drawn(path: str, loads: Sequence[str], problem: ContactProblem, limit: LimitLoad, file: ProblemFile) -> None:
     """Draw how the body of a problem gives way, on the mesh of the analysis."""
     from qvi_contact.plots import limit_figure, save_figure
 
-    save_figure(path, limit_figure(problem, limit, units, "; ".join(lines(loads, limit, None))))
+    answer = f"{'; '.join(lines(loads, limit, None))}."
+    save_figure(path, limit_figure(problem, limit, file.units, file.title, answer))
 
 
 def lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:

@@ -16,6 +16,7 @@ import click
 
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
 from qvi_contact.errors import InputError
+from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from qvi_contact.basics.units import Units
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "plot": "matplotlib",
-    "deformed": "matplotlib",
     "report": "matplotlib",
     "vtk": "meshio",
 }
@@ -62,7 +62,7 @@ def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
             raise InputError(name, path, f"needs {_MODULES[option]}: python -m pip install {_MODULES[option]}")
         if option in _SUFFIXES:
             check_suffix(name, path, _SUFFIXES[option])
-        if option in ("plot", "deformed", "report"):
+        if option in ("plot", "report"):
             from qvi_contact.plots import picture_suffix, require_matplotlib
 
             if option != "report":
@@ -122,13 +122,21 @@ class SecondModel:
         if self.result.contacts:
             write_contacts_vtu(contacts_path(path), self.result, units)
 
-    def draw(self, path: str, units: Units) -> None:
-        """Draw the deformed body; `InputError` if there is no displacement."""
-        from qvi_contact.plots import deformed_figure, save_figure
 
-        if self.companion is None:
-            raise InputError("output", path, f"there is no displacement to draw: {self.missing}")
-        save_figure(path, deformed_figure(self.companion, units=units))
+def asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
+    """The contacts that --panels names, none for "none"; None for those that pictures choose.
+
+    Raises
+    ------
+    InputError
+        If there is no such contact.
+
+    """
+    names = [contact.name for contact in file.problem.contacts]
+    if panels is None or panels in names:
+        return None if panels is None else [panels]
+    found = [] if panels == "none" else [part.strip() for part in panels.split(",")]
+    return [known_name("--panels", name, {"contacts": names}) for name in found]
 
 
 def write_all(
@@ -138,6 +146,7 @@ def write_all(
     document: dict[str, Any],
     page: Callable[[], str] = str,
     history: History | None = None,
+    panels: Sequence[str] | None = None,
     *,
     gap: bool = False,
 ) -> bool:
@@ -155,9 +164,9 @@ def write_all(
                 raise InputError("output", path, f"there is no duality gap to draw: {second.missing or 'no bound'}")
             plots.save_figure(path, bracket_figure(second.bracket, file.units, file.title))
         elif history is not None and history.steps[0].has_state and second.result.problem.contacts:
-            plots.save_figure(path, plots.history_figure(history, file.units, file.times))
+            plots.save_figure(path, plots.history_figure(history, file.units, file.times, file.title))
         else:
-            plots.save_figure(path, plots.result_figure(second.result, file.units))
+            plots.save_figure(path, plots.result_figure(second.result, file.units, file.title, panels))
 
     def npz(path: str) -> None:
         from qvi_contact.files.export import write_npz
@@ -170,9 +179,8 @@ def write_all(
         "npz": npz,
         "report": lambda path: write_text(path, page()),
         "vtk": lambda path: second.write(path, file.units),
-        "deformed": lambda path: second.draw(path, file.units),
     }
-    of_state = () if second.result.has_state else ("deformed", "vtk", "npz")
+    of_state = () if second.result.has_state else ("vtk", "npz")
     missing = [path for option, path in targets.items() if option in of_state]
     if missing:
         click.echo(f"qvi-contact: there is no stress state to write to {', '.join(missing)}", err=True)
@@ -197,6 +205,7 @@ def page_of(
     second: SecondModel,
     refinement: Refinement | None = None,
     series: Series | None = None,
+    panels: Sequence[str] | None = None,
 ) -> Callable[[], str]:
     """What makes the page of --report."""
 
@@ -204,7 +213,7 @@ def page_of(
         from qvi_contact.command.page.page import Request, result_page
 
         command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
-        return result_page(Request.read(path, file, command), steps, second, refinement, series)
+        return result_page(Request.read(path, file, command), steps, second, refinement, series, panels)
 
     return made
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.shown import Certainty, Rounding, shown
 from qvi_contact.basics.units import Units
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 STATES = [state.name.lower() for state in ContactState]
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
-_KINDS: Final = {Certainty.ESTIMATE: "estimate", Certainty.GUARANTEED: "guaranteed"}
+_SAID = ("x", "y", "normal", "tangential", "friction")  # of conditions, also where they are 0
 _HIDDEN = ("kind", "edges", "length", "joint")
 
 
@@ -175,7 +175,15 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
             f"plane {material['plane']}, {material['cells']} cells"
         )
     for condition in outline["boundary"]:
-        yield f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length}){_data(condition)}"
+        given = {name: value for name, value in condition.items() if name not in _HIDDEN}
+        drives = given.pop("plate", {})  # also those of 0: without a force it stands still in that direction
+        shown_if_0 = ("x", "y", "normal", "tangential", "friction")
+        given = {
+            name: v for name, v in given.items() if v not in (None, "unilateral") and (v != 0.0 or name in shown_if_0)
+        }
+        text = ", ".join(f"{name} = {value}" for name, value in (given | drives).items())
+        where = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"
+        yield f"{where}: {text}" if text else where
     for load in outline["loads"]:
         yield (
             f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.engineering_force}, "
@@ -196,19 +204,6 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
 def shares(known: Mapping[str, float], states: Iterable[str]) -> list[str]:
     """Shares of a contact's length in these states, as `ContactLine.shares` has them."""
     return [f"{100.0 * known[name]:.1f} %" if name in known else "-" for name in states if known]
-
-
-def _data(condition: Mapping[str, Any]) -> str:
-    """What is given, without what goes without saying."""
-    given = {key: value for key, value in condition.items() if key not in _HIDDEN and value not in (None, "unilateral")}
-    drives = given.pop("plate", {})  # also those of 0: without a force it stands still in that direction
-    given = {
-        key: value
-        for key, value in given.items()
-        if value != 0.0 or key in ("x", "y", "normal", "tangential", "friction")
-    } | drives
-    text = ", ".join(f"{key} = {value}" for key, value in given.items())
-    return f": {text}" if text else ""
 
 
 def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
@@ -253,28 +248,24 @@ def branches_document(result: ContactResult, found: Branches | None, units: Unit
 
 def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
     """Outcome and rounds for programs: numbers that are not finite are None, errors are relative."""
-    unit = _unit(found, units)
+
+    def told(each: Outcome | RefinementRound) -> dict[str, Any]:
+        return {
+            "value": _finite(each.value),
+            "estimate": _finite(each.estimate),
+            "guaranteed": each.guaranteed,
+            "certainty": str(each.certainty),
+        }
+
     return {
         "status": found.status.value,
         "quantity": found.quantity,
-        "value": {"value": _finite(found.value), "unit": unit},
+        **told(found),
+        "value": {"value": _finite(found.value), "unit": _unit(found, units)},
         "target": found.target,
-        "estimate": _finite(found.estimate),
-        "guaranteed": found.guaranteed,
-        "certainty": str(found.certainty),
         "message": found.message,
         "advice": found.status.advice,
-        "rounds": [
-            {
-                "cells": [each.cells],
-                "unknowns": each.unknowns,
-                "value": _finite(each.value),
-                "estimate": _finite(each.estimate),
-                "guaranteed": each.guaranteed,
-                "certainty": str(each.certainty),
-            }
-            for each in found.rounds
-        ],
+        "rounds": [{"cells": [each.cells], "unknowns": each.unknowns, **told(each)} for each in found.rounds],
     }
 
 
@@ -298,14 +289,7 @@ def refinement_headings(found: Refinement, units: Units) -> list[str]:
 def refinement_rows(found: Refinement) -> list[list[str]]:
     """Cells, unknowns, value and relative error of each round, and what the error is."""
     return [
-        [
-            str(number),
-            str(each.cells),
-            str(each.unknowns),
-            f"{each.value:.9g}",
-            _error(each),
-            _kind(each),
-        ]
+        [str(number), str(each.cells), str(each.unknowns), f"{each.value:.9g}", *_error(each)]
         for number, each in enumerate(found.rounds, 1)
     ]
 
@@ -322,17 +306,15 @@ def trust(found: Refinement, units: Units) -> str:
 
 def so_far(done: RefinementRound) -> str:
     """A round in the line of the progress."""
-    return f"{done.unknowns} unknowns, relative error {_error(done)} ({_kind(done) or 'not known'})"
+    error, kind = _error(done)
+    return f"{done.unknowns} unknowns, relative error {error} ({kind or 'not known'})"
 
 
-def _error(each: RefinementRound) -> str:
-    return f"{each.estimate:.1e}" if math.isfinite(each.estimate) else "-"
-
-
-def _kind(each: RefinementRound) -> str:
+def _error(each: RefinementRound) -> tuple[str, str]:
+    """The relative error, and what it is."""
     if not math.isfinite(each.estimate):
-        return ""
-    return _KINDS[each.certainty]
+        return "-", ""
+    return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
 
 
 def _finite(value: float) -> float | None:

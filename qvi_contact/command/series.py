@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,7 +15,6 @@ from qvi_contact.files.problem_file import ProblemFile, SweepPlan
 from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
-    from qvi_contact.basics.terminal import Advance
     from qvi_contact.basics.units import Units
     from qvi_contact.files.sweep_store import StoredSweep
     from qvi_contact.solution.history import History
@@ -78,71 +77,66 @@ def solved_series(
 ) -> tuple[Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
     from qvi_contact.command.progress_line import solving
-
-    if store is not None and not file.times:
-        remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
-        raise InputError("--store", store, remedy)
-    if plan is not None and plan.parameter not in _PARAMETERS:
-        steps = _of_constants(file, plan, options, verbose)
-        return Series(plan.parameter, plan.values, steps), steps.steps
-    if plan is not None:
-        from qvi_contact.solution.sweep import solve_sweep
-
-        with _named_errors(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
-            sweep = solve_sweep(
-                file.problem,
-                plan.parameter,
-                plan.values,
-                plan.of,
-                callback=lambda *_: advance(),
-                **options,
-                verbose=verbose,
-            )
-        return Series(plan.parameter, plan.values, sweep), sweep.steps
-    if file.times:
-        from qvi_contact.solution.history import solve_history
-
-        with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
-            told = _UpToStep(advance)
-            history = solve_history(file.problems, told, store=store, **options, verbose=verbose)
-        return Series("t", file.times, history), history.steps
-    from qvi_contact.solution.solver import solve
-
-    with solving(file.title or "solve", verbose=verbose):
-        return None, (solve(file.problem, **options, verbose=verbose),)
-
-
-def _of_constants(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool) -> Sweep:
-    """The file solved with each value of a constant; `time_limit` is for all of them."""
-    from qvi_contact.command.progress_line import solving
+    from qvi_contact.solution.history import solve_history
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.sweep import Sweep
     from solvers.basics.progress import deadline
 
-    options = dict(options)
-    steps: list[ContactResult] = []
-    with (
-        solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance,
-        deadline(options.pop("time_limit", None)),
-    ):
-        for value in plan.values:
-            if steps and deadline.over:
-                break
-            steps.append(solve(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose))
-            advance()
-    return Sweep(plan.parameter, plan.values, tuple(steps))
+    if store is not None and not file.times:
+        remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
+        raise InputError("--store", store, remedy)
+    if plan is not None and plan.parameter in _PARAMETERS:
+        sweep = swept(file, plan, options, verbose)
+        return Series(plan.parameter, plan.values, sweep), sweep.steps
+    values = file.times if plan is None else plan.values
+    title = file.title or ("sweep" if plan is not None else "history" if values else "solve")
+    with solving(title, max(len(values), 1), verbose=verbose) as advance:
+        if plan is not None:  # of a constant: each value is a problem of its own
+            limit = options.pop("time_limit", None)
+            steps: list[ContactResult] = []
+            with deadline(limit):
+                for value in values:
+                    if steps and deadline.over:
+                        break
+                    steps.append(
+                        solve(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose)
+                    )
+                    advance()
+            return Series(plan.parameter, values, Sweep(plan.parameter, values, tuple(steps))), steps
+        if not values:
+            return None, (solve(file.problem, **options, verbose=verbose),)
+        done = 0
+
+        def told(number: int, _result: ContactResult) -> None:
+            nonlocal done
+            while done < number:  # the first that is told need not be the first of all
+                advance()
+                done += 1
+
+        history = solve_history(file.problems, told, store=store, **options, verbose=verbose)
+        return Series("t", values, history), history.steps
 
 
-class _UpToStep:
-    """Advances to the number of a step: the first that is told need not be the first of all."""
+def swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:
+    """The sweep of a file; `stored` are a store, where its rows are kept then, and those who share it."""
+    from qvi_contact.command.progress_line import solving
+    from qvi_contact.files.sweep_store import read_sweep
+    from qvi_contact.solution import sweep
 
-    def __init__(self, advance: Advance) -> None:
-        self._advance, self._done = advance, 0
-
-    def __call__(self, number: int, _result: ContactResult) -> None:
-        while self._done < number:
-            self._advance()
-            self._done += 1
+    solve_sweep: Any = sweep.solve_sweep  # with a store or without
+    with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
+        if stored:
+            with suppress(InputError):  # what is no store will be told
+                for _ in read_sweep(stored["store"]).statuses:
+                    advance()
+        asked = plan.parameter, plan.values, plan.of
+        try:
+            return solve_sweep(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)
+        except InputError as error:
+            if error.field not in _OWN:
+                raise
+            place = f"sweep.{error.field}" if plan is file.sweep else "--set"
+            raise type(error)(place, error.value, error.remedy) from error
 
 
 def check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, Any]) -> None:
@@ -154,35 +148,10 @@ def check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, A
         if not streams and asked[name] is not None:
             remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
             raise InputError(f"--{name}", asked[name], remedy)
-    for name in ("plot", "deformed", "vtk", "npz", "report", "certificate"):
+    for name in ("plot", "vtk", "npz", "report", "certificate"):
         if streams and asked[name]:
             remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
             raise InputError(f"--{name}", asked[name], remedy)
-
-
-def stored_sweep(
-    file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, store: str, workers: dict[str, Any]
-) -> StoredSweep:
-    """The sweep of a file whose rows are in a store, done as far as the time allows."""
-    from qvi_contact.command.progress_line import solving
-    from qvi_contact.files.sweep_store import read_sweep
-    from qvi_contact.solution.sweep import solve_sweep
-
-    with _named_errors(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
-        with suppress(InputError):  # what is no store will be told
-            for _ in read_sweep(store).statuses:
-                advance()
-        return solve_sweep(
-            file.problem,
-            plan.parameter,
-            plan.values,
-            plan.of,
-            lambda *_: advance(),
-            store=store,
-            **workers,
-            **options,
-            verbose=verbose,
-        )
 
 
 def stored_lines(sweep: StoredSweep) -> Iterator[str]:
@@ -204,18 +173,6 @@ def stored_document(file: ProblemFile, sweep: StoredSweep) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@contextmanager
-def _named_errors(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
-    """Input errors about the sweep name the option --set, or the key of the file."""
-    try:
-        yield
-    except InputError as error:
-        if error.field not in _OWN:
-            raise
-        place = f"sweep.{error.field}" if plan is file.sweep else "--set"
-        raise type(error)(place, error.value, error.remedy) from error
-
-
 def asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:
     """The file with constants that options --set give one value, and the sweep that another one or the file asks for.
 
@@ -228,10 +185,14 @@ def asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPl
         owner, _, parameter = name.strip().rpartition(".")
         if owner == "load" and parameter not in _PARAMETERS:
             owner, parameter = parameter, owner
-        try:
-            values = _evenly(*listed.split(":")) if ":" in listed else tuple(float(part) for part in listed.split(","))
-        except (ValueError, TypeError):
-            values = ()
+        values: tuple[float, ...] = ()
+        with suppress(ValueError, TypeError):
+            start, colon, rest = listed.partition(":")
+            stop, _, count = rest.partition(":")
+            if not colon:
+                values = tuple(float(part) for part in listed.split(","))
+            elif int(count) <= _MOST:
+                values = tuple(np.linspace(float(start), float(stop), int(count)).tolist())
         if not (separator and parameter and values):
             remedy = (
                 "write friction=0.1,0.2,0.3 (or load, gap, offset, a constant of the file), friction=0.1:0.3:21 for 21 "
@@ -252,10 +213,3 @@ def asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPl
     if plans and file.times:
         raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")
     return file.with_constants(constants) if constants else file, plans[0] if plans else file.sweep
-
-
-def _evenly(start: str, stop: str, count: str) -> tuple[float, ...]:
-    """So many values, both ends among them."""
-    if int(count) > _MOST:
-        raise ValueError(count)
-    return tuple(np.linspace(float(start), float(stop), int(count)).tolist())

@@ -24,7 +24,7 @@ from qvi_contact.solution.contact_path import turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.names import Named, known_name
-from solvers.basics.types import Stated
+from solvers.basics.types import PicklesFields
 
 _DIGITS = 12  # of coordinates over the body's length: more is rounding
 _InCells: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
@@ -145,7 +145,7 @@ class CompanionState:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CompanionResult(Stated):
+class CompanionResult(PicklesFields):
     """A displacement model solved, or not: check `status`.
 
     Without a state (loads that cannot be carried, failed back end) everything but status, certificate, message, problem

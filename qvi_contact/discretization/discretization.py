@@ -34,8 +34,8 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
-from solvers import ContactMatrices, FrictionQVI, Law, Loads, Traces
-from solvers.basics.types import Stated
+from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
+from solvers.basics.types import PicklesFields
 from solvers.inequality.rows import by_columns
 
 DEFAULT_DEGREE: Final = 4
@@ -67,7 +67,9 @@ class _Rows(NamedTuple):
             E = _block_diagonal(rule.from_points, Y.shape[0] // rule.count)
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
-            supports.kept[key] = cls(ContactMatrices(rows[:m], rows[m:], weights, A, Traces(by_columns(Y), E)), traces)
+            supports.kept[key] = cls(
+                ContactMatrices(rows[:m], rows[m:], weights, A, TractionFactor(by_columns(Y), E)), traces
+            )
         found: _Rows = supports.kept[key]
         return found
 
@@ -81,7 +83,7 @@ def _block_diagonal(block: FloatArray, count: int) -> sparse.csc_array:
 
 
 @dataclass(frozen=True, eq=False)
-class Discretization(Stated):
+class Discretization(PicklesFields):
     """A contact problem on the elements of its mesh, traction conditions and gauge eliminated.
 
     Attributes

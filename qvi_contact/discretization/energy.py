@@ -32,7 +32,7 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
 from qvi_contact.element.triangle import AffineTriangles
 from qvi_contact.errors import InputError
-from solvers.basics.types import Stated
+from solvers.basics.types import PicklesFields
 from solvers.inequality.stiffness import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
@@ -64,7 +64,7 @@ class BodyLoad:
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleEnergy(Stated):
+class TriangleEnergy(PicklesFields):
     """The energies of all triangles of a body, dimensionless.
 
     Attributes
@@ -219,7 +219,7 @@ def _stress_load(
 
 
 @dataclass(frozen=True, eq=False)
-class BodyStiffness(Stated):
+class BodyStiffness(PicklesFields):
     """K of (D2) and its root R: the energy of a body on the unknowns that supports leave.
 
     Attributes
@@ -289,7 +289,7 @@ class BodyStiffness(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class Root(Stated):
+class Root(PicklesFields):
     """z ↦ r(z) = R z + r₀ with ½|r|² the strain energy: U w + U⁻ᵀs triangle by triangle, then √(2 rest).
 
     It is evaluated without the cancellation inside K.

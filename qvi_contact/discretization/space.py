@@ -40,7 +40,7 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles, quadrature, triangle_lattice
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
-from solvers.basics.types import Stated
+from solvers.basics.types import PicklesFields
 
 FAMILY: Final = "Hsieh-Clough-Tocher"
 """Name of the element, for people."""
@@ -308,7 +308,7 @@ class Differences:
 
 
 @dataclass(frozen=True, eq=False)
-class StressSpace(Stated):
+class StressSpace(PicklesFields):
     """The C1 functions of one degree on a mesh of triangles, dimensionless; `on` gives the one that a mesh keeps.
 
     What depends on mesh and degree alone is computed once for all problems that are discretised there.

@@ -38,7 +38,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.mesh.edges import Edges, frames_along, points_along, rounding_along, vectors_along
-from solvers.basics.types import Stated
+from solvers.basics.types import PicklesFields
 from solvers.inequality.rows import are_few
 
 _POINTS: Final = 8  # Gauss points of edges and their parts for data given as functions, at least
@@ -138,7 +138,7 @@ class _Block(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Supports(Stated):
+class Supports(PicklesFields):
     """All degrees of freedom that meet prescribed tractions, u = B z + u₀, with one affine function fixed.
 
     Data in the trace space are met exactly; of others each edge keeps the resultant force and moment. Stresses do not

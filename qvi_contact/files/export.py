@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,17 +19,8 @@ from qvi_contact.files.archive import solution_arrays, write_archive
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
 
-if TYPE_CHECKING:
-    pass
-
-_NOT_STORED: Final = (
-    "name",
-    "ends",
-    "pore_pressure",
-    "rounding",
-    "senses",
-    "frictionless",
-)  # of contacts, or not always
+_NOT_STORED: Final = ("name", "ends", "pore_pressure", "rounding", "senses", "frictionless")
+"""Fields of contacts that come from the mesh, or not always."""
 
 SUMMARY_VERSION: Final = 1
 """Grows when an entry of `summary` changes its meaning or goes away; new entries may come at any time."""
@@ -53,7 +44,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         `Resultant`: the largest pressure is the largest −σ_N, the largest shear and slip are absolute values.
 
     """
-    units = units or Units()
+    units, mesh = units or Units(), result.problem.mesh
     solution, certificate = result.solution, result.certificate
     document = {
         "format": "qvi_contact summary",
@@ -81,7 +72,14 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "form": solution.form,
         "seconds": dict(solution.timings),
         "versions": dict(solution.versions),
-        "mesh": _mesh(result, units),
+        "mesh": {
+            "cells": mesh.cell_count,
+            "nodes": len(mesh.vertices),
+            "unknowns": result.discretization.qvi.n,
+            "contact_points": result.discretization.qvi.m,
+            "smallest_cell": _quantity(mesh.cell_range[0], units.length),
+            "largest_cell": _quantity(mesh.cell_range[1], units.length),
+        },
         "element": element_of(result.discretization),
         **(_state(result, units) if result.has_state else dict.fromkeys(_STATE_KEYS)),
     }
@@ -89,23 +87,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
 
 
 def write_json(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
-    """Write `summary` as a JSON file in UTF-8.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    result : ContactResult
-        The result, solved or failed.
-    units : Units, optional
-        Names of the units.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-
-    """
+    """Write `summary` as a JSON file in UTF-8; `InputError` if the file cannot be written."""
     write_text(path, json.dumps(summary(result, units), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
@@ -166,6 +148,9 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
     """Mesh, stresses, contacts and energies of a result, as `write_npz` describes them."""
     x, y, stress = result.gauss_stress()
     mesh, energies = result.problem.mesh, result.energies
+    names = [field.name for field in fields(ContactLine) if field.name not in _NOT_STORED]
+    names += ["normal_force", "tangential_force"]
+    wet = ["pore_pressure", "effective_normal_stress", "effective_normal_force"]
     return {
         "vertices": mesh.vertices,
         "cells": mesh.cells,
@@ -173,7 +158,11 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
         "gauss_x": x,
         "gauss_y": y,
         "gauss_stress": stress,
-        **_contact_arrays(result.contacts),
+        **{
+            f"{name}.{field}": getattr(line, field)
+            for name, line in result.contacts.items()
+            for field in (names + wet if line.has_fluid else names)
+        },
         "energies": np.array([getattr(energies, field.name) for field in fields(Energies)]),
         "traction_misfit": result.traction_misfit,
         **{f"{name}.motion": np.array([m.x, m.y, m.rotation]) for name, m in result.plates.items()},
@@ -187,64 +176,49 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     """The part of the summary that needs a stress state."""
     energies = result.energies
 
-    def force(found: Any, prefix: str = "") -> dict[str, Any]:
-        along = {f"{prefix}{axis}": _quantity(getattr(found, axis), units.force) for axis in "xy"}
-        return {**along, "moment": _quantity(found.moment, units.moment)}
+    def pair(found: Any, prefix: str, unit: str) -> dict[str, Any]:
+        return {f"{prefix}{axis}": _quantity(getattr(found, axis), unit) for axis in "xy"}
 
-    plates = {
-        name: {
-            "x": _quantity(motion.x, units.displacement),
-            "y": _quantity(motion.y, units.displacement),
-            "rotation": _quantity(motion.rotation, "rad"),
-            **{
-                f"force_{axis}" if axis in "xy" else axis: part
-                for axis, part in force(result.plate_force(name)).items()
-            },
+    contacts, plates = {}, {}
+    for name, line in result.contacts.items():
+        found = {
+            "normal_force": _quantity(line.normal_force, units.force),
+            "tangential_force": _quantity(line.tangential_force, units.force),
         }
-        for name, motion in result.plates.items()
-    }
+        if line.has_fluid:
+            found["effective_normal_force"] = _quantity(line.effective_normal_force, units.force)
+        contacts[name] = {
+            **found,
+            "length": {state: _quantity(length, units.length) for state, length in line.lengths.items()},
+            "largest_pressure": _quantity((-line.normal_stress).max(), units.stress),
+            "largest_shear": _quantity(np.abs(line.tangential_stress).max(), units.stress),
+            "largest_gap": _quantity(line.gap.max(), units.displacement),
+            "largest_slip": _quantity(np.abs(line.slip).max(), units.displacement),
+            "points": len(line.x),
+        }
+    for name, motion in result.plates.items():
+        pushed = result.plate_force(name)
+        plates[name] = {
+            **pair(motion, "", units.displacement),
+            "rotation": _quantity(motion.rotation, "rad"),
+            **pair(pushed, "force_", units.force),
+            "moment": _quantity(pushed.moment, units.moment),
+        }
+    resultants = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
     values = (
-        {name: _contact(line, units) for name, line in result.contacts.items()},
+        contacts,
         plates,
         {name: _quantity(getattr(energies, name), units.energy) for name in energies.__dataclass_fields__},
-        {name: force(result.resultant(name)) for name in result.problem.mesh.edge_names},
+        {n: {**pair(f, "", units.force), "moment": _quantity(f.moment, units.moment)} for n, f in resultants.items()},
         _quantity(result.traction_misfit, units.stress),
     )
     return dict(zip(_STATE_KEYS, values, strict=True))
-
-
-def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
-    """Forces, lengths and extremes of one contact."""
-    return {
-        "normal_force": _quantity(line.normal_force, units.force),
-        "tangential_force": _quantity(line.tangential_force, units.force),
-        **({"effective_normal_force": _quantity(line.effective_normal_force, units.force)} if line.has_fluid else {}),
-        "length": {name: _quantity(length, units.length) for name, length in line.lengths.items()},
-        "largest_pressure": _quantity((-line.normal_stress).max(), units.stress),
-        "largest_shear": _quantity(np.abs(line.tangential_stress).max(), units.stress),
-        "largest_gap": _quantity(line.gap.max(), units.displacement),
-        "largest_slip": _quantity(np.abs(line.slip).max(), units.displacement),
-        "points": len(line.x),
-    }
 
 
 def element_of(discretization: Discretization) -> dict[str, Any]:
     """Name, degree and contact rows of the element, for documents."""
     space = discretization.space
     return {"name": FAMILY, "degree": space.degree, "law_on": discretization.rule.law_on}
-
-
-def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:
-    mesh, qvi = result.problem.mesh, result.discretization.qvi
-    smallest, largest = mesh.cell_range
-    return {
-        "cells": mesh.cell_count,
-        "nodes": len(mesh.vertices),
-        "unknowns": qvi.n,
-        "contact_points": qvi.m,
-        "smallest_cell": _quantity(smallest, units.length),
-        "largest_cell": _quantity(largest, units.length),
-    }
 
 
 def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:
@@ -262,18 +236,3 @@ def _plain(value: object) -> object:
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     return int(value) if isinstance(value, np.integer) else value
-
-
-def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
-    """Fields of every `ContactLine`, with its resultant forces; those of a fluid where there is one.
-
-    Where its edges lie, and in which sense they count, is known from the mesh.
-    """
-    names = [field.name for field in fields(ContactLine) if field.name not in _NOT_STORED]
-    names += ["normal_force", "tangential_force"]
-    wet = ["pore_pressure", "effective_normal_stress", "effective_normal_force"]
-    return {
-        f"{name}.{field}": getattr(line, field)
-        for name, line in contacts.items()
-        for field in (names + wet if line.has_fluid else names)
-    }

@@ -34,7 +34,7 @@ from qvi_contact.basics.schema import (
     within,
 )
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.curves import AnyArc, Arc, Curve, checked_bends, ellipse, fitted
+from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
 from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment, triangles_in_box
@@ -47,7 +47,11 @@ _MOST_LINES: Final = 100_000  # that refinement makes
 _FINEST: Final = 1e-9  # smallest cell that refinement makes, relative to the body
 _SAMPLES: Final = 2000  # points per half interval where sizes are summed
 _MESH_KINDS: Final = (("x", "y"), ("file",), ("outline",), ("vertices", "triangles"))
-_MESH_EXTRAS: Final = {"x": ("remove", "refine"), "vertices": ("edges", "regions")}  # what else a kind of mesh has
+_MESH_EXTRAS: Final = {
+    "file": ("join",),
+    "x": ("remove", "refine"),
+    "vertices": ("edges", "regions"),
+}  # what else a kind of mesh has
 
 Lines = tuple[FloatArray, FloatArray]
 """Grid lines across x and across y."""
@@ -353,7 +357,7 @@ class ArcTable:
         if self.angle is not None and self.axes is None:
             raise InputError("angle", self.angle, "this belongs to an ellipse: give axes, or leave it out")
 
-    def on(self, mesh: TriangleMesh) -> AnyArc:
+    def on(self, mesh: TriangleMesh) -> Curve:
         """These edges of the mesh on their circle, ellipse or other curve."""
         if self.bends is not None:
             edges = np.array(self.edges, dtype=np.int64).reshape(-1, 2)
@@ -367,7 +371,7 @@ class ArcTable:
         if self.axes is not None:
             circled = ellipse(self.centre, self.axes, self.angle or 0.0)
             return fitted("axes", circled, 0.0, 2.0 * np.pi, pairs, mesh.vertices)
-        return Arc(self.centre, self.radius or 0.0, pairs).checked("", mesh.vertices, mesh.topology)
+        return circle(self.centre, self.radius or 0.0, pairs, mesh.vertices)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -385,6 +389,9 @@ class MeshTable:
     """Finer towards re-entrant corners, see `[mesh.refine]`: `refine = { largest = 0.25, smallest = 0.01 }`."""
     file: Name | None = None
     """Mesh file, .msh, .inp, .med, .vtk or .vtu, by its place beside the problem file: `file = "meshes/dam.msh"`."""
+    join: Name | None = None
+    """Name for the joint of bodies in the mesh file that touch along straight lines; their nodes need not match:
+    `join = "seam"`."""
     outline: OutlineTable | None = None
     """Outline that gmsh divides into triangles, see `[mesh.outline]`: `outline = { size = 0.2, corners = [{ at =
     [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }] }`."""
@@ -610,11 +617,14 @@ def built_mesh(table: MeshTable, parts: Parts, folder: Path | None) -> TriangleM
     lines = None
     with within("mesh"):
         if table.file is not None:
-            with located("file"):
-                if folder is None:
-                    remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
-                    raise InputError("file", table.file, remedy)
-                mesh = TriangleMesh.load(folder / table.file)
+            if folder is None:
+                remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
+                raise InputError("file", table.file, remedy)
+            try:
+                mesh = TriangleMesh.load(folder / table.file, table.join)
+            except InputError as error:
+                with located("" if error.field == "join" else "file", ("join",)):
+                    raise
         elif table.outline is not None:
             with within("outline"):
                 mesh = table.outline.mesh()

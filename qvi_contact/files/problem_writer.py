@@ -63,9 +63,10 @@ def problem_to_toml(
         If a function is one of Python, which a file cannot hold, or expressions disagree about constants or time.
 
     """
-    for name, given, kind in (("problem", problem, ContactProblem), ("title", title, str)):
-        if not isinstance(given, kind):
-            raise InputError(name, given, f"give a {kind.__name__}")
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    if not isinstance(title, str):
+        raise InputError("title", title, "give a text")
     if units is not None and not isinstance(units, Units):
         raise InputError("units", units, "give Units, or nothing")
     if real_array("times", times, "give a list of numbers").ndim != 1:
@@ -190,5 +191,5 @@ def _mesh(mesh: TriangleMesh) -> dict[str, Any]:
     table: dict[str, Any] = {"vertices": mesh.vertices.tolist(), "triangles": mesh.cells.tolist()}
     edges = {name: pairs.tolist() for name, pairs in mesh.edge_sets.items()}
     regions = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
-    arcs = [{**arc.stated(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
+    arcs = [{"bends": arc.coefficients.tolist(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
     return {key: value for key, value in {**table, "edges": edges, "regions": regions, "arcs": arcs}.items() if value}

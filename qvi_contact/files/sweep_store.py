@@ -60,6 +60,11 @@ _DATABASE: Final = Database("the store of a sweep", 0x51564957, 1, _TABLES, "res
 
 _RESULT: Final = "INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)"
 _CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
+_DONE: Final = """
+    SELECT number, value, status, message, iterations, accuracy, seconds
+    FROM planned JOIN results USING (number) ORDER BY number
+"""
+_CONTACTS: Final = f"SELECT contact, {_COLUMNS} FROM contacts WHERE number = ? ORDER BY rowid"
 _FAILED: Final = f"""
     SELECT value, message FROM planned JOIN results USING (number) WHERE status <> '{Status.SOLVED}' ORDER BY number
 """
@@ -92,7 +97,14 @@ class StoredSweep:
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values."""
         with _DATABASE.opened(self.path) as connection, _sound(self.path):
-            yield from _rows(connection)
+            for number, value, status, message, iterations, accuracy, seconds in connection.execute(_DONE):
+                contacts = {}
+                for name, *numbers in connection.execute(_CONTACTS, (number,)):
+                    named = zip(SUMMARY_COLUMNS, numbers, strict=True)
+                    contacts[_of(str, name)] = {key: _of(float, each) for key, each in named if each is not None}
+                told = Status(status), _of(str, message), _of(int, iterations)
+                accuracy = math.nan if accuracy is None else _of(float, accuracy)
+                yield SweepRow(number, _of(float, value), *told, accuracy, _of(float, seconds), contacts)
 
     @property
     def statuses(self) -> tuple[Status, ...]:
@@ -186,7 +198,14 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
     place = _place(path)
     if place.is_dir() or not place.name:
         raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
-    with _DATABASE.writing(place, lambda empty: _declare(empty, fingerprint, parameter, values)) as connection:
+
+    def declare(empty: sqlite3.Connection) -> None:
+        marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
+        began = datetime.now(UTC).isoformat(timespec="seconds")
+        empty.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, marked, began))
+        empty.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
+
+    with _DATABASE.writing(place, declare) as connection:
         stored, found, planned = _plan(connection, place)
         if found.partition(":")[0] != fingerprint:
             remedy = f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
@@ -194,13 +213,6 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
         if (stored, planned) != (parameter, tuple(values)):
             raise _changed(place)
         yield SweepStore(place, connection)
-
-
-def _declare(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:
-    began = datetime.now(UTC).isoformat(timespec="seconds")
-    marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
-    connection.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, marked, began))
-    connection.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
 
 
 def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, tuple[float, ...]]:
@@ -246,23 +258,3 @@ def _of(kind: type[_Kind], value: object) -> _Kind:
     if not isinstance(value, kind):
         raise TypeError(f"{type(value).__name__} instead of {kind.__name__}")
     return value
-
-
-def _rows(connection: sqlite3.Connection) -> Iterator[SweepRow]:
-    query = (
-        "SELECT number, value, status, message, iterations, accuracy, seconds FROM planned JOIN results USING (number)"
-    )
-    for number, value, status, message, iterations, accuracy, seconds in connection.execute(f"{query} ORDER BY number"):
-        chosen = connection.execute(
-            f"SELECT contact, {_COLUMNS} FROM contacts WHERE number = ? ORDER BY rowid", (number,)
-        )
-        contacts = {_of(str, name): _known(numbers) for name, *numbers in chosen}
-        told = Status(status), _of(str, message), _of(int, iterations)
-        accuracy = math.nan if accuracy is None else _of(float, accuracy)
-        yield SweepRow(number, _of(float, value), *told, accuracy, _of(float, seconds), contacts)
-
-
-def _known(numbers: Sequence[object]) -> dict[str, float]:
-    """Columns that have a value."""
-    named = zip(SUMMARY_COLUMNS, numbers, strict=True)
-    return {name: _of(float, value) for name, value in named if value is not None}

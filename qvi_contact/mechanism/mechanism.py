@@ -15,7 +15,7 @@ from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.program import Motion, Rigid
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.names import Named
-from solvers.basics.types import Stated
+from solvers.basics.types import PicklesFields
 
 _CERTAIN: Final = 1e-8
 """Gain of work, relative to the work that drives and resists, below which nothing is claimed."""
@@ -80,7 +80,7 @@ class ContactMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class Mechanism(Stated):
+class Mechanism(PicklesFields):
     """Small rigid motions of the blocks that the contact laws admit, the largest displacement being 1 [length].
 
     Friction counts as if slip had to open the contact by μ times as much (the associated law): for such a motion

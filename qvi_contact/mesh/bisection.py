@@ -45,7 +45,7 @@ def divided_at_arcs(mesh: MeshParts) -> MeshParts:
     for _ in range(_DIVISIONS if mesh.arcs else 0):
         cells = np.sort(mesh.cells, axis=1)
         topology = Topology.of(cells, len(mesh.vertices))
-        bends = bends_of(mesh.arcs, mesh.vertices, topology)
+        bends = bends_of(mesh.arcs, topology)
         flat = np.flatnonzero(bent_too_far(bends, mesh.vertices, cells, topology).any(axis=1))
         if not len(flat):
             break

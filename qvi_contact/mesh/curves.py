@@ -36,69 +36,7 @@ ROUNDING: Final = 1.5e-6
 """Distance of a vertex from its circle over the radius, or from another curve over its size, that is taken as rounding
 of data."""
 
-_FLATTEST: Final = 1e-7  # angle below which an arc is its chord: it is off by less than rounding of the circle
-
-
-@dataclass(frozen=True, eq=False)
-class Arc:
-    """Edges that lie on one circle.
-
-    Attributes
-    ----------
-    centre : (float, float)
-        Centre of the circle [length].
-    radius : float
-        Its radius [length].
-    edges : (k, 2) int array
-        The edges by their vertices. Each is the shorter of the two arcs between them.
-
-    """
-
-    centre: tuple[float, float]
-    radius: float
-    edges: IntArray
-
-    def bends(self, vertices: FloatArray) -> FloatArray:
-        """How the edges bend from their first vertices to the second ones, (k, 2); see `mesh.arcs`."""
-        first, second = (vertices[end] - np.array(self.centre) for end in self.edges.T)
-        turn = np.arctan2(cross(first, second), (first * second).sum(axis=1))
-        turn = np.where(np.abs(turn) <= _FLATTEST, 0.0, turn)
-        return np.column_stack([np.zeros(len(turn)), turn / 2.0])
-
-    def middles(self, pairs: IntArray, vertices: FloatArray) -> FloatArray:
-        """The points of the circle in the middle of edges (n, 2) of the arc, shape (n, 2)."""
-        arms = vertices[pairs].mean(axis=1) - np.array(self.centre)
-        return np.asarray(np.array(self.centre) + self.radius * arms / np.hypot(*arms.T)[:, None])
-
-    def divided(self, pairs: IntArray, parents: IntArray) -> "Arc":
-        """The same by edges (n, 2) that are halves of edges (n, 2) of the arc, or these themselves."""
-        del parents
-        return replace(self, edges=pairs)
-
-    def stated(self) -> dict[str, object]:
-        """What problem files say of it beside its edges."""
-        return {"centre": list(self.centre), "radius": self.radius}
-
-    def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Arc":
-        """The same if it has edges of the mesh, and their vertices are on the circle.
-
-        Raises
-        ------
-        InputError
-            If not; its field begins with the name if there is one.
-
-        """
-        of = f"{name}." if name else ""
-        pairs = checked_pairs(name or "edges", self.edges, topology, vertices)
-        found = Arc(point(f"{of}centre", self.centre), positive_number(f"{of}radius", self.radius), pairs)
-        ends = vertices[np.unique(pairs)]
-        off = np.abs(np.hypot(*(ends - np.array(found.centre)).T) - found.radius)
-        worst = int(np.argmax(off))
-        if off[worst] > ROUNDING * found.radius:
-            x, y = ends[worst]
-            remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this circle: correct centre or radius"
-            raise InputError(f"{of}radius", found.radius, remedy)
-        return found
+_FLATTEST: Final = 5e-8  # angle from the chord below which an edge is its chord: off by rounding of data
 
 
 _LEVEL: Final = 1e-9  # angle between a chord and the line that angles count from that is rounding of data [rad]
@@ -121,11 +59,6 @@ class Curve:
     edges: IntArray
     coefficients: FloatArray
 
-    def bends(self, vertices: FloatArray) -> FloatArray:
-        """How the edges bend, (k, n)."""
-        del vertices
-        return self.coefficients
-
     def middles(self, pairs: IntArray, vertices: FloatArray) -> FloatArray:
         """The points in the middle of edges (n, 2) of the curve, shape (n, 2)."""
         first, second = (vertices[end] for end in pairs.T)
@@ -142,10 +75,6 @@ class Curve:
         is_first, is_second = ((pairs[:, 0] == parents[:, k]) & (pairs[:, 1] != parents[:, 1]) for k in (0, 1))
         found = np.where(is_first[:, None], first, np.where(is_second[:, None], reversed_bends(second), whole))
         return Curve(pairs, found)
-
-    def stated(self) -> dict[str, object]:
-        """What problem files say of it beside its edges."""
-        return {"bends": self.coefficients.tolist()}
 
     def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.
@@ -186,8 +115,27 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
     return found
 
 
-AnyArc: TypeAlias = Arc | Curve
-"""Edges that lie on one curve."""
+def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:
+    """The edges (k, 2) as arcs of a circle, on which their vertices lie: of each edge the shorter one.
+
+    Raises
+    ------
+    InputError
+        If a vertex is off the circle; fields of errors begin so.
+
+    """
+    middle, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
+    pairs = np.unique(np.sort(edges, axis=1), axis=0)
+    ends = vertices[np.unique(pairs)]
+    off = np.abs(np.hypot(*(ends - middle).T) - radius)
+    worst = int(np.argmax(off))
+    if off[worst] > ROUNDING * radius:
+        x, y = ends[worst]
+        remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this circle: correct centre or radius"
+        raise InputError(f"{field}radius", radius, remedy)
+    first, second = (vertices[end] - middle for end in pairs.T)
+    turn = np.arctan2(cross(first, second), (first * second).sum(axis=1))
+    return Curve(pairs, np.column_stack([np.zeros(len(turn)), turn / 2.0]))
 
 
 class MeshParts(NamedTuple):
@@ -197,7 +145,7 @@ class MeshParts(NamedTuple):
     cells: IntArray
     edge_sets: Mapping[str, IntArray] = MappingProxyType({})
     regions: Mapping[str, IntArray] = MappingProxyType({})
-    arcs: Sequence[AnyArc] = ()
+    arcs: Sequence[Curve] = ()
 
 
 _LEAST_TERMS: Final = 2  # of bends: those of circles
@@ -207,17 +155,18 @@ _LEAST: Final = 0.01  # share of the area between an arc's end and the barycentr
 _PLACES: Final = np.linspace(0.0, 1.0, 33)  # where heights, areas and angles are looked at
 
 
-def bends_of(arcs: Sequence[AnyArc], vertices: FloatArray, topology: Topology) -> FloatArray:
+def bends_of(arcs: Sequence[Curve], topology: Topology) -> FloatArray:
     """How each edge bends from its vertex of lower number to the other, shape (e, terms); see `mesh.arcs`."""
-    parts = [arc.bends(vertices) for arc in arcs]
-    found = np.zeros((len(topology.ends), max([_LEAST_TERMS, *(part.shape[1] for part in parts)])))
-    for arc, part in zip(arcs, parts, strict=True):
-        found[topology.number(arc.edges), : part.shape[1]] = part
+    terms = [arc.coefficients.shape[1] for arc in arcs]
+    found = np.zeros((len(topology.ends), max([_LEAST_TERMS, *terms])))
+    for arc, count in zip(arcs, terms, strict=True):
+        flat = np.abs(arc.coefficients).max(axis=1, keepdims=True) <= _FLATTEST
+        found[topology.number(arc.edges), :count] = np.where(flat, 0.0, arc.coefficients)
     return found
 
 
 def refuse_bad_arcs(
-    arcs: Sequence[AnyArc], bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology
+    arcs: Sequence[Curve], bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology
 ) -> None:
     """`InputError` where an edge is on two arcs, turns too far for one, or bends too far for its triangle."""
     numbers = np.sort(np.concatenate([topology.number(arc.edges) for arc in arcs]))

@@ -52,11 +52,7 @@ def checked_cells(cells: ArrayLike, vertices: FloatArray) -> IntArray:
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
     """`InputError` unless triangles are a mesh of one piece."""
     _refuse_triangles(vertices, cells, topology)
-    inner = topology.cells[topology.count == 2]
-    graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(len(cells), len(cells)))
-    of_cell = csgraph.connected_components(graph, directed=False)[1]
-    piece = np.asarray(of_cell, dtype=np.int64)  # of each triangle: those joined by edges
-    same, hanging = same_places(vertices), _hanging(vertices, topology)
+    piece, same, hanging = pieces(topology, len(cells)), same_places(vertices), hanging_vertices(vertices, topology)
     _refuse_meeting(vertices, cells, topology, piece, same, hanging)
     if len(same):
         pair = same[np.lexsort(same.T[::-1])[0]]
@@ -67,6 +63,13 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
         remedy = f"this vertex at {{}} lies inside the edge of the vertices {topology.ends[edge].tolist()}: "
         _refuse(int(vertex), remedy + "divide the triangle there", vertices[vertex])
     _refuse_pieces(vertices, cells, topology, piece)
+
+
+def pieces(topology: Topology, count: int) -> IntArray:
+    """The number of the piece of each of so many triangles (m,): those joined by edges are one."""
+    inner = topology.cells[topology.count == 2]
+    graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(count, count))
+    return np.asarray(csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def same_places(vertices: FloatArray) -> IntArray:
@@ -106,7 +109,7 @@ def _refuse_triangles(vertices: FloatArray, cells: IntArray, topology: Topology)
         _refuse(topology.ends[edge].tolist(), remedy, (first[edge] + second[edge]) / 2.0)
 
 
-def _hanging(vertices: FloatArray, topology: Topology) -> IntArray:
+def hanging_vertices(vertices: FloatArray, topology: Topology) -> IntArray:
     """Pairs (k, 2) of a vertex and an edge of the boundary it lies inside: two triangles meet one along its side."""
     outer = np.flatnonzero(topology.boundary)
     first, second = vertices[topology.ends[outer]].swapaxes(0, 1)
@@ -158,7 +161,8 @@ def _refuse_meeting(
     vertex = apart[0] if len(apart) else twins[0, 0]
     remedy = (
         f"two parts of the mesh meet {place}, and their vertices do not match there, as {{}}: mesh both as one body "
-        "with common nodes on that line (BooleanFragments in Gmsh), and name it; a Contact along it separates bodies"
+        "with common nodes on that line (BooleanFragments in Gmsh), and name it; a Contact along it separates bodies. "
+        "If it is straight, `join` with a name for it does so"
     )
     _refuse(int(vertex), remedy, vertices[vertex])
 

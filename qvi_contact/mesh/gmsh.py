@@ -19,7 +19,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import cross
-from qvi_contact.mesh.curves import Arc, MeshParts
+from qvi_contact.mesh.curves import Curve, MeshParts, circle
 from qvi_contact.mesh.outline import Polygon, Polygons
 from qvi_contact.mesh.topology import Topology
 from solvers.basics.foreign import foreign_code
@@ -144,7 +144,7 @@ class _Drawing:
         for name, chosen in regions.items():
             if not len(chosen):
                 raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
-        return MeshParts(vertices, cells, edge_sets, regions, self._arcs(ends, pairs))
+        return MeshParts(vertices, cells, edge_sets, regions, self._arcs(ends, pairs, vertices))
 
     def _drawn(self, polygon: Polygon) -> list[int]:
         """The polygon's pieces as lines and arcs."""
@@ -191,7 +191,7 @@ class _Drawing:
             found[name] = sorted({*found.get(name, []), *self._on(polygon, pieces, ends)})
         return found
 
-    def _arcs(self, ends: Mapping[int, FloatArray], pairs: Mapping[int, IntArray]) -> list[Arc]:
+    def _arcs(self, ends: Mapping[int, FloatArray], pairs: Mapping[int, IntArray], vertices: FloatArray) -> list[Curve]:
         """The edges on each circle, from the edges (k, 2) of each curve."""
         found = dict[tuple[float, float, float], set[int]]()
         for polygon in self._shape.every:
@@ -206,7 +206,8 @@ class _Drawing:
             new = sorted(tags - taken)  # a line that two parts of the outline share is one
             taken.update(tags)
             if new:
-                arcs.append(Arc((x, y), radius, np.concatenate([pairs[tag] for tag in new])))
+                edges = np.concatenate([pairs[tag] for tag in new])
+                arcs.append(circle((x, y), radius, edges, vertices, "TriangleMesh.arcs."))
         return arcs
 
 

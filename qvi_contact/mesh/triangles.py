@@ -16,12 +16,13 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, 
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import barycentric_of, stretches
 from qvi_contact.mesh.bisection import bisected, divided_at_arcs, fanned
-from qvi_contact.mesh.curves import AnyArc, Arc, Curve, CurveFunction, MeshParts, bends_of, fitted, refuse_bad_arcs
+from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
 from qvi_contact.mesh.edges import Edges, edges_of, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
+from qvi_contact.mesh.joining import joined, stacked
 from qvi_contact.mesh.outline import Line, Point, polygons
 from qvi_contact.mesh.search import PointSearch
 from qvi_contact.mesh.selection import (
@@ -37,7 +38,7 @@ from qvi_contact.mesh.selection import (
 )
 from qvi_contact.mesh.topology import Topology, chains
 from solvers.basics.names import known_name
-from solvers.basics.types import Stated, load
+from solvers.basics.types import PicklesFields, load
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
@@ -50,7 +51,7 @@ _DEEPEST: Final = 100
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangleMesh(Stated):
+class TriangleMesh(PicklesFields):
     """A body divided into triangles.
 
     Parameters
@@ -63,7 +64,7 @@ class TriangleMesh(Stated):
         Named edges by their vertices: parts of the boundary, or joints if they lie inside the body.
     regions : mapping of str to (k,) int array, optional
         Named sets of triangles.
-    arcs : sequence of Arc or Curve, optional
+    arcs : sequence of Curve, optional
         Edges that are arcs rather than their chords; see `with_arc` and `with_curve`.
 
     Raises
@@ -79,7 +80,7 @@ class TriangleMesh(Stated):
     cells: IntArray
     edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    arcs: Sequence[AnyArc] = ()
+    arcs: Sequence[Curve] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", checked_vertices(self.vertices))
@@ -92,10 +93,10 @@ class TriangleMesh(Stated):
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in named.items()}
         object.__setattr__(self, "regions", MappingProxyType(regions))
         if not isinstance(self.arcs, Sequence):
-            raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Arcs and Curves")
+            raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
         for number, arc in enumerate(self.arcs):
-            if not isinstance(arc, Arc | Curve):
-                raise InputError(f"TriangleMesh.arcs[{number}]", arc, "give an Arc or a Curve")
+            if not isinstance(arc, Curve):
+                raise InputError(f"TriangleMesh.arcs[{number}]", arc, "give a Curve")
         arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.vertices, self.topology) for k, a in enumerate(self.arcs)]
         object.__setattr__(self, "arcs", tuple(arcs))
         if arcs:
@@ -217,13 +218,31 @@ class TriangleMesh(Stated):
         return cls(*from_skfem(mesh))
 
     @classmethod
-    def load(cls, path: str | Path) -> TriangleMesh:
+    def joined(cls, name: str, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+        """Bodies that touch along straight lines as one mesh, with a joint of that name between them.
+
+        Their vertices need not match there: those of either side are put into the other, and triangles are cut. Parts
+        of one name are one. A named part of the boundary loses the edges that are in the joint, unless all of it is.
+
+        Raises
+        ------
+        InputError
+            If the bodies do not touch along a straight line, the name is taken, or together they are no mesh.
+
+        """
+        if not isinstance(meshes, Sequence) or not all(isinstance(mesh, TriangleMesh) for mesh in meshes):
+            raise InputError("meshes", meshes, "give a list of TriangleMesh")
+        return cls(*joined(stacked([mesh._parts for mesh in meshes]), name))
+
+    @classmethod
+    def load(cls, path: str | Path, join: str | None = None) -> TriangleMesh:
         """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), and by meshio Abaqus or CalculiX (.inp), MED (.med), VTK.
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
-        body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`.
+        body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. Bodies in the file that
+        touch along straight lines get a joint called `join`, see `joined`.
         """
-        return cls(*read_mesh(path))
+        return cls(*(read_mesh(path) if join is None else joined(read_mesh(path), join)))
 
     @classmethod
     def outline(
@@ -289,7 +308,7 @@ class TriangleMesh(Stated):
     @cached_property
     def bends(self) -> FloatArray:
         """How the edges of `topology` bend, see `Edges.bend`; from the vertex of lower number, (e, k)."""
-        return bends_of(self.arcs, self.vertices, self.topology)
+        return bends_of(self.arcs, self.topology)
 
     @cached_property
     def sides(self) -> FloatArray:
@@ -477,8 +496,7 @@ class TriangleMesh(Stated):
             for its triangle.
 
         """
-        arc = Arc(centre, radius, self.pairs(name)).checked("", self.vertices, self.topology)
-        return replace(self, arcs=(*self.arcs, arc))
+        return replace(self, arcs=(*self.arcs, circle(centre, radius, self.pairs(name), self.vertices)))
 
     def with_curve(self, name: str, curve: CurveFunction, start: float = 0.0, stop: float = 1.0) -> TriangleMesh:
         """The same mesh with the edges called `name` on a smooth curve, on which their vertices lie; see `with_arc`.

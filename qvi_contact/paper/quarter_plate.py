@@ -36,7 +36,7 @@ from qvi_contact.mesh.grid import graded_lines
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.solution.stress import principal_stresses
 from solvers import FrictionQVI
-from solvers.inequality.traces import Traces
+from solvers.inequality.traces import TractionFactor
 
 _COMPONENTS = ((0, 2, 1.0), (2, 0, 1.0), (1, 1, -1.0))
 """σ_xx, σ_yy, σ_xy as derivatives of Φ: order in x, order in y, factor."""
@@ -298,7 +298,7 @@ class QuarterPlate:
         top = self._along_y.matrix(np.ones(1), in_y)[[-1]]
         return sparse.csr_array(factor * sparse.kron(top, self._along_x.matrix(t, in_x)) @ self._basis)
 
-    def _traces(self) -> Traces:
+    def _traces(self) -> TractionFactor:
         """Tractions at the Gauss points from σ_N at the outer two of every edge, and σ_T at its ends and middle."""
         n, q, t = len(self._along_x.sizes), len(GAUSS_POINTS), GAUSS_POINTS
         every = np.arange(n)
@@ -315,7 +315,7 @@ class QuarterPlate:
             k = shapes.shape[1]
             values, places = np.tile(shapes.ravel(), n), np.repeat(columns, q, axis=0).ravel()
             parts.append(sparse.csr_array((values, places, k * np.arange(n * q + 1)), shape=(n * q, 4 * n + 1)))
-        return Traces(sparse.csc_array(sparse.vstack([normal, shear])), sparse.csc_array(sparse.vstack(parts)))
+        return TractionFactor(sparse.csc_array(sparse.vstack([normal, shear])), sparse.csc_array(sparse.vstack(parts)))
 
 
 @dataclass(frozen=True, eq=False)

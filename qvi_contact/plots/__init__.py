@@ -7,10 +7,10 @@ Nothing here needs a screen, keeps state or changes matplotlib's settings. Colou
 and nothing depends on colour alone.
 """
 
-from qvi_contact.plots.fields import COMPONENT_LABELS, principal_stress_map, stress_field
+from qvi_contact.plots.body import draw_body
+from qvi_contact.plots.fields import COMPONENT_LABELS, stress_field
 from qvi_contact.plots.figures import history_figure, hysteresis_loop, limit_figure, problem_figure, result_figure
 from qvi_contact.plots.mechanism import draw_mechanism
-from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import (
     BLUE,
@@ -34,7 +34,7 @@ __all__ = [
     "ORANGE",
     "VERMILLION",
     "contact_tractions",
-    "deformed_contact",
+    "draw_body",
     "draw_mechanism",
     "draw_problem",
     "friction_used",
@@ -43,7 +43,6 @@ __all__ = [
     "hysteresis_loop",
     "limit_figure",
     "picture_suffix",
-    "principal_stress_map",
     "problem_figure",
     "require_matplotlib",
     "result_figure",
@@ -54,9 +53,10 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "bounds": ("bracket_figure", "deformed_figure"),
-        "labels": ("value_range",),
-        "mechanism": ("moved_outlines",),
+        "bounds": ("bracket_figure",),
+        "labels": ("beside", "value_range"),
+        "shape": ("Shape",),
+        "mechanism": ("block_outlines",),
         "style": ("cell_outlines", "edge_lines", "new_figure"),
         "symbols": ("runs",),
     },

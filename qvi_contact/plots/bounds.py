@@ -4,34 +4,23 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, positive_number
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket import Bracket
-from qvi_contact.companion.result import CompanionResult
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import cross
-from qvi_contact.mesh.edges import frames_along
-from qvi_contact.plots.fields import draw_values
 from qvi_contact.plots.style import (
     BLUE,
     GREEN,
-    GREY,
-    LEAST,
     ORANGE,
-    VERMILLION,
-    bounding_box,
     colour_bar,
     draw_outline,
     edge_lines,
     frame,
-    legend_below,
     lines,
-    magnified,
     new_figure,
     plain_text,
     plain_units,
 )
-from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,76 +83,3 @@ def _gap_map(axes: "Axes", bracket: Bracket, units: Units) -> None:
         axes.add_collection(lines(ends, "black", "solid", 1.0))
     frame(axes, mesh, units)
     colour_bar(axes, cells, f"duality gap per area [{units.stress}]")
-
-
-def deformed_figure(companion: CompanionResult, scale: float | None = None, units: Units | None = None) -> "Figure":
-    """The body displaced, its cells coloured by the von Mises stress, over its outline before.
-
-    Displacements are exaggerated by one stated factor, and obstacles drawn where they stand in that picture: at g along
-    the normal and w along the tangent, beyond the motion of a plate.
-
-    Parameters
-    ----------
-    companion : CompanionResult
-        A result with a displacement.
-    scale : float, optional
-        By how much displacements are exaggerated; by default so much that the largest one spans about 8 % of the
-        body's length.
-    units : Units, optional
-        Labels.
-
-    Raises
-    ------
-    InputError
-        If there is no displacement, the scale is no positive number, or matplotlib is missing.
-
-    """
-    from matplotlib.lines import Line2D
-
-    units = plain_units(units)
-    mesh = companion.problem.mesh
-    if scale is None:
-        least = LEAST * companion.scales.displacement
-        factor = magnified(max(float(np.abs(companion.nodal_displacements).max()), least), mesh.length)
-    else:
-        factor = positive_number("scale", scale)
-    low, high = bounding_box(mesh)
-    figure = new_figure(5.5, float(np.clip(4.5 * (high[1] - low[1]) / (high[0] - low[0]), 2.5, 8.0)) + 1.0)
-    axes = figure.add_subplot()
-    draw_outline(axes, mesh, "#999999")
-    cell, count = companion.space.cell, mesh.cell_count
-    t, parts = cell.lattice(int(np.clip(np.ceil(_SAMPLES / np.sqrt(count)), 2, 24)))
-    held = held_along_z(companion.problem, np.arange(count), *np.moveaxis(companion.cell_points(*t.T), -1, 0))
-    values = von_mises(companion.cell_stress(*t.T), cell_factors(companion.problem)[:, None], held).ravel()
-    triangles = (len(t) * np.arange(count)[:, None, None] + parts).reshape(-1, 3)
-    field = draw_values(axes, _moved(companion, t, factor).reshape(-1, 2), triangles, values)
-    figure.colorbar(field, ax=axes, label=f"von Mises stress [{units.stress}]", shrink=0.8)
-    if count <= _MOST_CELLS:  # their outlines, curved as they are; fine meshes are left to the colours
-        corners = cell.places[cell.corners]
-        sides = np.roll(corners, -1, axis=0) - corners
-        t = (corners[:, None] + np.linspace(0.0, 1.0, _POINTS)[:, None] * sides[:, None]).reshape(-1, 2)
-        axes.add_collection(lines(_moved(companion, t, factor), "white", "solid", 0.4))
-    obstacles = [contact for contact in companion.problem.contacts if contact not in companion.problem.joints]
-    for contact in obstacles:
-        edges, t = mesh.edges(contact.edges), np.linspace(0.0, 1.0, _POINTS)
-        normal, tangential = companion.obstacle(contact.name, t)
-        normals, tangents = frames_along(edges, t)
-        moved = normal[..., None] * normals + tangential[..., None] * tangents
-        place = np.stack(mesh.points_along(edges, t), axis=-1) + factor * moved
-        axes.add_collection(lines(place, VERMILLION, (0, (4, 2)), 1.2))
-    axes.set_aspect("equal")
-    axes.autoscale_view()
-    axes.locator_params(nbins=6)
-    axes.set_xlabel(f"x [{units.length}]")
-    axes.set_ylabel(f"y [{units.length}]")
-    handles = [Line2D([], [], color="#999999", linewidth=0.8, label="undeformed")]
-    if obstacles:
-        handles.append(Line2D([], [], color=VERMILLION, linestyle=(0, (4, 2)), label="obstacle"))
-    handles.append(Line2D([], [], color=GREY, marker="s", linestyle="none", label="deformed"))
-    legend_below(axes, handles, f"displacements × {factor:g}")
-    return figure
-
-
-def _moved(companion: CompanionResult, t: FloatArray, factor: float) -> FloatArray:
-    """Where reference points (k, 2) of every cell are drawn, (cells, k, 2)."""
-    return companion.cell_points(*t.T) + factor * companion.cell_displacement(*t.T)

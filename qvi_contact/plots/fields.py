@@ -1,6 +1,6 @@
-"""Stresses over the whole body: crosses of principal stresses, and components as coloured fields."""
+"""Stresses over the whole body: components as coloured fields, contour lines, crosses of principal stresses."""
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -9,15 +9,11 @@ from qvi_contact.basics.units import Units
 from qvi_contact.plots.style import (
     BLUE,
     VERMILLION,
-    bounding_box,
     colour_bar,
-    draw_grid,
     draw_outline,
     frame,
-    legend_below,
     lines,
     plain_units,
-    points_per_length,
 )
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.sampling import cell_factors, held_along_z, sample_body, stress_component
@@ -26,6 +22,7 @@ from qvi_contact.solution.stress import principal_stresses
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import TriMesh
+    from matplotlib.tri import TriContourSet
 
 COMPONENT_LABELS: Final = {
     "xx": "$\\sigma_{xx}$",
@@ -37,65 +34,10 @@ COMPONENT_LABELS: Final = {
 }
 
 _SAMPLES: Final = 320  # triangles along the longer side that a field is drawn with
-_LEAST_ROWS: Final = 3  # of crosses across a thin body
+_LEVELS: Final = 8  # about so many contour lines
+_ALL_BUT_FEW: Final = 0.99  # share of the points whose values set the range of contour lines
+_UNIFORM: Final = 1e-4  # range of values over their size below which there is nothing to see
 _DOT: Final = 0.1  # diameter of the dots at the ends of tensions, as a share of the distance of crosses
-
-
-def principal_stress_map(
-    axes: "Axes",
-    result: ContactResult,
-    largest: float | None = None,
-    units: Units | None = None,
-    legend: bool = False,
-    crosses: int | None = None,
-) -> float:
-    """Draw the principal stresses as crosses at the Gauss points of each cell.
-
-    A compressive stress is a solid line, a tensile one a dotted line with a round dot at each end; lengths are
-    proportional to the stress, and to the size of the cell, so that crosses of neighbouring points just meet.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw; axes are in units of length.
-    result : ContactResult
-        The state.
-    largest : float, optional
-        Stress [stress] drawn at full length; the largest one by default.
-    units : Units, optional
-        Labels of the axes and of the legend; without them the axes are left bare.
-    legend : bool
-        Say below the axes what the lines mean and which stress a line of full length has.
-    crosses : int, optional
-        Only so many crosses along the body's longer side, at equal distances whatever the mesh is; the Gauss points
-        of all cells by default.
-
-    Returns
-    -------
-    float
-        The largest |principal stress| at all Gauss points [stress].
-
-    """
-    mesh, (x, y, stress) = result.problem.mesh, result.gauss_stress()
-    maximum = float(np.abs(principal_stresses(stress)[:2]).max())
-    full = largest or maximum or 1.0
-    sizes = np.sqrt(result.discretization.space.cell_sizes / x.shape[1]) * result.discretization.scales.length
-    spacing = np.repeat(sizes[:, None], x.shape[1], axis=1)
-    if crosses is not None:
-        x, y, stress, spacing = _evenly(result, crosses) or (x, y, stress, spacing)
-    draw_grid(axes, mesh)
-    width = float(np.clip(0.25 * np.median(spacing) * points_per_length(axes, mesh), 0.2, 1.1))
-    stress_crosses(axes, np.stack([x, y], axis=-1), stress, spacing, full, width)
-    frame(axes, mesh, units and plain_units(units))
-    if legend:
-        from matplotlib.lines import Line2D
-
-        handles = [
-            Line2D([], [], color=BLUE, label="compression"),
-            Line2D([], [], color=VERMILLION, linestyle=(0, (1, 1)), marker="o", markersize=3, label="tension"),
-        ]
-        legend_below(axes, handles, f"arm length: {full:.4g} {plain_units(units).stress}")
-    return maximum
 
 
 def stress_crosses(
@@ -215,18 +157,44 @@ def draw_values(
     return field
 
 
-def _evenly(result: ContactResult, crosses: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None:
-    """Coordinates (m,), stresses (m, 3) and distances (m,) of points of the body in even rows, at least three.
+def draw_contours(
+    axes: "Axes", points: FloatArray, places: FloatArray, triangles: IntArray, values: FloatArray, part: IntArray
+) -> "TriContourSet":
+    """Draw values (n,) at points (n, 2) as bands with contour lines between, at the `places` (n, 2) of the drawing.
 
-    None where no such point lies in the body.
+    Where points of one `part` (n,) coincide they have the mean of their values. If a few values are much larger than
+    all others, as in corners, the bands end below them. Values of both signs have a map that is white at zero.
     """
-    mesh = result.problem.mesh
-    low, high = bounding_box(mesh)
-    counts = [max(_LEAST_ROWS, round(crosses * side / mesh.length)) for side in (high - low).tolist()]
-    steps = (high - low) / counts
-    lines = (start + (np.arange(count) + 0.5) * step for start, count, step in zip(low, counts, steps, strict=True))
-    points = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
-    points = points[np.unique(mesh.around(points)[0])]
-    if not len(points):
-        return None
-    return *points.T, result.stress(*points.T), np.full(len(points), steps.min())
+    from matplotlib import colormaps
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.ticker import MaxNLocator
+    from matplotlib.tri import Triangulation
+
+    rounded = np.round((points - points.min(axis=0)) / max(float(np.ptp(points, axis=0).max()), 1e-300), 9)
+    _, first, one = np.unique(np.column_stack([rounded, part]), axis=0, return_index=True, return_inverse=True)
+    one = one.ravel()
+    means = np.bincount(one, values) / np.bincount(one)
+    size = float(np.abs(means).max()) or 1.0
+    usual = float(np.quantile(np.abs(means), _ALL_BUT_FEW))
+    end = usual if usual < 0.7 * size else size
+    low, high = max(float(means.min()), -end), min(float(means.max()), end)
+    if high - low <= _UNIFORM * size:
+        middle = (low + high) / 2.0
+        low, high = middle - 0.05 * size, middle + 0.05 * size
+    both = low < -0.05 * end and high > 0.05 * end
+    low, high = (-end, end) if both else (low, high)
+    levels = MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    share = np.linspace(0.0, 1.0, len(levels) + 1)
+    colours = colormaps["PuOr_r" if both else "Blues"](
+        share if both else 0.04 + 0.62 * (share if high > -low else share[::-1])
+    )
+    beyond = (bool(means.min() < levels[0]), bool(means.max() > levels[-1]))
+    extend: Literal["neither", "min", "max", "both"] = (("neither", "max"), ("min", "both"))[beyond[0]][beyond[1]]
+    used = colours[0 if beyond[0] else 1 : len(colours) if beyond[1] else -1]
+    norm = BoundaryNorm(levels, len(used), extend=extend)
+    shape = Triangulation(places[first, 0], places[first, 1], one[triangles])
+    look: dict[str, Any] = {"levels": levels, "norm": norm, "cmap": ListedColormap(used), "extend": extend}
+    bands: TriContourSet = axes.tricontourf(shape, means, zorder=0.5, **look)
+    bands.set_rasterized(True)
+    axes.tricontour(shape, means, levels, colors="#08306b", linewidths=0.35, linestyles="solid", zorder=0.6)
+    return bands

@@ -9,33 +9,47 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, real_array
-from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
-from qvi_contact.limit.load_factor import LimitLoad
-from qvi_contact.plots.fields import principal_stress_map, stress_field
+from qvi_contact.limit.load_factor import Collapse, LimitLoad
+from qvi_contact.mechanism import Mechanism
+from qvi_contact.plots.body import THRUST, Drawn, draw_body
+from qvi_contact.plots.labels import Written, beside, spread
 from qvi_contact.plots.mechanism import draw_collapse, draw_mechanism
-from qvi_contact.plots.motion import deformed_contact
-from qvi_contact.plots.problem import draw_problem
-from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, plain_text, plain_units, settings
+from qvi_contact.plots.problem import draw_problem, draw_symbols
+from qvi_contact.plots.style import (
+    BLUE,
+    GREY,
+    VERMILLION,
+    bounding_box,
+    draw_outline,
+    legend_below,
+    new_figure,
+    plain_text,
+    plain_units,
+    settings,
+    show_all,
+)
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
-from qvi_contact.solution.stress import principal_stresses
+from solvers import Status
+from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure
 
-_PANELS: Final = 4  # at most so many contacts get a panel
-_CROSSES: Final = 36  # crosses along the longer side, so that they can be told apart
-_WIDTH: Final = 13.0  # of an overview [inch]
-_APART: Final = 0.08  # above and below what stands in an overview [inch]: its title keeps off those of the panels
-_ALL_BUT_FEW: Final = 0.99  # share of the points whose stresses set the scale
-_NOTHING: Final = 1e-6  # tractions below this share of the stress in the body count as none
+_PANELS: Final = 2  # at most so many charts unless some are asked for
+_LOOPS: Final = 4  # at most so many loops, and forces of contacts
+_WIDTH: Final = 6.3  # of a picture of a result [inch]: that of the text on a page
+_BODY: Final = 4.6  # about the width of the body in it
+_PASSES: Final = 3  # until texts beside the body have room
+_CHART: Final = 1.5  # height of a chart
+_SAID: Final = 2  # contacts named in the answer
+_SHARE: Final = 0.005  # of a contact's length from which on a state is named
 
 
 class LoadHistory(Protocol):
@@ -49,40 +63,148 @@ class LoadHistory(Protocol):
         """Displacement [length] and force [stress × length] of a contact or edge set, step by step."""
 
 
-def result_figure(result: ContactResult, units: Units | None = None) -> "Figure":
-    """Overview of a result: crosses, von Mises stress, deformed contact lines, tractions of up to four contacts.
+def result_figure(
+    result: ContactResult,
+    units: Units | None = None,
+    title: str = "",
+    panels: Sequence[str] | None = None,
+    component: str = "von_mises",
+) -> "Figure":
+    """A result as one would put it in a report: the deformed body, and charts along contacts.
 
-    Without a stress state, as of an infeasible problem, the problem is drawn instead, under the same title, and how the
-    mechanism moves its blocks, if there is one.
+    Title and answer stand above, what the solver says small below. `draw_body` says what is drawn. Without a stress
+    state, as of an infeasible problem, the loads are drawn, and how the mechanism moves the blocks, if there is one.
+
+    Parameters
+    ----------
+    result : ContactResult
+        The result.
+    units : Units, optional
+        Labels.
+    title : str
+        The problem's title.
+    panels : sequence of str, optional
+        Contacts with a chart of pressure and friction each; by default at most two, which are no more than one line.
+    component : str
+        The stress, see `stress_field`.
+
+    Raises
+    ------
+    InputError
+        If there is no contact of a name, or no such stress.
 
     """
     units = plain_units(units)
-    title = result.message
+    names = [contact.name for contact in result.problem.contacts]
+    for name in panels or ():
+        known_name("panels", name, {"contacts": names})
     if not result.has_state:
-        figure = problem_figure(result.problem, units)
-        advice = "" if result.status.advice in title else f" {result.status.advice}"
-        if result.mechanism is not None:
-            draw_mechanism(figure.axes[0], result.problem.mesh, result.mechanism)
-            advice += " Dashed blue lines: motion of the blocks, magnified."
-        with settings():
-            figure.suptitle(_wrapped(title + advice, figure))
-        return figure
-    names = list(result.contacts)
-    if len(names) > _PANELS:
-        title += f" Without a panel of tractions: {', '.join(names[_PANELS:])}."
-    names = names[:_PANELS]
-    low, high = bounding_box(result.problem.mesh)
-    width = _WIDTH / (3 if names else 2)
-    top = float(np.clip(0.72 * width * (high[1] - low[1]) / (high[0] - low[0]), 2.4, 7.0)) + 2.1  # titles and legends
+        return _motion_figure(result.problem, result.mechanism, title, _reason(result), result.solution.message, units)
+    if panels is None:
+        panels = [line.name for line in result.contacts.values() if not line.path.line[-1]][:_PANELS]
     with settings():
-        figure = new_figure(_WIDTH, top + (3.4 if names else 0.0))
-        figure.set_layout_engine("constrained", h_pad=_APART)
-        parts = figure.subfigures(2 if names else 1, 1, squeeze=False, height_ratios=[top, 3.4] if names else [1.0])
-        _states(parts[0, 0], result, units, with_contacts=bool(names))
-        if names:
-            _tractions(parts[1, 0], result, names, units)
-        parts[0, 0].suptitle(_wrapped(title, figure))
+        figure = new_figure(_WIDTH, _WIDTH)
+        body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
+        drawn = draw_body(body, result, component, units)
+        _explained(body, drawn, result, units)
+        for number, (panel, name) in enumerate(zip(charts, panels, strict=True), 1):
+            contact_tractions(panel, result.contacts[name], units)
+            if drawn.pressure == 0.0:
+                panel.set_ylim(0.0, float(np.abs(result.gauss_stress()[2]).max()) or 1.0)  # rather than rounding
+            if len(names) > 1:
+                panel.set_title(plain_text(name), loc="left", fontsize="medium")
+            if number == len(charts):
+                handles = {
+                    label: handle
+                    for chart in charts
+                    for handle, label in zip(*chart.get_legend_handles_labels(), strict=True)
+                }
+                legend_below(panel, list(handles.values()))
+        _placed(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
     return figure
+
+
+def _placed(
+    figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, written: Sequence[Written] = ()
+) -> None:
+    """Write title, answer and foot; give the body the height its box (2, 2) [length] wants, and its texts room."""
+    body, *charts = figure.axes
+    place_of = body.get_subplotspec()
+    assert place_of is not None  # all were made by `subplots`
+    grid = place_of.get_gridspec()
+    answer, foot = (textwrap.fill(text, count) for text, count in ((answer, 94), (foot, 150)))
+    above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + 1)
+    below = 0.06 + 0.12 * (foot.count("\n") + 1)
+    texts = [
+        figure.text(0.01, 1.0, plain_text(title), va="top", fontsize="large", fontweight="bold"),
+        figure.text(0.01, 1.0, plain_text(answer), va="top"),
+        figure.text(0.01, 0.0, plain_text(foot), va="bottom", fontsize=6.0, color=GREY),
+    ]
+    for _ in range(_PASSES if written else 1):
+        across, up = box[1] - box[0]
+        height = float(np.clip(_BODY * up / across, 1.5, 4.6))
+        heights = [height + 0.75, *[_CHART] * len(charts)]
+        whole = sum(heights) + above + below
+        figure.set_size_inches(_WIDTH, whole)
+        grid.set_height_ratios(heights)
+        figure.set_layout_engine("constrained", rect=(0.0, below / whole, 1.0, 1.0 - (above + below) / whole))
+        for text, place in zip(texts, (-0.07, -0.1 - 0.22 * bool(title), 0.05), strict=True):
+            text.set_y(place / whole + (place < 0.0))
+        body.set(xlim=box[:, 0], ylim=box[:, 1])
+        body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
+        body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
+        spread(body, written)
+        corners = [text.get_window_extent().get_points() for text, _ in written]
+        found = body.transData.inverted().transform(np.concatenate([body.transData.transform(box), *corners]))
+        box = np.array([found.min(axis=0), found.max(axis=0)])
+
+
+def _answer(result: ContactResult, units: Units) -> str:
+    """What the largest contacts carry and how they touch, obstacles first; why a result is not to be trusted."""
+    joints = {joint.name for joint in result.problem.joints}
+    lines = sorted(result.contacts.values(), key=lambda line: (line.name in joints, -abs(line.normal_force)))
+    said, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
+    for line in lines[:_SAID]:
+        normal, tangential = beside([line.normal_force, line.tangential_force])
+        effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
+        along = "" if line.frictionless else f", T = {tangential}"
+        words = [f"N = {normal}{effective}{along} {units.engineering_force}"]
+        shares = {verbs[name]: f"{100.0 * share:.0f} %" for name, share in line.shares.items() if share >= _SHARE}
+        words += [f"all {verb}" if len(shares) == 1 else f"{share} {verb}" for verb, share in shares.items()]
+        motion = result.plates.get(line.name)
+        if motion is not None and np.hypot(motion.x, motion.y) > line.rounding.displacement:
+            words.append(f"moves {beside([float(np.hypot(motion.x, motion.y))])[0]} {units.length}")
+        said.append(f"{line.name}: {', '.join(words)}")
+    status = "" if result.status is Status.SOLVED else f"Not solved ({result.status.words}). "
+    return status + "; ".join(said) + ("." if said else "")
+
+
+def _reason(result: ContactResult) -> str:
+    """Why there is no stress state, and what to do."""
+    reason = result.message.removesuffix(result.solution.message).rstrip(": ") or f"Not solved: {result.status.words}"
+    return f"{reason}. {result.status.advice}"
+
+
+def _explained(axes: "Axes", drawn: Drawn, result: ContactResult, units: Units) -> None:
+    """The legend of a drawing of the body."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries: list[Artist] = []
+    pressure, friction = beside([drawn.pressure, drawn.friction], 3)
+    if drawn.pressure > 0.0:
+        entries.append(Patch(color=VERMILLION, alpha=0.4, label=f"pressure, up to {pressure} {units.stress}"))
+    if any(line.has_fluid for line in result.contacts.values()):
+        entries.append(Line2D([], [], color=BLUE, linestyle=(0, (4, 1.5)), linewidth=0.9, label="of it the fluid's"))
+    if drawn.friction > 0.0 and friction != "0":
+        look: dict[str, Any] = {"marker": ">", "markersize": 3, "color": "black", "linewidth": 0.9}
+        entries.append(Line2D([], [], label=f"friction, up to {friction} {units.stress}", **look))
+    if drawn.thrust:
+        colour, style, width = THRUST
+        entries.append(Line2D([], [], color=colour, linestyle=style, linewidth=width, label="line of thrust"))
+    text = f"before; displacements × {drawn.factor:g}"
+    entries.append(Line2D([], [], color=GREY, linestyle=(0, (4, 3)), linewidth=0.6, label=text))
+    legend_below(axes, entries)
 
 
 def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figure":
@@ -96,8 +218,10 @@ def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figu
     return figure
 
 
-def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None = None, title: str = "") -> "Figure":
-    """One picture of a limit load: the problem, and how it gives way.
+def limit_figure(
+    problem: ContactProblem, limit: LimitLoad, units: Units | None = None, title: str = "", answer: str = ""
+) -> "Figure":
+    """One picture of a limit load: how the body gives way, under its loads as small arrows.
 
     A mechanism moves blocks; a body that yields flows, see `plots.mechanism.draw_collapse`.
 
@@ -109,8 +233,8 @@ def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None 
         What `limit_load_factor` has found.
     units : Units, optional
         Labels.
-    title : str
-        What stands above, before the words about the mechanism.
+    title, answer : str
+        What stands above: the problem's title, and how much it carries.
 
     Raises
     ------
@@ -120,24 +244,15 @@ def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None 
     """
     if limit.mechanism is None and limit.collapse is None:
         raise InputError("limit", repr(limit), "there is no mechanism to draw: no load is the largest one")
-    figure = problem_figure(problem, units)
-    if limit.mechanism is not None:
-        draw_mechanism(figure.axes[0], problem.mesh, limit.mechanism)
-        words = "Dashed blue lines: motion of the blocks beyond that, magnified."
-    elif limit.collapse is not None:
-        draw_collapse(figure.axes[0], problem.mesh, limit.collapse)
-        words = (
-            "Orange: where the body yields. Arrows: how it moves beyond that. Thick blue lines: contacts that slide."
-        )
-    with settings():
-        figure.suptitle(_wrapped(f"{title}. {words}" if title else words, figure))
-    return figure
+    found = limit.mechanism if limit.mechanism is not None else limit.collapse
+    return _motion_figure(problem, found, title, answer or repr(limit)[1:-1], "", plain_units(units))
 
 
 def history_figure(
     history: LoadHistory | Mapping[str, tuple[ArrayLike, ArrayLike]],
     units: Units | None = None,
     times: Sequence[float] | None = None,
+    title: str = "",
 ) -> "Figure":
     """Hysteresis loops of up to four contacts, and for a history their forces step by step.
 
@@ -153,6 +268,8 @@ def history_figure(
     times : sequence of float, optional
         The value of t in each step: forces are drawn over t instead of the number of the step, a hollow square at the
         first step.
+    title : str
+        The problem's title; what the history says of itself stands below it.
 
     Raises
     ------
@@ -168,7 +285,7 @@ def history_figure(
     else:
         first = _read(history, forces)
         loops = {} if first is None else _loops(history, first)
-    contacts, shown = list(forces)[:_PANELS], list(loops)[:_PANELS]
+    contacts, shown = list(forces)[:_LOOPS], list(loops)[:_LOOPS]
     if not contacts and not shown:
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
     count = max(map(len, forces.values()), default=0)
@@ -185,8 +302,10 @@ def history_figure(
         for number, name in enumerate(contacts, 1):
             panel = parts[rows - 1, 0].add_subplot(1, len(contacts), number)
             _forces(panel, forces[name], name, units, abscissa)
+        said = [title, getattr(history, "message", "")]
         if len(loops) > len(shown):
-            figure.suptitle(_wrapped(f"loops not shown: {', '.join(list(loops)[_PANELS:])}", figure))
+            said.append(f"loops not shown: {', '.join(list(loops)[_LOOPS:])}")
+        figure.suptitle(plain_text("\n".join(filter(None, said))), x=0.02, ha="left")
     return figure
 
 
@@ -256,52 +375,6 @@ def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[Arr
     return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
 
 
-def _states(part: "SubFigure", result: ContactResult, units: Units, with_contacts: bool) -> None:
-    """Upper row: crosses, von Mises stress, deformed contact lines."""
-    panels = part.subplots(1, 3 if with_contacts else 2)
-    x, y, stress = result.gauss_stress()
-    sizes = np.abs(principal_stresses(stress)[:2]).max(axis=0)
-    largest = principal_stress_map(panels[0], result, _usual(sizes), units, legend=True, crosses=_CROSSES)
-    panels[0].set_title(f"principal stresses, up to {largest:.4g} {units.stress}\nat Gauss points")
-    held = held_along_z(result.problem, np.arange(len(x)), x, y)
-    mises = von_mises(stress, cell_factors(result.problem)[:, None], held)
-    usual = _usual(mises)
-    stress_field(panels[1], result, "von_mises", units, (None, usual))
-    panels[1].set_title(f"von Mises stress, up to {mises.max():.4g} {units.stress}\nat Gauss points")
-    if with_contacts:
-        deformed_contact(panels[2], result, units=units)
-        panels[2].set_title("contact lines, deformed")
-
-
-def _usual(sizes: FloatArray) -> float:
-    """The largest size, or one that all but few points stay below where those are much larger, as in a corner."""
-    usual, largest = float(np.quantile(sizes, _ALL_BUT_FEW)), float(sizes.max())
-    return usual if usual < 0.7 * largest else largest
-
-
-def _tractions(part: "SubFigure", result: ContactResult, names: Sequence[str], units: Units) -> None:
-    """Lower row: tractions and states, one panel a contact, with one legend for all."""
-    panels = part.subplots(1, len(names), squeeze=False)[0]
-    handles: dict[str, Artist] = {}
-    largest = max(float(np.abs(principal_stresses(result.gauss_stress()[2])[:2]).max()), np.finfo(float).tiny)
-    for panel, name in zip(panels, names, strict=True):
-        line = result.contacts[name]
-        contact_tractions(panel, line, units)
-        if max(np.abs(line.normal_stress).max(), np.abs(line.tangential_stress).max()) < _NOTHING * largest:
-            panel.set_ylim(0.0, largest)  # rather than rounding in full size
-        named = {"N": line.normal_force, "T": line.tangential_force}
-        if line.has_fluid:
-            named = {"N": line.normal_force, "effective N'": line.effective_normal_force, "T": line.tangential_force}
-        forces = ", ".join(f"{force} = {shown(value, line.rounding.force, 4)}" for force, value in named.items())
-        text = f"{forces} {units.engineering_force}".replace("-", "−")
-        narrow = len(names) > 2 or (line.has_fluid and len(names) > 1)
-        apart, size = ("\n", "medium") if narrow else (": ", "large")
-        panel.set_title(plain_text(f"{name}{apart}{text}"), fontsize=size)
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    part.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles), frameon=False)
-
-
 def _forces(
     axes: "Axes", forces: Sequence[tuple[float, float]], name: str, units: Units, times: FloatArray | None
 ) -> None:
@@ -322,5 +395,25 @@ def _forces(
     axes.legend(frameon=False)
 
 
-def _wrapped(title: str, figure: "Figure") -> str:
-    return plain_text(textwrap.fill(title, int(11 * figure.get_figwidth())))
+def _motion_figure(
+    problem: ContactProblem, motion: Mechanism | Collapse | None, title: str, answer: str, foot: str, units: Units
+) -> "Figure":
+    """How a body gives way: blocks moved, or where it yields and flows; obstacles, loads and supports."""
+    mesh = problem.mesh
+    with settings():
+        figure = new_figure(_WIDTH, _WIDTH)
+        axes = figure.subplots()
+        words, ends = "", [mesh.vertices]
+        if isinstance(motion, Mechanism):
+            ends.append(draw_mechanism(axes, mesh, motion))
+            words = "How the blocks move beyond that, magnified; dashed: where they are."
+        else:
+            draw_outline(axes, mesh)
+        if isinstance(motion, Collapse):
+            draw_collapse(axes, mesh, motion)
+            words = "Orange: where the body yields. Arrows: how it moves. Thick lines: contacts that slide."
+        ends += draw_symbols(axes, problem, obstacles=True)
+        axes.set_title(words, fontsize="small", loc="left")
+        box = show_all(axes, np.concatenate(ends), units)
+        _placed(figure, box, title, answer, foot)
+    return figure

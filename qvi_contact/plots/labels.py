@@ -23,6 +23,8 @@ Written: TypeAlias = "tuple[Text, Sequence[Spot]]"
 
 _WRAP: Final = 44  # characters in a line of the legend
 _NOISE: Final = 1e-12  # share of the largest value below which one is rounding
+_LONG: Final = 6  # powers of ten from which on numbers are written with them
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _UPRIGHT: Final = 0.3  # component of a normal below which a side counts as facing across it
 
 
@@ -57,6 +59,22 @@ def value_range(name: str, values: FloatArray, unit: str) -> str:
     low, high = (0.0 if abs(value) <= noise else float(value) for value in (values.min(), values.max()))  # no −0
     numbers = f"{low:.4g}" if high - low <= 1e-9 * max(abs(low), abs(high)) else f"{low:.4g} … {high:.4g}"
     return f"{name} = {numbers} {unit}".replace("-", "−").rstrip().replace(" ", "\xa0")  # kept on one line
+
+
+def beside(values: Sequence[float], digits: int = 4) -> list[str]:
+    """Numbers that stand beside each other, to the last place of the largest with so many digits: noise is 0."""
+    largest = max((abs(value) for value in values), default=0.0)
+    if largest == 0.0 or not np.isfinite(largest):
+        return [f"{value:g}" for value in values]
+    power = int(np.floor(np.log10(largest)))
+    unit = 10.0 ** (power - digits + 1)
+    if _LONG > power > -_LONG:
+        found = [f"{round(value / unit) * unit + 0.0:.{max(digits - 1 - power, 0)}f}" for value in values]
+        found = [text.rstrip("0").rstrip(".") if "." in text else text for text in found]
+    else:
+        tens = str(power).translate(_RAISED)
+        found = [f"{round(value / unit) * unit / 10.0**power:.{digits}g} · 10{tens}" for value in values]
+    return ["0" if float(text.split(" ")[0]) == 0.0 else text.replace("-", "−") for text in found]
 
 
 def wrapped(text: str) -> str:

@@ -1,15 +1,15 @@
 """How a load moves the blocks that it cannot be carried by, and how bodies that yield flow."""
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.limit.load_factor import Collapse
 from qvi_contact.mechanism import Mechanism
 from qvi_contact.mesh.arcs import cross, turned
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.plots.style import BLUE, LONGEST, lines
+from qvi_contact.plots.style import BLUE, GREY, LONGEST, lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,8 +19,8 @@ _STILL: Final = 0.02  # share of the largest velocity below which nothing is dra
 _ARROW: Final = 0.002  # width of arrows, as a share of the picture's
 
 
-def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> None:
-    """Draw the outlines of all blocks where a mechanism moves them, as dashed lines.
+def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:
+    """Draw all blocks where a mechanism moves them, over dashed outlines of where they were; the corners (n, 2).
 
     Its motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and
     rotations without the growth that comes with that.
@@ -28,14 +28,22 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> No
     Parameters
     ----------
     axes : matplotlib axes
-        Where to draw, over a picture of the problem; axes are in units of length.
+        Where to draw; axes are in units of length.
     mesh : TriangleMesh
         The mesh of the problem.
     mechanism : Mechanism
         What `ContactResult.mechanism` or `LimitLoad.mechanism` gives.
 
     """
-    axes.add_collection(lines(moved_outlines(mesh, mechanism), BLUE, (0, (5, 2)), 1.4, "mechanism"))
+    from matplotlib.collections import PolyCollection
+
+    cells = _moved(mesh, mechanism, mesh.corners, mechanism.blocks)
+    look: dict[str, Any] = {"facecolors": "#d6e6f2", "edgecolors": "#d6e6f2", "linewidths": 0.3}
+    axes.add_collection(PolyCollection(list(cells), zorder=1.0, **look))
+    before, after = block_outlines(mesh, mechanism)
+    axes.add_collection(lines(before, GREY, (0, (4, 3)), 0.7))
+    axes.add_collection(lines(after, BLUE, "solid", 1.0, "mechanism"))
+    return np.concatenate([before.reshape(-1, 2), after.reshape(-1, 2)])
 
 
 def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
@@ -76,19 +84,24 @@ def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
             axes.add_collection(lines(ends, BLUE, "solid", 3.0, f"sliding {name}"))
 
 
-def moved_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:
-    """Ends (n, 2, 2) of the edges around all blocks, moved [length]."""
+def block_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Ends (n, 2, 2) of the edges around all blocks, before a mechanism moves them and after [length]."""
     boundary, interior = mesh.boundary, mesh.interior
     beside = mechanism.blocks[interior.cells]
     joints = interior.take(beside[:, 0] != beside[:, 1])
     first = np.concatenate([boundary.first, joints.first, joints.first])
     second = np.concatenate([boundary.second, joints.second, joints.second])
     cells = np.concatenate([boundary.cells[:, 0], joints.cells[:, 0], joints.cells[:, 1]])
-    ends = np.stack([mesh.vertices[first], mesh.vertices[second]], axis=1)
+    ends = mesh.vertices[np.stack([first, second], axis=1)]
+    return ends, _moved(mesh, mechanism, ends, mechanism.blocks[cells])
+
+
+def _moved(mesh: TriangleMesh, mechanism: Mechanism, points: FloatArray, blocks: IntArray) -> FloatArray:
+    """Points (n, k, 2) of blocks (n,) where they are drawn [length]."""
+    found, scale = np.array(points), LONGEST * mesh.length
     for number, motion in enumerate(mechanism.motions):
-        chosen = mechanism.blocks[cells] == number
-        scale = LONGEST * mesh.length
+        chosen = blocks == number
+        arm = points[chosen] - motion.centre
         turn = np.arctan(scale * motion.rotation)
-        arm = ends[chosen] - motion.centre
-        ends[chosen] = motion.centre + turned(arm, turn) + scale * np.array([motion.x, motion.y])
-    return np.asarray(ends)
+        found[chosen] = motion.centre + turned(arm, turn) + scale * np.array([motion.x, motion.y])
+    return found

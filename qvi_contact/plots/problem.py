@@ -1,6 +1,6 @@
 """A problem before it is solved: body, materials, conditions, loads, contacts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -44,6 +44,8 @@ _FILLS: Final = ("#f4f4f4", "#fbe3b5", "#cfe8f7", "#d9efe0", "#f3dcea", "#e8e2f4
 _HATCHES: Final = ("", "..", "xx", "++", "oo")
 _ARROW: Final = 0.11  # length of the longest arrow as a share of the body's length
 _SPACING: Final = 0.07  # distance of arrows and symbols as a share of the body's length
+_SMALL: Final = 0.7  # size of symbols in the drawing of a result
+_VISIBLE: Final = 0.45  # share of the length of the largest arrow that every load has there
 _AWAY: Final = 0.018  # distance from the body at which obstacles and symbols are drawn, as a share of its length
 _SAMPLES: Final = 64  # points along the body's length where the range of a field is looked at
 _MATERIALS: Final = 8  # so many materials are explained in the legend
@@ -70,6 +72,26 @@ _MIRROR: Final[dict[str, Any]] = {"color": GREEN, "linewidth": 1.4, "linestyle":
 _TOUCHING: Final[dict[str, Any]] = {"color": "black", "linewidth": 1.8}
 _HELD_TOGETHER: Final[dict[str, Any]] = {"color": GREY, "linewidth": 1.0, "linestyle": ":"}
 _JOINT: Final[dict[str, Any]] = {"color": ORANGE, "linewidth": 2.0, "linestyle": (0, (3, 1.5))}
+
+
+def draw_symbols(
+    axes: "Axes",
+    problem: ContactProblem,
+    moved: Callable[[FloatArray], FloatArray] = np.asarray,
+    *,
+    obstacles: bool = False,
+) -> list[FloatArray]:
+    """Draw loads and supports, and obstacles if asked for, as in `draw_problem`, but small and without words.
+
+    Points (n, 2) of the boundary are drawn where `moved` takes them. Returns the ends of arrows (n, 2).
+    """
+    sketch = _Sketch(axes, problem, Units(), moved=moved, size=_SMALL)
+    for condition in merged(problem.conditions):
+        if not isinstance(condition, Contact):
+            sketch.condition(condition)
+        elif obstacles and condition not in problem.joints:
+            sketch.obstacle(condition)
+    return sketch.ends
 
 
 def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = None) -> None:
@@ -106,6 +128,12 @@ class _Sketch:
     ----------
     axes, problem, units
         As in `draw_problem`.
+    moved : function
+        Takes points of the boundary to where they are drawn.
+    size : float
+        Of arrows and symbols, as a share of the usual one; with less the lines of conditions are left out.
+    ends : list of (n, 2) arrays
+        Ends of arrows [length].
     entries : list of artists
         What the legend shows, in the order of drawing.
     groups : mapping
@@ -118,6 +146,9 @@ class _Sketch:
     axes: "Axes"
     problem: ContactProblem
     units: Units
+    moved: Callable[[FloatArray], FloatArray] = np.asarray
+    size: float = 1.0
+    ends: list[FloatArray] = field(default_factory=list)
     entries: list[Any] = field(default_factory=list)
     groups: dict[str, list[str]] = field(default_factory=lambda: {"free": [], "symmetry": []})
     written: list[Written] = field(default_factory=list)
@@ -210,7 +241,7 @@ class _Sketch:
         joint = contact in self.problem.joints
         self._line(pieces, _JOINT if joint else _TOUCHING)
         if not joint:
-            self._obstacle(contact, pieces)
+            self.obstacle(contact)
         self._name(contact, pieces, joint)
         text = f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}"
         self._entry(text, _JOINT if joint else _TOUCHING)
@@ -247,7 +278,7 @@ class _Sketch:
         return runs(self.problem.mesh, self.problem.mesh.edges(condition.edges))
 
     def _line(self, pieces: Sequence[Run], look: dict[str, Any]) -> None:
-        for run in pieces:
+        for run in pieces if self.size == 1.0 else ():
             self.axes.plot(*run.line.T, solid_capstyle="butt", zorder=3, **look)
 
     def _entry(self, text: str, look: dict[str, Any], marker: str = "", filled: bool = False) -> None:
@@ -286,10 +317,15 @@ class _Sketch:
             for other in alike
             for run in self._runs(other)
         )
+        if self.size < 1.0:  # small loads are to be seen too
+            own = [np.hypot(*self._vectors(condition, run.ends_and_points(self.length / _SAMPLES)).T) for run in pieces]
+            largest = min(largest, float(np.concatenate(own).max()) / _VISIBLE)
         for run in pieces:
-            places = run.points(_SPACING * self.length)
-            vectors = self._vectors(condition, places) * (_ARROW * self.length / largest)
-            arrows(self.axes, places, vectors, _AWAY * self.length, look)
+            places = run.points(_SPACING * (1.0 + self.size) / 2.0 * self.length)
+            vectors = self._vectors(condition, places) * (self.size * _ARROW * self.length / largest)
+            slender = {} if self.size == 1.0 else {"width": 0.0035}
+            places = places._replace(points=self.moved(places.points))
+            self.ends.append(arrows(self.axes, places, vectors, _AWAY * self.length, look | slender))
 
     def _supports(self, pieces: Sequence[Run], held: Sequence[str]) -> None:
         """Triangles that point at the body, diamonds where only a component along the side is held."""
@@ -310,16 +346,19 @@ class _Sketch:
     def _beside(self, run: Run) -> Places:
         """Places of symbols beside a run."""
         places = run.points(_SPACING * self.length, least=1)
-        return places._replace(points=places.points + _AWAY * self.length * places.normals)
+        points = self.moved(places.points) + _AWAY * self.length * places.normals
+        self.ends.append(points + 0.5 * _AWAY * self.length * places.normals)
+        return places._replace(points=points)
 
     def _symbols(self, places: Places, chosen: BoolArray, marker: Any, filled: bool, colour: str) -> None:
         if chosen.any():
-            look: dict[str, Any] = {"linestyle": "none", "markersize": 4.5, "color": colour, "zorder": 4}
+            look: dict[str, Any] = {"linestyle": "none", "markersize": 4.5 * self.size, "color": colour, "zorder": 4}
             face = colour if filled else "white"
             self.axes.plot(*places.points[chosen].T, marker=marker, markerfacecolor=face, **look)
 
-    def _obstacle(self, contact: Contact, pieces: Sequence[Run]) -> None:
+    def obstacle(self, contact: Contact) -> None:
         """Hatched lines whose distance from the body shows how the gap varies, and the force on a plate."""
+        pieces = self._runs(contact)
         gaps = [self._samples("Contact.gap", contact.gap, [run]) for run in pieces]
         least, most = min(gap.min() for gap in gaps), max(gap.max() for gap in gaps)
         spread = 0.06 * self.length / (most - least) if most - least > 1e-9 * max(abs(least), abs(most)) else 0.0
@@ -327,7 +366,7 @@ class _Sketch:
             places = run.ends_and_points(self.length / _SAMPLES)
             distance = 0.5 * _AWAY * self.length + spread * (gap - least)
             line = places.points + distance[:, None] * places.normals
-            ground(self.axes, line, places.normals, 0.025 * self.length)
+            ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
         plate = contact.plate
         if plate is not None:
             force = np.array([[plate.force_x or 0.0, plate.force_y or 0.0]])

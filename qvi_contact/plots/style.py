@@ -57,6 +57,9 @@ _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": Non
 """Kinds of files; the same picture makes the same file on any day."""
 
 
+_LETTERS: Final = 128  # of a small legend in the width of a picture of a result
+_HANDLE: Final = 6.5  # letters that the sign before a text is wide
+
 _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet
 
 
@@ -201,6 +204,20 @@ def bounding_box(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
     return np.asarray(vertices.min(axis=0)), np.asarray(vertices.max(axis=0))
 
 
+def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
+    """Show all of some points (n, 2), equal scales in both directions, labelled axes; the corners of the box (2, 2)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.02 * float((high - low).max())
+    axes.set_aspect("equal")
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.locator_params(nbins=6)
+    axes.set_xlabel(f"x [{units.length}]")
+    axes.set_ylabel(f"y [{units.length}]")
+    axes.spines[["top", "right"]].set_visible(False)
+    return np.array([low - margin, high + margin])
+
+
 def frame(axes: "Axes", mesh: TriangleMesh, units: Units | None = None, margin: float = 0.03) -> None:
     """Show the whole body, equal scales in both directions, with a margin as a share of its length.
 
@@ -223,9 +240,12 @@ def magnified(largest: float, length: float) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
 
 
-def colour_bar(axes: "Axes", artist: "ScalarMappable", label: str, extend: str = "neither") -> None:
-    """Add a colour bar as high as the axes to their right."""
-    axes.figure.colorbar(artist, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label, extend=extend)
+def colour_bar(
+    axes: "Axes", artist: "ScalarMappable", label: str, extend: str | None = "neither", width: float = 0.05
+) -> None:
+    """Add a colour bar as high as the axes to their right, its width a share of theirs."""
+    place = axes.inset_axes((1.0 + 0.8 * width, 0.0, width, 1.0))
+    axes.figure.colorbar(artist, cax=place, label=label, extend=extend)
 
 
 def points_per_length(axes: "Axes", mesh: TriangleMesh) -> float:
@@ -244,7 +264,12 @@ def lines(points: FloatArray, colour: str, style: object, width: float, label: s
     return LineCollection(list(points), colors=colour, linestyles=[style], linewidths=width, label=label)
 
 
-def legend_below(axes: "Axes", handles: "Sequence[Artist]", title: str, columns: int = 3) -> None:
-    """Add a legend under the label of the horizontal axis."""
-    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 3.6}
-    axes.legend(handles=list(handles), title=title, ncols=columns, frameon=False, columnspacing=1.2, **place)
+def legend_below(axes: "Axes", handles: "Sequence[Artist]") -> None:
+    """Add a legend under the label of the horizontal axis, in as many lines as a picture of a result has room for."""
+    widths = [len(re.sub(r"\\\\\w+|[${}_|]", "", str(handle.get_label()))) + _HANDLE for handle in handles]
+    columns = len(handles)
+    while columns > 1 and sum(max(widths[k::columns]) for k in range(columns)) > _LETTERS:
+        columns -= 1
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
+    look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}
+    axes.legend(handles=list(handles), ncols=columns, **look, **place)

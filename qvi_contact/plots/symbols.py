@@ -151,8 +151,8 @@ def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> N
     axes.add_collection(lines(strokes, "black", "solid", 0.6))
 
 
-def arrows(axes: "Axes", places: Places, vectors: FloatArray, away: float, look: dict[str, Any]) -> None:
-    """Draw vectors (n, 2) that act at places of a side; those of no length are left out.
+def arrows(axes: "Axes", places: Places, vectors: FloatArray, away: float, look: dict[str, Any]) -> FloatArray:
+    """Draw vectors (n, 2) that act at places of a side, those of no length left out; both ends of all (2 k, 2).
 
     An arrow into the body ends at its point, one out of the body begins there; one along the side is centred, at the
     distance `away`.
@@ -166,3 +166,4 @@ def arrows(axes: "Axes", places: Places, vectors: FloatArray, away: float, look:
     tails = np.where((np.abs(outward) <= _OBLIQUE)[:, None], along, tails)
     settings = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.005, "headwidth": 4.0, "zorder": 5}
     axes.quiver(*tails.T, *vectors.T, **{**settings, **look})
+    return np.concatenate([tails, tails + vectors])

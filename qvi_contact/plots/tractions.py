@@ -1,40 +1,39 @@
 """Tractions along a contact against its friction bound, with its open, stick and slip parts.
 
-On an edge tractions are polynomials, drawn through all their points; they may jump where edges meet.
+Curves run through the values at the points, monotone between them, and are closed where a contact opens: what the
+polynomials of the element do beyond their points, teeth and jumps where edges meet, is nothing but the mesh.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.plots.style import BLUE, GREY, STATE_LOOK, VERMILLION, plain_units
+from qvi_contact.plots.style import BLUE, STATE_LOOK, VERMILLION, plain_units
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _STATE_STYLE: Final[dict[ContactState, dict[str, Any]]] = {
-    ContactState.OPEN: {"facecolor": "none", "edgecolor": "#bbbbbb", "hatch": ".."},
+    ContactState.OPEN: {"facecolor": "none", "edgecolor": "#dddddd", "hatch": ".."},
     ContactState.STICK: {"facecolor": "#eeeeee", "edgecolor": "none"},
-    ContactState.SLIP: {"facecolor": "none", "edgecolor": "#bbbbbb", "hatch": "//"},
+    ContactState.SLIP: {"facecolor": "none", "edgecolor": "#cccccc", "hatch": "//"},
     ContactState.CLOSED: {"facecolor": "#dddddd", "edgecolor": "none"},
 }
 
-_PRESSURE: Final[dict[str, Any]] = {"color": GREY, "marker": "s"}
+_PRESSURE: Final[dict[str, Any]] = {"color": VERMILLION, "marker": "s"}
 _BOUND: Final[dict[str, Any]] = {"color": BLUE, "linestyle": "--", "marker": "^"}
-_TOTAL: Final[dict[str, Any]] = {"color": GREY, "linestyle": "-.", "linewidth": 0.8}
+_TOTAL: Final[dict[str, Any]] = {"color": VERMILLION, "linestyle": "-.", "linewidth": 0.8}
 _FLUID: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 0.8}
-_TANGENTIAL: Final[dict[str, Any]] = {"color": VERMILLION, "linestyle": ":", "marker": "o"}
+_TANGENTIAL: Final[dict[str, Any]] = {"color": "black", "linestyle": ":", "marker": "o"}
 
-_MARKERS: Final = 80  # at most so many markers a curve
-_SAMPLES: Final = 240  # about so many points a curve, beside those of the contact
-_SAME: Final = 1e-9  # distance of places on an edge, over its length, that are one
+_MARKERS: Final = 40  # at most so many markers a curve
+_BETWEEN: Final = 5  # parts of a curve between two points
 _SLANTED: Final = 1e-9  # rise of an edge over its length from which on it is not horizontal
 
 
@@ -42,33 +41,29 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
     """Draw pressure, friction bound and |σ_T| along a contact, with its open, stick and slip parts shaded by hatching.
 
     A negative pressure is tension, which bilateral and tied contacts can carry. Where a fluid presses in the contact it
-    is drawn three times: in all, of the fluid, and the effective pressure, which friction depends on. Curves are the
-    polynomials of the element on each edge: where the state changes within an edge they may show a tooth.
+    is drawn three times: in all, of the fluid, and the effective pressure, which friction depends on.
 
     """
     units = plain_units(units)
     abscissa, prime = _along(line, units), "'" if line.has_fluid else ""
-    effective = line.effective_normal_stress
-    pressure, limit = abscissa.curve(-effective), line.friction_bound
-    if np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0, equal_nan=True):  # Coulomb's law
-        bound = abscissa.curve(line.friction) * np.abs(pressure)
-        curves = [_Curve(f"bound $\\mu|\\sigma_N{prime}|$", bound, _BOUND)]
-    else:  # that of other laws from point to point; a tied contact has none
-        curves = [_Curve("friction bound", abscissa.broken_line(np.where(np.isfinite(limit), limit, np.nan)), _BOUND)]
-    curves.insert(0, _Curve(f"{'effective ' if prime else ''}pressure $-\\sigma_N{prime}$", pressure, _PRESSURE))
+    effective, limit = line.effective_normal_stress, line.friction_bound
+    coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0, equal_nan=True)
+    bound = np.where(np.isfinite(limit), limit, np.nan)  # a tied contact has none
+    curves = [
+        (f"{'effective ' if prime else ''}pressure $-\\sigma_N{prime}$", -effective, _PRESSURE),
+        (f"bound $\\mu|\\sigma_N{prime}|$" if coulomb else "friction bound", bound, _BOUND),
+    ]
     if line.has_fluid:
-        curves.append(_Curve("pressure $-\\sigma_N$", abscissa.curve(-line.normal_stress), _TOTAL))
-        curves.append(_Curve("fluid $p_w$", abscissa.curve(line.pore_pressure), _FLUID))
-    curves.append(_Curve("$|\\sigma_T|$", np.abs(abscissa.curve(line.tangential_stress)), _TANGENTIAL))
+        curves.append(("pressure $-\\sigma_N$", -line.normal_stress, _TOTAL))
+        curves.append(("fluid $p_w$", line.pore_pressure, _FLUID))
+    curves.append(("friction $|\\sigma_T|$", np.abs(line.tangential_stress), _TANGENTIAL))
     _draw_states(axes, abscissa, line, np.abs(line.tangential_stress))
-    breaks = abscissa.s.shape[1] * (np.flatnonzero(~abscissa.joined) + 1)
-    marked = abscissa.marked + np.searchsorted(breaks, abscissa.marked, side="right")
-    every = marked[:: -(-len(marked) // _MARKERS)].tolist()
-    for curve in curves:  # with markers at the points, broken where the contact is
-        x, y = (np.insert(part.ravel(), breaks, np.nan) for part in (abscissa.s, curve.values))
-        axes.plot(x, y, markevery=every, markersize=3, label=curve.label, **curve.look)
-    lowest = np.nanmin([0.0, *(np.nanmin(curve.values) for curve in curves if np.isfinite(curve.values).any())])
-    axes.set_ylim(bottom=1.05 * float(lowest), auto=None)  # the top still follows what is drawn
+    lowest = 0.0
+    for label, values, look in (curve for curve in curves if not np.isnan(curve[1]).all()):
+        x, y, marked = abscissa.curve(values, line.state == ContactState.OPEN, line.has_fluid)
+        axes.plot(x, y, markevery=marked[:: -(-len(marked) // _MARKERS)], markersize=3, label=label, **look)
+        lowest = min(lowest, float(np.nanmin(y, initial=0.0)))
+    axes.set_ylim(bottom=1.05 * lowest, auto=None)  # the top still follows what is drawn
     axes.set_xlabel(abscissa.label)
     axes.set_ylabel(f"traction [{units.stress}]")
 
@@ -86,6 +81,33 @@ def friction_used(axes: "Axes", line: ContactLine, units: Units | None = None) -
     axes.set_ylim(0.0, 1.1)
     axes.set_xlabel(abscissa.label)
     axes.set_ylabel("$|\\sigma_T|$ / bound [-]")
+
+
+def closed_ends(s: FloatArray, values: FloatArray, ends: FloatArray, opened: BoolArray | None = None) -> FloatArray:
+    """Values at places s (k,) with those at both ends of the line before and after, (k + 2,).
+
+    Those at the ends go on as the values do, to zero at most, and are zero where the nearest point is `opened`.
+    """
+    found = []
+    for end, near, next_ in ((ends[0], 0, 1), (ends[1], -1, -2)):
+        value = float(values[near])
+        if len(s) > 1:
+            value += float((end - s[near]) / (s[near] - s[next_]) * (values[near] - values[next_]))
+        if opened is not None:
+            value = 0.0 if opened[near] or value * values[near] < 0.0 else value
+        found.append(value)
+    return np.array([found[0], *values, found[1]])
+
+
+def monotone(s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places and values of a curve through values at places s that has no extremes between them; NaN stays NaN."""
+    from scipy.interpolate import PchipInterpolator  # slow to import, and few pictures need it
+
+    share = np.arange(_BETWEEN) / _BETWEEN
+    dense = np.append((s[:-1, None] + np.diff(s)[:, None] * share).ravel(), s[-1])
+    if not np.isfinite(values).all() or (np.diff(s) <= 0.0).any():
+        return dense, np.interp(dense, s, values)
+    return dense, np.asarray(PchipInterpolator(s, values)(dense))
 
 
 def places_along(line: ContactLine) -> tuple[IntArray, FloatArray]:
@@ -122,39 +144,28 @@ class _Abscissa:
     def _gauss(self) -> FloatArray:
         return gauss_legendre(self.points.shape[1])[0]
 
-    @cached_property
-    def _t(self) -> FloatArray:
-        """Where on an edge curves are drawn."""
-        more = np.linspace(0.0, 1.0, 2 + _SAMPLES // len(self.starts))
-        between = more[np.abs(more[:, None] - self._gauss).min(axis=1) > _SAME]
-        return np.sort(np.concatenate([self._gauss, between]))
-
-    @property
-    def s(self) -> FloatArray:
-        """Places (n, k) where curves are drawn; the two ends and all points of each edge are among them."""
-        return np.asarray(self.starts[:, None] + self.lengths[:, None] * self._t)
-
-    @property
-    def marked(self) -> IntArray:
-        """Which of these places, counted edge by edge, are points of the contact."""
-        own = np.flatnonzero(np.isin(self._t, self._gauss))
-        return np.asarray((len(self._t) * np.arange(len(self.starts))[:, None] + own).ravel())
-
     def at(self, points: IntArray) -> FloatArray:
         """Places of points given by number."""
         places = np.empty(self.points.size)
         places[self.points] = self.starts[:, None] + self.lengths[:, None] * self._gauss
         return np.asarray(places[points])
 
-    def curve(self, values: FloatArray) -> FloatArray:
-        """The polynomials (n, k) through values at the points, edge by edge."""
-        from scipy.interpolate import BarycentricInterpolator  # slow to import, and few pictures need it
+    def curve(self, values: FloatArray, opened: BoolArray, held_open: bool) -> tuple[FloatArray, FloatArray, list[int]]:
+        """A curve through values at the points: x, y, and which of these are points; NaN between lines.
 
-        return np.asarray(BarycentricInterpolator(self._gauss, values[self.points].T)(self._t).T)
-
-    def broken_line(self, values: FloatArray) -> FloatArray:
-        """Straight lines (n, k) between values at the points, edge by edge."""
-        return np.array([np.interp(self._t, self._gauss, edge) for edge in values[self.points]])
+        At the ends of lines it is zero if the contact is `opened` there, unless something else holds it open.
+        """
+        x, y, marked = [np.empty(0)], [np.empty(0)], list[int]()
+        for piece in self.pieces():
+            points = self.points[piece].ravel()
+            place, ends = self.at(points), np.array([self.starts[piece][0], (self.starts + self.lengths)[piece][-1]])
+            given = closed_ends(place, values[points], ends, None if held_open else opened[points])
+            count = sum(map(len, x))
+            s, curve = monotone(np.concatenate([ends[:1], place, ends[1:]]), given)
+            marked += (count + _BETWEEN * np.arange(1, len(points) + 1)).tolist()
+            x += [s, np.array([np.nan])]
+            y += [curve, np.array([np.nan])]
+        return np.concatenate(x)[:-1], np.concatenate(y)[:-1], marked
 
     def pieces(self) -> list[slice]:
         """Edges that hang together."""
@@ -180,14 +191,6 @@ def _along(line: ContactLine, units: Units) -> _Abscissa:
     label = f"length along the contact{several} [{units.length}]"
     points = path.points(line.points_per_edge)
     return _Abscissa(points, path.starts, path.lengths, np.diff(path.line) == 0, label)
-
-
-class _Curve(NamedTuple):
-    """Values (n, k) at the places of an abscissa, with their label and look."""
-
-    label: str
-    values: FloatArray
-    look: dict[str, Any]
 
 
 def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine, heights: FloatArray) -> None:

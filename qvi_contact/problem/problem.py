@@ -28,7 +28,7 @@ from qvi_contact.problem.conditions import (
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.initial_strain import check_compressible
 from qvi_contact.problem.material import Material, Region, cell_materials
-from solvers.basics.types import Stated, load
+from solvers.basics.types import PicklesFields, load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
 _CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1
@@ -65,7 +65,7 @@ class Prescribed:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactProblem(Stated):
+class ContactProblem(PicklesFields):
     """A body, what it is made of, and what happens on its boundary.
 
     Parameters

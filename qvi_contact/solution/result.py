@@ -34,7 +34,7 @@ from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, sup
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.frames import columns_of, frame, pandas
 from solvers.basics.names import Named, known_name
-from solvers.basics.types import Stated, load
+from solvers.basics.types import PicklesFields, load
 from solvers.certificate.feasibility import AdmissibleRows
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
     from qvi_contact.bracket import Bracket, Uniqueness
     from qvi_contact.mechanism import Mechanism
+    from qvi_contact.solution.derivatives import Side
     from qvi_contact.solution.undetermined import UndeterminedMotion
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
@@ -126,7 +127,7 @@ def plate_motion(plate: RigidPlate, x: float, y: float, rotation: float) -> Plat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(Stated, Attached):
+class ContactResult(PicklesFields, Attached):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
@@ -414,6 +415,39 @@ class ContactResult(Stated, Attached):
         qvi, multiplier = self.solution.problem, self._multipliers("tangential")
         dissipation = float(multiplier @ qvi.tangential(self.solution.z)) * scales.energy
         return Energies(strain, load, strain - load, dissipation)
+
+    def derivative(self, quantity: str, parameter: str, side: Side | None = None) -> float:
+        """By how much a force or motion grows with a datum of the problem, by one linear solve.
+
+            result.derivative("wall.tangential_force", "wall.friction")
+
+        Parameters
+        ----------
+        quantity : str
+            "NAME.normal_force" or "NAME.tangential_force" of a contact; "NAME.force_x", "NAME.force_y", "NAME.moment",
+            "NAME.x", "NAME.y" or "NAME.rotation" of a plate.
+        parameter : str
+            "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap" or "NAME.offset" of a contact, and what is
+            given of its plate; "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor of a load as
+            in `limit_load_factor`; "temperature", "material.young", or those of a region, "NAME.young". A function
+            counts as larger by the same number everywhere. Of a load step earlier slip is held as it is.
+        side : "above" or "below", optional
+            Needed where a point of a contact changes its state at this value of the parameter, so that the derivatives
+            from both sides differ.
+
+        Returns
+        -------
+        float
+            The derivative of the discrete problem [unit of the quantity/unit of the parameter].
+
+        Raises
+        ------
+        InputError
+            If there is no such name, the result is not solved, the derivatives from both sides differ, or the contacts
+            have more than 2000 points.
+
+        """
+        return float(load("qvi_contact.solution.derivatives").derivative(self, quantity, parameter, side))
 
     def _multipliers(self, kind: str) -> FloatArray:
         """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""

@@ -67,7 +67,7 @@ class Deadline:
 
         """
         outer = _end.get()
-        token = _end.set(outer if seconds is None else min(outer, time.monotonic() + _seconds(seconds)))
+        token = _end.set(min(outer, time.monotonic() + checked_limit(seconds)))
         try:
             yield
         finally:
@@ -106,7 +106,10 @@ def report(progress: Progress) -> None:
         listener(progress)
 
 
-def _seconds(value: object) -> float:
+def checked_limit(value: object) -> float:
+    """Seconds of a time limit, infinity where there is none; `InputError` unless it is a finite number above 0."""
+    if value is None:
+        return math.inf
     seconds = math.nan
     if not isinstance(value, bool) and isinstance(value, Real):
         with suppress(OverflowError):

@@ -43,7 +43,7 @@ def load(name: str) -> Module:
 # What is pickled of objects that remember what they have computed.
 
 
-class Stated:
+class PicklesFields:
     """A dataclass of which pickles and copies hold the fields alone; what cannot be changed cannot be in them either.
 
     What was computed from the fields, such as a factorisation inside a library's memory, is computed again when it is

@@ -1,9 +1,18 @@
 """What is true of a state: the certificate, its measures, feasibility and uniqueness."""
 
 from solvers.basics.front import front
-from solvers.certificate.certificate import EXPONENTS, Certificate, CertificateRow, body_scales, certify, scales_at
+from solvers.certificate.certificate import (
+    EXPONENTS,
+    MEASURES,
+    Certificate,
+    CertificateRow,
+    Measure,
+    body_scales,
+    certify,
+    law_residuals,
+    scales_at,
+)
 from solvers.certificate.feasibility import AdmissibleRows, Feasibility, check_feasibility, is_farkas
-from solvers.certificate.measures import MEASURES, Measure, law_residuals
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
 
 __all__ = [

@@ -25,7 +25,7 @@ the measures are
     alart_curnier               the same over 1 + mu, with thr = thr(|min(σ_N + k λ_N, 0)|)
     bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E, gaps and slips counted so
 
-`residuals` has the formulas of the contact law, `measures` what each number means and when to worry.
+`law_residuals` has the formulas of the contact law, `MEASURES` what each number means and when to worry.
 
 All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
 contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-7 of √(E_b k / Σ W), which stands for the stress
@@ -62,15 +62,196 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from solvers.basics.checks import finite_number, real_array
 from solvers.basics.types import Vector
-from solvers.certificate.measures import MEASURES, Measure, law_residuals
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import absolute_product, largest
+
+# The measures, one row each: limit, what it means, when to worry. A measure may be as large as  factor ·
+# tolerance^exponent.
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One row of the certificate's table.
+
+    Attributes
+    ----------
+    name : key in `Certificate.measures`
+    meaning : what the number is, in one sentence
+    worry : when to worry, and what to do then
+    exponent, factor : of the limit factor · tolerance^exponent
+
+    """
+
+    name: str
+    meaning: str
+    worry: str
+    exponent: float = 1.0
+    factor: float = 1.0
+
+    def limit(self, tolerance: float) -> float:
+        """The value at which it fails."""
+        return self.factor * float(tolerance**self.exponent)
+
+    def needed(self, value: float) -> float:
+        """The smallest tolerance at which `value` passes."""
+        return float((value / self.factor) ** (1.0 / self.exponent))
+
+
+MEASURES: Final = (
+    Measure(
+        "equality",
+        "Violation of A z = b, such as the force balance of plates driven by force.",
+        "Large: forces on a plate are not in equilibrium. Tighten the inner solver's tolerance.",
+    ),
+    Measure(
+        "normal",
+        "Largest pull σ_N > 0 at a contact point that can only press, over the largest traction.",
+        "Large: the contact pulls on the body somewhere. The state is not admissible.",
+    ),
+    Measure(
+        "friction",
+        "Largest |σ_T| above the friction bound of the computed pressure, over the largest traction.",
+        "Large: friction carries more than its law allows. The outer iteration may have ended too early.",
+    ),
+    Measure(
+        "stationarity",
+        "Error of the stress for the multipliers at hand, in the energy norm and in the contact tractions: "
+        "incompatible strains.",
+        "Large: the linear system is not solved, or multipliers belong to another state. Equilibrium holds regardless.",
+    ),
+    Measure(
+        "sign",
+        "Multipliers of the wrong sign: the obstacle would pull, or friction would push along the slip.",
+        "Large: the multipliers of the back end are wrong, whatever status it reports.",
+    ),
+    Measure(
+        "complementarity_normal",
+        "Work Σ |m_N σ_N| of pressure on an open gap, over the energy.",
+        "Large: points with a gap carry pressure. Tighten the inner tolerance.",
+    ),
+    Measure(
+        "complementarity_tangential",
+        "Work Σ | |m_T| bound − m_T σ_T | by which slip falls short of the friction bound, over the energy.",
+        "Large: points slip below their bound, or against the traction.",
+    ),
+    Measure(
+        "energy_gap",
+        "Primal less dual energy for the bound at hand, over the energy of the body: at least the square of the "
+        "relative error for that bound. Negative beyond rounding only if a condition above is violated.",
+        "Large: the state is not the minimum of its own friction bound.",
+    ),
+    Measure(
+        "natural_map",
+        "Distance of the tractions from their projection on the law after a step along the displacements, with the "
+        "bound of the pressure at hand, over the largest traction.",
+        "Large with small complementarity: points that touch without pressure (error ~ √tolerance); else wrong states.",
+        exponent=0.75,
+        factor=10.0,
+    ),
+    Measure(
+        "alart_curnier",
+        "The same with the bound of the augmented pressure, as in the augmented Lagrangian of Alart and Curnier, over "
+        "1 + μ times the largest traction.",
+        "As for the natural map.",
+        exponent=0.75,
+        factor=10.0,
+    ),
+    Measure(
+        "bipotential",
+        "de Saxcé's Σ W (bound |u_T| + σ·u) over the energy, u the displacement relative to the obstacle: ≥ 0 for all "
+        "admissible pairs, and 0 for those that obey the law.",
+        "Positive: friction's work is not the full bound, or gaps do work. Negative: tractions or signs are not "
+        "admissible.",
+        factor=2.0,
+    ),
+)
+"""In the order of the table."""
+
+
+# How far tractions and displacements of a contact are from its law, as numbers.
+#
+# With λ = m / W, thr(p) = min(cohesion + mu p, cap), the scales S, D, E of `certificate` and k = S / D, at each point
+#
+#     π_N = min(σ_N + k λ_N, 0), bilateral σ_N + k λ_N                the augmented normal traction
+#     natural map      σ_N − π_N   and   σ_T − clip(σ_T + k λ_T, ±thr(|σ_N|))
+#     Alart-Curnier    σ_T − clip(σ_T + k λ_T, ±thr(|π_N|)), bilateral |σ_N|
+#     bipotential      β = thr(|σ_N|) |λ_T| − σ_T λ_T − σ_N λ_N,  that is thr |u_T − w| + σ_N (u_N − g) + σ_T (u_T − w).
+#
+# Each is zero exactly where the law holds: the first two are projections on the cone of the present and of the
+# augmented pressure, the third is Coulomb's bipotential, which admissible pairs (σ_N ≤ 0, |σ_T| ≤ thr, λ_N ≥ 0) make ≥
+# 0. It is summed with its sign; violations of bounds may cancel gaps there, which is why the sums of
+# `complementarity_normal` and `complementarity_tangential` take absolute values.
+#
+# Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991); G. de Saxcé, Z.-Q. Feng, Math. Comput.
+# Modelling 28 (1998).
+
+
+_NEAR = 10.0  # gaps and slips count up to this many E / (S Σ W)
+
+
+class LawResiduals(NamedTuple):
+    """What is left of the contact law.
+
+    Attributes
+    ----------
+    measures : name → value ≥ 0, see `certificate`
+    work : Σ W β with m_N made admissible: what it adds to the gap between primal and dual energy, signed
+    bipotential : Σ W β, signed
+
+    """
+
+    measures: dict[str, float]
+    work: float
+    bipotential: float
+
+
+def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales: dict[str, float]) -> LawResiduals:
+    """All measures of the contact law of the QVI at z (n,) with row multipliers m_N, m_T (m,)."""
+    S, D, E = scales["stress"], scales["displacement"], scales["energy"]
+    sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
+    bound, one_sided = qvi.threshold(np.abs(sigma_N)), ~qvi.bilateral
+    lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
+    slack_T = np.abs(m_T) * bound - m_T * sigma_T
+    far = largest_gap(qvi, scales) * qvi.W
+    near_N, near_T = np.minimum(m_N, far), slack_T * far / np.maximum(np.abs(m_T), far)
+    bipotential = float(near_T.sum() - near_N @ sigma_N)
+    # Projections on the law after a step along the displacements.
+    shifted_N, shifted_T = sigma_N + S / D * lambda_N, sigma_T + S / D * lambda_T
+    projected = np.where(one_sided, np.minimum(shifted_N, 0.0), shifted_N)
+    augmented = qvi.threshold(np.abs(np.where(one_sided, projected, sigma_N)))
+    natural, other = (np.abs(sigma_T - np.clip(shifted_T, -limit, limit)) for limit in (bound, augmented))
+    normal = np.abs(sigma_N - projected)
+    # Multipliers of the wrong sign.
+    wrong_N = np.where(one_sided, np.maximum(-lambda_N, 0.0), np.abs(lambda_N))
+    wrong_T = np.maximum(-lambda_T * sigma_T, 0.0)
+    measures = {
+        "normal": largest(np.where(one_sided, np.maximum(sigma_N, 0.0), 0.0)) / S,
+        "friction": largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
+        "sign": max(largest(wrong_N) / D, largest(wrong_T) / (S * max(D, largest(lambda_T)))),
+        "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
+        "complementarity_tangential": float(np.abs(near_T).sum()) / E,
+        "natural_map": max(largest(normal), largest(natural)) / S,
+        "alart_curnier": largest(np.maximum(normal, other) / (1.0 + qvi.mu)) / S,
+        "bipotential": abs(bipotential) / E,
+    }
+    return LawResiduals(measures, float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N), bipotential)
+
+
+def largest_gap(qvi: FrictionQVI, scales: dict[str, float]) -> float:
+    """Up to where gaps and slips λ count: 10 E / (S Σ W), at which a wrong stress of ε S weighs 10 ε, however large."""
+    length = float(qvi.W.sum())
+    return _NEAR * scales["energy"] / (scales["stress"] * length) if length > 0.0 else 0.0
+
+
+# The certificate.
+
 
 _CANCELS = 1e-4  # share of the terms of A z that an error is measured by where b is small
 _ROUNDED = 1e-15  # share of the largest z in the unknowns of a row that is no error
@@ -130,17 +311,17 @@ class Certificate:
     scales: Mapping[str, float] = field(default_factory=dict)
     signed: Mapping[str, float] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def limits(self) -> dict[str, float]:
-        """Measure → the value at which it fails, see `measures`."""
+        """Measure → the value at which it fails, see `Measure`."""
         return {measure.name: measure.limit(self.tolerance) for measure in MEASURES}
 
-    @property
+    @cached_property
     def passed(self) -> bool:
         """Whether every measure is within its limit."""
         return all(self.measures[name] <= limit for name, limit in self.limits.items())
 
-    @property
+    @cached_property
     def accuracy(self) -> float:
         """The smallest tolerance at which it would pass."""
         return max(self._needed.values())
@@ -247,29 +428,43 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     _ = qvi.settled  # by the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
+    S, E, E_b = scales["stress"], scales["energy"], scales["body_energy"]
     K, N, T, A = qvi.arrays
     residual = gradient + N.T @ m_N + T.T @ m_T + A.T @ nu
-    sizes = _row_sizes(qvi, z)
     error, outside = qvi.linear_system.solve(residual)
-    left = residual - K @ error - A.T @ outside
-    square = float(residual @ error)
-    defect = 0.5 * _admissible_square(qvi, square, error, m_N)
+    square, size = float(residual @ error), float(np.sqrt(2.0 * E_b))
+    # A z = b: a row is large by b, by a share of what cancels in A z, and by the largest row.
+    equality = conjugate = 0.0
+    if qvi.p:
+        sizes = np.abs(qvi.b) + _CANCELS * absolute_product(qvi.A, z)
+        sizes += _BESIDE * sizes.max(initial=0.0)
+        rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
+        missed = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
+        equality = largest(missed / np.where(sizes > 0.0, sizes, 1.0))
+        conjugate = largest(outside * sizes) / E
+    # The error of z for its multipliers: in the energy norm, and in the contact tractions.
+    energy = float(np.sqrt(abs(square))) / size
+    if qvi.root is not None and energy > _ROUNDING_FREE:
+        scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
+        energy = max(energy - scales["rounding"], 0.0)
+    tractions = max(largest(N @ error), largest(T @ error)) / S
+    # What the linear solve has left, in a lower bound of its energy norm up to √(entries of a row).
+    left, diagonal = residual - K @ error - A.T @ outside, qvi.stiffness.diagonal
+    unsolved = float(np.sqrt(np.sum(left**2 / np.where(diagonal > 0.0, diagonal, 1.0)))) / size
+    # |ρ|² once m_N is made admissible: the residual changes by Nᵀ(max(m_N, 0) − m_N).
+    change = np.maximum(m_N, 0.0) - m_N
+    if change.any():
+        square += 2.0 * float(change @ (N @ error)) + float(change @ qvi.linear_system.relief(qvi.N)(change))
     law = law_residuals(qvi, z, m_N, m_T, scales)
-    E, E_b = scales["energy"], scales["body_energy"]
-    gap = (abs(law.work) + defect) / E_b
+    gap = law.work + 0.5 * abs(square)
     measures = {
-        "equality": _equality(qvi, z, sizes),
-        "stationarity": max(
-            _stationarity(qvi, z, square, error, outside * sizes, scales), _unsolved(qvi, left) / np.sqrt(2.0 * E_b)
-        ),
-        "energy_gap": gap,
+        "equality": equality,
+        "stationarity": max(energy, tractions, conjugate, unsolved),
+        "energy_gap": (abs(law.work) + 0.5 * abs(square)) / E_b,
         **law.measures,
     }
-    return (
-        measures,
-        scales,
-        {"energy_gap": float(np.copysign(gap, law.work + defect)), "bipotential": law.bipotential / E},
-    )
+    signed = {"energy_gap": float(np.copysign(measures["energy_gap"], gap)), "bipotential": law.bipotential / E}
+    return measures, scales, signed
 
 
 def _contact_scales(qvi: FrictionQVI) -> tuple[float, float]:
@@ -303,51 +498,6 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     body = _nonzero(body)
     energy = min(stress * displacement * length, body)
     return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": body}
-
-
-def _stationarity(
-    qvi: FrictionQVI, z: Vector, square: float, error: Vector, outside: Vector, scales: dict[str, float]
-) -> float:
-    """Error of z for its multipliers: in the energy norm, and in the contact tractions; and `outside`, δν B."""
-    size = float(np.sqrt(2.0 * scales["body_energy"]))
-    energy = float(np.sqrt(abs(square))) / size
-    if qvi.root is not None and energy > _ROUNDING_FREE:
-        scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
-        energy = max(energy - scales["rounding"], 0.0)
-    tractions = max(largest(qvi.arrays.N @ error), largest(qvi.arrays.T @ error)) / scales["stress"]
-    return max(energy, tractions, largest(outside) / scales["energy"])
-
-
-def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vector) -> float:
-    """|ρ|² once m_N is made admissible, from |ρ|² and K⁻¹ρ before: the residual changes by Nᵀ(max(m_N, 0) − m_N)."""
-    change = np.maximum(m_N, 0.0) - m_N
-    if not change.any():
-        return abs(square)
-    relieved = qvi.linear_system.relief(qvi.N)(change)
-    return abs(square + 2.0 * float(change @ (qvi.arrays.N @ error)) + float(change @ relieved))
-
-
-def _unsolved(qvi: FrictionQVI, left: Vector) -> float:
-    """√(Σ r_i² / K_ii) of what a linear solve has left, a lower bound of its energy norm up to √(entries of a row)."""
-    diagonal = qvi.K.diagonal()
-    return float(np.sqrt(np.sum(left**2 / np.where(diagonal > 0.0, diagonal, 1.0))))
-
-
-def _equality(qvi: FrictionQVI, z: Vector, sizes: Vector) -> float:
-    """Error of A z = b beside the sizes B of its rows; 0 without rows."""
-    if not qvi.p:
-        return 0.0
-    rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
-    error = np.maximum(np.abs(qvi.arrays.A @ z - qvi.b) - rounding, 0.0)
-    return largest(error / np.where(sizes > 0.0, sizes, 1.0))
-
-
-def _row_sizes(qvi: FrictionQVI, z: Vector) -> Vector:
-    """B (p,), what counts as large in a row of A z = b: b, a share of what cancels in A z, and of the largest row."""
-    if not qvi.p:
-        return np.zeros(0)
-    sizes = np.abs(qvi.b) + _CANCELS * absolute_product(qvi.A, z)
-    return np.asarray(sizes + _BESIDE * sizes.max(initial=0.0))
 
 
 def _nonzero(scale: float) -> float:

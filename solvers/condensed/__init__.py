@@ -1,12 +1,12 @@
 """The quasi-variational inequality on the unknowns that the contact feels, solved directly.
 
 coordinates       (D2) in trace coordinates, everything else eliminated once, or in all unknowns, sparse
-systems           what the interior point method needs of either, and the dense Newton matrices
+systems           what the interior point method needs of either, the dense Newton matrices, and those for the last
+                  digits
 complementarity   the bounds as one mixed complementarity problem, the friction threshold moving with the pressure, and
                   equations between coordinates, solved for some of them
 interior_point    its primal-dual interior point method, and what follows the central path where it turns back
-saddle            its Newton steps for the last digits
-method            these with defect corrections; `solve_condensed`
+method            these with defect corrections: one start of the method
 """
 
 from solvers.basics.front import front

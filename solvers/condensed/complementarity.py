@@ -24,7 +24,6 @@ In `docs/theory.md`: (D5), (D6).
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
@@ -33,12 +32,9 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.certificate import body_scales
-from solvers.condensed.systems import FRICTION_SHARES, Coordinates, Expansion, NewtonSystem, PathWeights
+from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, magnitudes, mapped, scaled
-
-SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
-"""Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
 
 _EPSILON = float(np.finfo(np.float64).eps)
 _TERMS = 16.0  # roundings of the size of a sum's terms that count as none
@@ -222,7 +218,7 @@ class Complementarity:
         above, below = s[self._above], s[self._below]
         pressed, friction = self._pressed_above
         bound = self._fixed[self._above] + friction * s[pressed]
-        if len(self.split):
+        if self.split.size:
             bound += self.friction_of(size)[self._above]
         sum_ = above + below
         both = 4.0 * _EPSILON * (sum_ + 2.0 * bound)
@@ -235,13 +231,14 @@ class Complementarity:
 
     def split_residual(self, y: Vector, difference: Vector) -> Vector:
         """σ_N (b,) at the points `split` less the difference of pull and push, with zeros where it is rounding."""
-        if not len(self.split):
-            return np.zeros(0)
+        if not self.split.size:
+            return self._at_zero[:0]
         return _beyond(self.split_normal(y) - difference, self._rounding(y)[self.split])
 
     def _rounding(self, y: Vector) -> Vector:
         """What the rounding of y and of sums may change of (σ_N, σ_T) (2m,)."""
-        return np.asarray(_TERMS * _EPSILON * (self._base_sizes + self._all_sizes @ np.abs(y)))
+        rounding: Vector = _TERMS * _EPSILON * (self._base_sizes + self._all_sizes @ np.abs(y))
+        return rounding
 
     def split_normal(self, y: Vector) -> Vector:
         """σ_N (b,) at the points `split`."""
@@ -262,7 +259,7 @@ class Complementarity:
         tractions = self.T @ y
         change = self.signs * tractions[self.traction]
         change[self.coulomb] += self._friction * tractions[self.pressed[self.coulomb]]
-        return change - self.friction_of(slope * self.split_change(y)) if len(self.split) else change
+        return change - self.friction_of(slope * self.split_change(y)) if self.split.size else change
 
     def energy(self, y: Vector) -> float:
         """Of (D2), with what the base lacks in accuracy."""
@@ -284,16 +281,18 @@ class Complementarity:
 
     def summed(self, values: Vector) -> Vector:
         """Σ ± values (t,) over the bounds (q,) of each traction, with the sign of their forces."""
-        return np.asarray(self._signed @ values)
+        sums: Vector = self._signed @ values
+        return sums
 
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,)."""
-        return np.asarray(self.forces @ (self.W * (self._signed @ multipliers)))
+        force: Vector = self.forces @ (self.W * (self._signed @ multipliers))
+        return force
 
     def blocks(self, ratio: Vector, slope: Vector) -> tuple[Vector, Vector]:
         """(D, e) (t,) with BᵀW diag(ratio) C = Tᵀ W (D T + e N), with the slope d|σ_N|/dσ_N (b,) at `split`."""
         D, e = self._summed @ ratio, self._rubbing @ ratio
-        if len(slope):
+        if slope.size:
             e[self._shears] *= -slope
         return D, e
 

@@ -11,6 +11,7 @@ lacks.
 In `docs/theory.md`: (D4), (D33).
 """
 
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -153,7 +154,6 @@ class SparseCoordinates(Coordinates):
         self.E = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E]))
         self.A = np.zeros((0, self.size))
         self.stiffness = _scaled(qvi.K, self._scale, rows.shape[0])
-        self._system: SparseSystem | None = None
 
     @property
     def size(self) -> int:
@@ -201,17 +201,14 @@ class SparseCoordinates(Coordinates):
 
     def system(self, S: Matrix | SparseRows) -> "SparseSystem":  # noqa: ARG002  # it is this one's own
         """Newton's matrices, analysed once."""
-        if self._system is None:
-            self._system = SparseSystem(self, self._filling())
-        return self._system
+        return SparseSystem(self, *self._analysed)
 
-    def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
-        """Of matrices with this pattern."""
-        return self._qvi.stiffness.refactorisation(starts, columns)
-
-    def _filling(self) -> "Filling":
+    @cached_property
+    def _analysed(self) -> "tuple[Filling, Refactorisation]":
+        """The pattern of Newton's matrices, and what factorises them; every start takes these."""
         rows, m = csr_array(self._qvi.contact_rows @ diags_array(self._scale)), self._qvi.m
-        return _filling(self.stiffness, rows[:m], rows[m:])
+        filling = _filling(self.stiffness, rows[:m], rows[m:])
+        return filling, self._qvi.stiffness.refactorisation(filling.starts, filling.columns)
 
 
 class Filling(NamedTuple):
@@ -249,11 +246,10 @@ class SparseSystem:
     last_digits = False
     orientation = 0  # PARDISO does not tell
 
-    def __init__(self, whole: SparseCoordinates, filling: "Filling") -> None:
-        self._whole, self._filling = whole, filling
+    def __init__(self, whole: SparseCoordinates, filling: Filling, factor: Refactorisation) -> None:
+        self._whole, self._filling, self._factor = whole, filling, factor
         self._size = len(filling.starts) - 1
         self._values = np.empty_like(filling.entries)  # of H, whichever was filled last
-        self._factor = whole.refactorisation(filling.starts, filling.columns)
 
     def norm(self, force: Vector) -> float:
         """See `NewtonSystem`."""

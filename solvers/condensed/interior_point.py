@@ -23,8 +23,7 @@ from numpy.linalg import LinAlgError
 
 from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.saddle import Saddle
-from solvers.condensed.systems import Solve
+from solvers.condensed.systems import Saddle, Solve
 from solvers.inequality.rows import largest
 from solvers.solution import Start
 
@@ -62,7 +61,7 @@ class Point:
     __slots__ = ("count", "half", "lam", "pull", "push", "s", "values", "y")
 
     def __init__(self, y: Vector, values: Vector, count: int) -> None:
-        half = self.half = len(values) // 2
+        half = self.half = values.size // 2
         self.y, self.values, self.count = y, values, count
         self.s, self.pull = values[:count], values[count:half]
         self.lam, self.push = values[half : half + count], values[half + count :]
@@ -70,7 +69,7 @@ class Point:
     @classmethod
     def of(cls, y: Vector, s: Vector, lam: Vector, pull: Vector, push: Vector) -> "Point":
         """From its parts."""
-        return cls(y, np.concatenate([s, pull, lam, push]), len(s))
+        return cls(y, np.concatenate([s, pull, lam, push]), s.size)
 
     @property
     def products(self) -> Vector:
@@ -94,8 +93,7 @@ class Residuals(NamedTuple):
     largest: float
 
 
-@dataclass(frozen=True)
-class Measures:
+class Measures(NamedTuple):
     """How far an iterate is from a solution, relative.
 
     Attributes
@@ -104,6 +102,7 @@ class Measures:
     slack : largest |s − slack| over the stress, of friction bounds over 1 + mu times the stress; |σ_N − pull + push|
     kink : largest pull + push − |σ_N| over the stress
     force : largest residual of y, of its largest term or of what the scale of displacement would cause
+    worst : the largest of them
 
     """
 
@@ -111,11 +110,7 @@ class Measures:
     slack: float
     kink: float
     force: float
-
-    @property
-    def worst(self) -> float:
-        """The largest of them."""
-        return max(self.gap, self.slack, self.kink, self.force)
+    worst: float
 
 
 class InteriorPoint:
@@ -128,7 +123,7 @@ class InteriorPoint:
     settled : whether friction has its own share, and few bounds may be passed
     finest : gap below which τ is not made smaller
     least : that τ
-    accurate : whether Newton steps are those of `saddle`
+    accurate : whether Newton steps are those of `Saddle`
 
     """
 
@@ -149,7 +144,7 @@ class InteriorPoint:
         lam = problem.start * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
         self.point = Point.of(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
         self._share(np.concatenate([early, np.zeros(len(normal))]))
-        self.settled = False
+        self.settled, self._few = False, 0
         kink = self.point.pull * self.point.push / max(self.parameter(), _LEAST)  # the same at all points
         self.shares[len(early) :] = kink
 
@@ -167,6 +162,7 @@ class InteriorPoint:
             return
         before, count = self.parameter(), len(self.point.s)
         self.shares[:count], self.settled = self.problem.shares, True
+        self._few = int(self.problem.system.stragglers * len(self.shares))  # that must not hold up all the others
         self._share(self.shares)
         self.shares[count:] *= before / max(self.parameter(), _LEAST)
 
@@ -179,32 +175,31 @@ class InteriorPoint:
         problem = self.problem
         stress = problem.stress_at(self.point.y)
         unit = stress * (stress / problem.stress * self.displacement) * problem.total_weight
-        gap = float(problem.weights @ (self.point.s * self.point.lam)) / max(unit, _LEAST)
+        gap = self._work(self.point) / max(unit, _LEAST)
         slack, kink = largest(residuals.slack / problem.sizes) / stress, 0.0
-        if len(residuals.split):
+        if residuals.split.size:
             slack = max(slack, largest(residuals.split) / stress)
             kink = 2.0 * largest(np.minimum(self.point.pull, self.point.push)) / stress
         size = max(self._force_scale, residuals.largest, _LEAST)
         self.least = self.finest * unit / max(self._total_share, _LEAST)
-        return Measures(gap, slack, kink, largest(residuals.force) / size)
+        force = largest(residuals.force) / size
+        return Measures(gap, slack, kink, force, max(gap, slack, kink, force))
 
     def iterate(self, residuals: Residuals) -> float:
         """One iteration; returns the length of its step."""
         point = self.point
         newton = Newton.at(self.problem, point, residuals, accurate=self.accurate)
-        products = point.products
-        tau = self.parameter()
+        products, work = point.products, self._work(point)
+        tau = work / self._total_share if self._total_share > 0.0 else 0.0
         affine = newton.step(-products)
         reach = min(1.0, _longest(point, affine))
-        trial = point.moved(affine, reach)
-        ahead = float(self.problem.weights @ (trial.s * trial.lam))
-        now = max(float(self.problem.weights @ (point.s * point.lam)), _LEAST)
+        ahead = max(self._work(point.moved(affine, reach)), 0.0)
         most = _MOST_CENTRING if self._few else 1.0
-        centring = min(most, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
+        centring = min(most, max((ahead / max(work, _LEAST)) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT else reach**2
         target = max(centring * tau, self.lowest(residuals, tau)) * self.shares
         comp = target - products - damping * affine.products
-        passes = bool(self._few) and tau > _PASSED_FROM * self.least
+        passes = self._few > 0 and tau > _PASSED_FROM * self.least
         step, length = _corrected(newton, point, comp, target, _HELD_UP if passes else 0.0)
         share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
         length = self._in_neighbourhood(step, min(1.0, share * length))
@@ -233,25 +228,23 @@ class InteriorPoint:
     def _passed(self, step: Point, length: float) -> Point:
         """The point a step further, where slacks and multipliers keep a share at least."""
         moved = self.point.moved(step, length)
-        return Point(moved.y, np.maximum(moved.values, _KEPT * self.point.values), len(moved.s))
+        return Point(moved.y, np.maximum(moved.values, _KEPT * self.point.values), moved.count)
 
     def lowest(self, residuals: Residuals, tau: float) -> float:
         """τ that may be aimed at; above the least one as long as bounds that were passed do not fit."""
-        waits = self._few and self.measures(residuals).slack > _UNFIT
+        waits = self._few > 0 and self.measures(residuals).slack > _UNFIT
         return min(tau, _WAITS * self.least) if waits else self.least
-
-    @property
-    def _few(self) -> int:
-        """Bounds that must not hold up all the others."""
-        return int(self.problem.system.stragglers * len(self.shares)) if self.settled else 0
 
     def parameter(self) -> float:
         """τ of the current point: Σ W s λ / Σ W ω; 0 without bounds."""
         return self._parameter(self.point)
 
     def _parameter(self, point: Point) -> float:
-        total = self._total_share
-        return float(self.problem.weights @ (point.s * point.lam)) / total if total > 0.0 else 0.0
+        return self._work(point) / self._total_share if self._total_share > 0.0 else 0.0
+
+    def _work(self, point: Point) -> float:
+        """Σ W s λ."""
+        return float(self.problem.weights @ (point.s * point.lam))
 
     def _share(self, shares: Vector) -> None:
         """Take other shares; `_total_share` is Σ W ω of s λ."""
@@ -286,7 +279,7 @@ class Newton:
 
     @classmethod
     def at(cls, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> "Newton":
-        """Assemble and factorise; `accurate`: as in `saddle`."""
+        """Assemble and factorise; `accurate`: as in `Saddle`."""
         slope = (point.pull - point.push) / (point.pull + point.push)
         if accurate:
             return cls(point, problem, residuals, slope, None, Saddle.at(problem, point.s, point.lam, slope))
@@ -297,10 +290,10 @@ class Newton:
         (force, slack, split, _), point, problem = self.residuals, self.point, self.problem
         if only:
             force, slack, split = 0.0 * force, 0.0 * slack, 0.0 * split
-        if not len(split):
+        if not split.size:
             y, s, lam = self._bounds(force, slack, comp)
             return Point(y, np.concatenate([s, lam]), point.count)
-        work, kink = comp[: len(point.s)], comp[len(point.s) :]
+        work, kink = comp[: point.count], comp[point.count :]
         # |σ_N| changes by this much, and by its slope times the change of σ_N.
         size = (2.0 * kink + (point.pull - point.push) * split) / (point.pull + point.push)
         slack = slack - problem.friction_of(size)
@@ -496,4 +489,4 @@ class CentralPath:
 
 
 def _sum(first: Point, second: Point, factor: float) -> Point:
-    return Point(first.y + factor * second.y, first.values + factor * second.values, len(first.s))
+    return Point(first.y + factor * second.y, first.values + factor * second.values, first.count)

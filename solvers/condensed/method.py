@@ -1,7 +1,7 @@
 """The condensed method: (D2) solved directly on what the contact feels, to the last digits.
 
-    1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`reduction`)
-       or, where the contact is a large share of the body, nothing: all matrices are sparse   (`whole`)
+    1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`coordinates`)
+       or, where the contact is a large share of the body, nothing: all matrices are sparse
     2  solve the mixed complementarity problem there by an interior point method              (`interior_point`)
        where it stalls, follow the central path around its turns                              (`CentralPath`)
     3  move z, compute the gradient without the rounding inside K, and go on from there: a defect correction, repeated
@@ -17,24 +17,20 @@
 | ones do not shrink                                                     |                               |
 | the gap overflows                                                      | diverged                      |
 | `max_iterations` done                                                  | max_iterations                |
-| the time is over, see `watch`                                          | time_limit                    |
+| the time is over, see `deadline`                                        | time_limit                    |
 
-After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path,
-after the third first those with which slacks fit most easily (`FITTING_SHARES`), unless the certificate passes already;
-of all starts the best point by its certificate is the result. Sparse systems have a start near the bonded solution too
-(`NEAR_BONDED_SHARES`): it is the first of large ones, and the last of others. Smaller shares are tried after the first
-two statuses if the residual of y is above 1e-12 in the energy norm: the two multipliers of shear at an open point are
-proportional to that share, and lose as many digits in their difference. Before all these a linear program is asked, for
-a fifth of the time of the first start or half a second, whether the load can be carried, see `certificate.feasibility`.
+What follows a start that ends without a certificate is said in `solvers.solve`: other shares of friction in s λ, each
+on its own path (`FRICTION_SHARES`). Sparse systems have a start near the bonded solution too (`NEAR_BONDED_SHARES`): it
+is the first of large ones, and the last of others.
 
 In `docs/theory.md`: (D8).
 """
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -42,21 +38,20 @@ from numpy.linalg import LinAlgError
 from solvers.basics.checks import one_of, whole_number
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
-from solvers.certificate import certify
-from solvers.certificate.feasibility import Feasibility, refuted
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import DenseCoordinates, SparseCoordinates, obstacle
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
-from solvers.condensed.systems import FITTING_SHARES, Coordinates, Expansion, PathWeights, SystemName
+from solvers.condensed.systems import Coordinates, Expansion, PathWeights, SystemName
 from solvers.errors import InputError
 from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
-from solvers.solution import Attempt, Iteration, Outcome, QVISolution, Start, finish
+from solvers.inequality.rows import largest
+from solvers.solution import Attempt, Iteration, Outcome, Start
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
 _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`
 _COARSEST_GAP = 1e-11  # that will do if it does not shrink any more
-_SPOILT, _LATE = 1e-11, 1e-4  # force residual, below this gap, from which on Newton steps are those of `saddle`
+_SPOILT, _LATE = 1e-11, 1e-4  # force residual, below this gap, from which on Newton steps are those of `Saddle`
 _LARGEST_SADDLE = 2500  # unknowns of them
 _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
 _UNBALANCED = 1e-10  # error of the stress, in the energy norm and relative, that forces out of balance may make
@@ -64,17 +59,18 @@ _PROGRESS = 0.7
 _LEAST_GAP = 2e-17  # that is asked for: the interior point method goes no further than half of it
 _NO_GAP = 1e-19  # out of reach, so that iterations go on as long as they gain
 _FINER = 0.3  # of the gap that is asked for, at which iterations go on with the residuals alone
-_ENOUGH = 1e-12  # relative defect correction that is not worth another one
+EXACT: Final = 1e-12  # relative defect correction that is not worth another one
 _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
-_ASKED, _AT_LEAST = 0.2, 0.5  # of the first start's time, and seconds, for a proof that the load cannot be carried
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
-_FAR_ENOUGH = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
+_FAREXACT = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
 _LONG = 0.5  # of the way that Newton's method asks for
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
-_LAST = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
+LAST: Final = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)
+"""How a start ends that no other follows."""
+
 SYSTEMS: Final = ("auto", "dense", "sparse")
 _FORMS: Final[dict[SystemName, str]] = {"dense": "condensed", "sparse": "full"}  # of the result
 _FITTED = 1e-7  # slack residual from which on friction has its own share, see `InteriorPoint.settle`
@@ -115,8 +111,18 @@ class CondensedOptions:
 
 
 @dataclass(eq=False)
-class _Run:
-    """Everything that changes during a solve."""
+class CondensedRun:
+    """One start of the method: what it iterates on, and everything that changes.
+
+    Attributes
+    ----------
+    warm : whether it began near the answer to a problem before
+    near : whether the state given was near; None without one
+    setup : seconds before the first iteration
+    remark : a sentence where the linear systems asked for cannot be had
+    reason : how it ended
+
+    """
 
     qvi: FrictionQVI
     space: Coordinates
@@ -125,7 +131,7 @@ class _Run:
     interior: InteriorPoint
     options: CondensedOptions
     history: list[Iteration] = field(default_factory=list)
-    reason: Status | None = None
+    ended: Status | None = None
     message: str = ""
     best: tuple[float, int] = (np.inf, 0)
     path: CentralPath | None = None
@@ -136,14 +142,69 @@ class _Run:
     unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
     before: int = 0  # iterations of earlier starts
     elsewhere: bool = False  # whether the path of an earlier start, with other shares, had to turn
-    warm: bool = False  # whether it started near the answer to a problem before
+    warm: bool = False
+    near: bool | None = None
+    setup: float = 0.0
+    remark: str = ""
     turns: int = 0
-    feasibility: Feasibility | None = None  # that the load cannot be carried, if it was proved
     began: float = 0.0
-    attempts: tuple[Attempt, ...] = ()  # so far
     scale: float = 0.0  # energy norm of the first step
     steps: list[float] = field(default_factory=list)  # relative lengths of the steps between corrections
     sizes: list[float] = field(default_factory=list)  # relative sizes of the corrections
+
+    @classmethod
+    def of(cls, qvi: FrictionQVI, options: CondensedOptions) -> "CondensedRun":
+        """The usual start, in the coordinates asked for, or those that cost less."""
+        began = time.perf_counter()
+        wanted, reason = options.system, ""
+        if wanted == "auto":
+            wanted = "dense" if qvi.stiffness.condensing_pays(qvi.contact) else "sparse"
+        if wanted == "sparse":
+            reason = obstacle(qvi)
+        space = SparseCoordinates(qvi) if wanted == "sparse" and not reason else DenseCoordinates(qvi)
+        remark = f"Dense linear systems were taken: {reason}." if reason else ""
+        setup = time.perf_counter() - began
+        return cls._starting(qvi, space, options, space.shares[0], setup=setup, remark=remark)
+
+    @classmethod
+    def _starting(
+        cls, qvi: FrictionQVI, space: Coordinates, options: CondensedOptions, shares: PathWeights, **kept: Any
+    ) -> "CondensedRun":
+        """Reduce about z = 0, and begin where the contact would be bonded."""
+        base = space.base(np.zeros(qvi.n))
+        bonded = space.bonded(base)
+        stress = max(1e-300, *(largest(part) for part in space.tractions(base, bonded)))
+        problem = Complementarity(qvi, space, base, stress, shares)
+        stiffness = qvi.contact_stiffness
+        interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
+        interior.start_at(problem.restricted(bonded))
+        run = cls(qvi, space, base, problem, interior, options, began=time.perf_counter(), **kept)
+        if not problem.system.last_digits:
+            interior.finest = max(interior.finest, _FINER * run.final_gap)
+        return run
+
+    def by_root(self) -> "CondensedRun":
+        """The usual start by the factorisation of R."""
+        space = DenseCoordinates(self.qvi)
+        kept = {"near": self.near, "setup": self.setup, "remark": self.remark}
+        return self._starting(self.qvi, space, self.options, space.shares[0], **kept)
+
+    def again(self, shares: PathWeights, *, turned: bool) -> "CondensedRun":
+        """Another start with these shares of friction; `turned`: a turn of the path so far is of interest."""
+        kept = {"near": self.near, "setup": self.setup, "remark": self.remark, "history": self.history}
+        count, elsewhere = len(self.history), turned and (self.elsewhere or self.turns > 0)
+        return self._starting(
+            self.qvi, self.space, self.options, shares, before=count, best=(np.inf, count), elsewhere=elsewhere, **kept
+        )
+
+    @property
+    def reason(self) -> Status:
+        """How it ended."""
+        return self.ended or Status.STALLED
+
+    def attempt(self, name: str, why: str) -> Attempt:
+        """The record of this start."""
+        return Attempt(name, why, self.reason, len(self.history) - self.before)
 
     @cached_property
     def final_gap(self) -> float:
@@ -162,344 +223,226 @@ class _Run:
         self.scale = self.scale or length
         return length / self.scale if self.scale > 0.0 else 0.0
 
-
-def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOptions) -> QVISolution:
-    """Solve the QVI by the method of this module."""
-    began = time.perf_counter()
-    space, remark = _space(qvi, options)
-    set_up = time.perf_counter()
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a diverging iteration is judged by its gap
-        run = _start(qvi, space, options)
-        near = _begin_near(run)
-        _iterate(run)
-        run.attempts = (_attempted(run, "condensed", ""),)
-        if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.stiffness.use_root():
-            attempts, run = run.attempts, _start(qvi, DenseCoordinates(qvi), options)
-            _iterate(run)
-            run.attempts = (*attempts, _attempted(run, "condensed, R in place of K", "K has lost too much to rounding"))
-        run = _restarted(run, tolerance, time.perf_counter() - set_up)
-    outcome = _outcome(run)
-    outcome.form = _FORMS[run.space.name]
-    outcome.corrections = tuple(run.sizes)
-    outcome.turned = "The central path has a turning point before this solution" if run.turns or run.elsewhere else ""
-    outcome.near = near
-    outcome.attempts = run.attempts
-    outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
-    solution = finish(qvi, outcome, "condensed", "", tolerance)
-    return replace(solution, message=f"{solution.message} {remark}") if remark else solution
-
-
-def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Coordinates, str]:
-    """The coordinates asked for, or those that cost less; and a sentence where they cannot be had."""
-    wanted = options.system
-    if wanted == "auto":
-        wanted = "dense" if qvi.stiffness.condensing_pays(qvi.contact) else "sparse"
-    reason = obstacle(qvi) if wanted == "sparse" else ""
-    if wanted == "dense" or reason:
-        return DenseCoordinates(qvi), f"Dense linear systems were taken: {reason}." if reason else ""
-    return SparseCoordinates(qvi), ""
-
-
-def _restarted(first: _Run, tolerance: float, seconds: float) -> _Run:
-    """The usual start where an earlier answer led nowhere, then other central paths; the best by its certificate.
-
-    None of them where it is soon proved that there is no solution; the first start took so many seconds.
-    """
-    inexact = first.reason is Status.SOLVED and _residual(first) > _ENOUGH
-    last = _LAST if inexact else (Status.SOLVED, *_LAST)
-    if first.reason in last:
-        return first
-    accuracy = _accuracy(first)
-    if accuracy > tolerance:
-        first.feasibility = refuted(first.qvi, max(_ASKED * seconds, _AT_LEAST))
-        if first.feasibility is not None:
-            return first
-    best, run, attempts = first, first, first.attempts
-    shares = first.space.shares
-    others = [share for share in shares[1:] if share.late < shares[0].late or not inexact]
-    if first.reason is Status.INNER_INFEASIBLE and FITTING_SHARES not in shares:
-        others.insert(0, FITTING_SHARES)
-    for share in [shares[0], *others] if first.warm else others:
-        if accuracy <= tolerance:
-            break
-        turned, ended = run.elsewhere or run.turns > 0, str((run.reason or Status.STALLED).words)
-        run = _start(first.qvi, first.space, first.options, share)
-        run.history = first.history
-        run.before = len(run.history)
-        run.elsewhere = turned and share != shares[0] and not inexact
-        run.best = (np.inf, run.before)
-        _iterate(run)
-        name = f"condensed, friction's share {share.early:g}, then {share.late:g}"
-        attempts += (_attempted(run, name, f"the start before ended {ended}"),)
-        found = _accuracy(run)
-        if found < accuracy:
-            best, accuracy = run, found
-        if run.reason in last:
-            break
-    if run.reason is Status.TIME_LIMIT and not inexact:
-        best.reason, best.message = run.reason, ""
-    best.attempts = attempts
-    return best
-
-
-def _attempted(run: _Run, name: str, reason: str) -> Attempt:
-    return Attempt(name, reason, run.reason or Status.STALLED, len(run.history) - run.before)
-
-
-def _accuracy(run: _Run) -> float:
-    """The tolerance at which the certificate of the run's best point passes."""
-    outcome = _outcome(run)
-    return certify(run.qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu).accuracy
-
-
-def _start(qvi: FrictionQVI, space: Coordinates, options: CondensedOptions, shares: PathWeights | None = None) -> _Run:
-    """Reduce about z = 0, and begin where the contact would be bonded."""
-    base = space.base(np.zeros(qvi.n))
-    bonded = space.bonded(base)
-    stress = max(1e-300, *(float(np.abs(part).max(initial=0.0)) for part in space.tractions(base, bonded)))
-    problem = Complementarity(qvi, space, base, stress, shares or space.shares[0])
-    stiffness = qvi.contact_stiffness
-    interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
-    interior.start_at(problem.restricted(bonded))
-    run = _Run(qvi, space, base, problem, interior, options, began=time.perf_counter())
-    if not problem.system.last_digits:
-        interior.finest = max(interior.finest, _FINER * run.final_gap)
-    return run
-
-
-def _begin_near(run: _Run) -> bool | None:
-    """Two iterations from the state to start from, if there is one; back to where it was if their steps are short.
-
-    Returns whether they were long; None without a state.
-    """
-    start = run.options.initial
-    if not (isinstance(start, Start) and start.fits(run.qvi)):
-        return None
-    interior, usual = run.interior, run.interior.point.y
-    start_near(interior, run.problem.restricted(run.space.coordinates(start.z)), start)
-    run.warm = all(_step_of(run) >= enough for enough in _FAR_ENOUGH)
-    if not run.warm:
-        interior.start_at(usual)
-    return run.warm
-
-
-def _step_of(run: _Run) -> float:
-    """The length of the step of one iteration, recorded; 0 where there is none."""
-    residuals = run.interior.residuals()
-    measures = run.interior.measures(residuals)
-    if not np.isfinite(measures.worst) or _limit(run, measures) is not None:
-        return 0.0
-    try:
-        length = run.interior.iterate(residuals)
-    except LinAlgError:
-        length = 0.0
-    _record(run, measures)
-    return length
-
-
-def _iterate(run: _Run) -> None:
-    """Interior point method and defect corrections in turn, until the next correction would be lost in rounding."""
-    final = run.final_gap
-    gap = max(final, _FIRST_GAP)
-    while True:
-        _reach(run, gap)
-        if run.reason is not None:
+    def begin_near(self) -> None:
+        """Two iterations from the state that is given, if any; back to where it was if their steps are short."""
+        start = self.options.initial
+        if not (isinstance(start, Start) and start.fits(self.qvi)):
             return
-        contraction = run.sizes[-1] / run.steps[-1] if run.sizes and run.steps[-1] > 0.0 else 1.0
-        step = run.relative(run.space.length(run.problem.full(run.interior.point.y)))
-        if gap == final and run.sizes and contraction * step <= _ENOUGH:
-            run.reason = Status.SOLVED if run.problem.contradiction() <= _CONTRADICTION else Status.INNER_INFEASIBLE
+        interior, usual = self.interior, self.interior.point.y
+        start_near(interior, self.problem.restricted(self.space.coordinates(start.z)), start)
+        self.near = self.warm = all(self._step_of() >= enough for enough in _FAREXACT)
+        if not self.warm:
+            interior.start_at(usual)
+
+    def _step_of(self) -> float:
+        """The length of the step of one iteration, recorded; 0 where there is none."""
+        residuals = self.interior.residuals()
+        measures = self.interior.measures(residuals)
+        if not np.isfinite(measures.worst) or self._limit(measures) is not None:
+            return 0.0
+        try:
+            length = self.interior.iterate(residuals)
+        except LinAlgError:
+            length = 0.0
+        self._record(measures)
+        return length
+
+    def iterate(self) -> None:
+        """Interior point method and defect corrections in turn, until the next correction would be lost in rounding."""
+        final = self.final_gap
+        gap = max(final, _FIRST_GAP)
+        while True:
+            self._reach(gap)
+            if self.ended is not None:
+                return
+            contraction = self.sizes[-1] / self.steps[-1] if self.sizes and self.steps[-1] > 0.0 else 1.0
+            step = self.relative(self.space.length(self.problem.full(self.interior.point.y)))
+            if gap == final and self.sizes and contraction * step <= EXACT:
+                self.ended = (
+                    Status.SOLVED if self.problem.contradiction() <= _CONTRADICTION else Status.INNER_INFEASIBLE
+                )
+                return
+            self._correct(step)
+            gap = final
+            if len(self.sizes) == 1 and self.sizes[0] > SLOW_CONTRACTION:
+                self.ended, self.message = (
+                    Status.ILL_CONDITIONED,
+                    f"defect corrections shrink by {self.sizes[0]:.0e} only",
+                )
+                return
+            if self.sizes[-1] > _HOPELESS * max(step, _HALVED * self.sizes[-2] if len(self.sizes) > 1 else 0.0):
+                at_floor = self.sizes[-1] <= _FLOOR
+                self.ended = Status.SOLVED if at_floor else Status.ILL_CONDITIONED
+                return
+
+    def _correct(self, step: float) -> None:
+        """Move the base to the current point; records what the reduced problem had missed."""
+        y = self.problem.full(self.interior.point.y)
+        after = self.space.base(self.space.move(self.base, y))
+        self.steps.append(step)
+        self.sizes.append(self.relative(self.space.defect(self.base, y, after)))
+        self.base = after
+        self.problem.rebase(after)
+        point = self.interior.point
+        self.interior.point = Point(np.zeros_like(point.y), point.values, len(point.s))
+        self.best = (np.inf, len(self.history))
+
+    def _reach(self, gap: float) -> None:
+        """Iterate to a gap, around turns of the central path; ends at the best point on the way."""
+        self.last_gap = np.inf
+        self.path, self.clear, self.force, self.unsettled = None, None, np.inf, np.inf
+        self.kept = (np.inf, self.interior.point)
+        self._iterate_to(gap)
+        self.interior.point = self.kept[1] or self.interior.point
+
+    def _iterate_to(self, gap: float) -> None:
+        while True:
+            residuals = self.interior.residuals()
+            measures = self.interior.measures(residuals)
+            worst = self._worst(measures, residuals)
+            if worst < self.kept[0]:
+                self.kept = (worst, self.interior.point)
+            stalled = self.path is None and self._stalled(measures)
+            if self._reached(measures, gap, stalled) and (stalled or self._settled(residuals)):
+                return
+            self._prepare(measures)
+            if stalled:
+                self._turn(measures)
+            self.ended = self._limit(measures) or self.ended
+            if self.ended is None:
+                self._advance(residuals)
+            if self.ended is not None:
+                return
+            self._record(measures)
+
+    def _limit(self, measures: Measures) -> Status | None:
+        """What ends the iteration whatever its progress."""
+        if not np.isfinite(measures.gap):
+            return Status.DIVERGED
+        count = len(self.history)
+        if count >= self.options.max_iterations:
+            return Status.MAX_ITERATIONS
+        if deadline.over:
+            return Status.TIME_LIMIT
+        return Status.STALLED if count - self.before >= _ONE_START else None
+
+    def _prepare(self, measures: Measures) -> None:
+        """Friction's own share once slacks fit; a sharper kink where it lags behind; the larger matrix where it is due.
+
+        The larger Newton matrix is taken once the smaller one spoils multipliers.
+        """
+        self.force, self.last_gap = measures.force, measures.gap
+        problem, interior = self.problem, self.interior
+        if self.path is None and measures.slack <= _FITTED:
+            interior.settle()
+        if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
+            interior.sharpen()
+        affordable = problem.system.last_digits and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
+        interior.accurate = affordable and (interior.accurate or (measures.force > _SPOILT and measures.gap < _LATE))
+
+    def _reached(self, measures: Measures, gap: float, stalled: bool) -> bool:
+        """Whether the gap is reached and no residual is left but what rounding makes."""
+        balanced = measures.force <= _FORCE or (
+            measures.force <= _FORCE_FLOOR and measures.force > _HALVED * self.force
+        )
+        if self.last_gap < 10.0 * gap and measures.gap > _HALVED * self.last_gap:
+            gap = 10.0 * gap  # at its floor
+        if stalled and measures.force <= _FORCE_FLOOR:  # where points touch without load the last digits do not come
+            gap = max(gap, _COARSEST_GAP)
+        return measures.gap <= gap and max(measures.slack, measures.kink) <= _SLACK and (balanced or stalled)
+
+    def _settled(self, residuals: Residuals) -> bool:
+        """Whether the residual of y moves nothing any more, in the energy norm, or does not shrink any more.
+
+        What is little beside the largest force may be much in a direction in which the body is soft.
+        """
+        if self.scale == 0.0:  # before the first defect correction digits do not count
+            return True
+        before, self.unsettled = self.unsettled, self.residual(residuals)
+        return self.unsettled <= EXACT or self.unsettled > _HALVED * before
+
+    def residual(self, residuals: Residuals | None = None) -> float:
+        """The residual of y in the energy norm, relative."""
+        force = (residuals or self.interior.residuals()).force
+        return self.problem.system.norm(force) / self.scale if self.scale > 0.0 else 0.0
+
+    def _worst(self, measures: Measures, residuals: Residuals) -> float:
+        """What the best point is chosen by; forces count like the gap where their last digits are within reach.
+
+        Else they count by the error of the stress that they make: the stiffer the bounds, the more digits they lose,
+        and where the body is soft, as at joints that open, little force is much stress.
+        """
+        if self.problem.system.last_digits:
+            return measures.worst
+        worst = max(self._distance(measures), measures.force / _FORCE_FLOOR)
+        if measures.gap > _LATE or worst >= self.kept[0] or not self.base.strain_energy > 0.0:
+            return worst
+        error = self.problem.system.norm(residuals.force) / float(np.sqrt(2.0 * self.base.strain_energy))
+        return max(worst, error / _UNBALANCED)
+
+    def _distance(self, measures: Measures) -> float:
+        """How far gap, slacks and kinks are from what they may be, the largest quotient; forces follow from them."""
+        return max(measures.gap / self.final_gap, measures.slack / _SLACK, measures.kink / _SLACK)
+
+    def _stalled(self, measures: Measures) -> bool:
+        """Whether nothing was gained for `patience` iterations."""
+        worst, count = self._distance(measures), len(self.history)
+        if worst < _PROGRESS * self.best[0]:
+            self.best = (worst, count)
+        return count - self.best[1] >= self.problem.system.patience
+
+    def _turn(self, measures: Measures) -> None:
+        """Follow the central path from here on, if there is one.
+
+        It is looked for from the last point from which a step was long: where steps have become short, before the turn,
+        the iterate is far off the path, and Newton's matrix nearly singular there.
+        """
+        if measures.slack > _ON_PATH:
+            self.ended, self.message = Status.INNER_INFEASIBLE, f"bounds are violated by {measures.slack:.1e}"
+        elif self.turns >= _TURNS or not self.interior.parameter() > 0.0:
+            self.ended = Status.STALLED
+        else:
+            self.interior.point = self.clear or self.interior.point
+            self.path, self.turns = CentralPath(self.interior), self.turns + 1
+
+    def _advance(self, residuals: Residuals) -> None:
+        """One iteration of the interior point method, or one step along the central path."""
+        try:
+            if self.path is None:
+                before = self.interior.point
+                if self.interior.iterate(residuals) >= _LONG:
+                    self.clear = before
+                return
+            self.path.advance()
+        except LinAlgError as error:
+            self.ended, self.message = Status.STALLED, f"Newton's matrix: {error}"
             return
-        _correct(run, step)
-        gap = final
-        if len(run.sizes) == 1 and run.sizes[0] > SLOW_CONTRACTION:
-            run.reason, run.message = Status.ILL_CONDITIONED, f"defect corrections shrink by {run.sizes[0]:.0e} only"
-            return
-        if run.sizes[-1] > _HOPELESS * max(step, _HALVED * run.sizes[-2] if len(run.sizes) > 1 else 0.0):
-            at_floor = run.sizes[-1] <= _FLOOR
-            run.reason = Status.SOLVED if at_floor else Status.ILL_CONDITIONED
-            return
+        if self.path.lost:
+            self.ended, self.message = Status.STALLED, "the interior point method stalled"
+        elif self.path.passed:
+            self.path, self.clear, self.best = None, None, (np.inf, len(self.history))
 
+    def _record(self, measures: Measures) -> None:
+        y = self.interior.point.y
+        normal, _ = self.problem.tractions(y)
+        now = time.perf_counter()
+        entry = Iteration(
+            len(self.history) + 1, measures.worst, self.problem.energy(y),
+            float(self.qvi.W @ normal), None, 1, now - self.began,
+        )  # fmt: skip
+        self.began = now
+        self.history.append(entry)
+        report(Progress("condensed", entry))
+        if self.options.callback is not None:
+            self.options.callback(entry)
 
-def _correct(run: _Run, step: float) -> None:
-    """Move the base to the current point; records what the reduced problem had missed."""
-    y = run.problem.full(run.interior.point.y)
-    after = run.space.base(run.space.move(run.base, y))
-    run.steps.append(step)
-    run.sizes.append(run.relative(run.space.defect(run.base, y, after)))
-    run.base = after
-    run.problem.rebase(after)
-    point = run.interior.point
-    run.interior.point = Point(np.zeros_like(point.y), point.values, len(point.s))
-    run.best = (np.inf, len(run.history))
-
-
-def _reach(run: _Run, gap: float) -> None:
-    """Iterate to a gap, around turns of the central path; ends at the best point on the way."""
-    run.last_gap = np.inf
-    run.path, run.clear, run.force, run.unsettled = None, None, np.inf, np.inf
-    run.kept = (np.inf, run.interior.point)
-    _iterate_to(run, gap)
-    run.interior.point = run.kept[1] or run.interior.point
-
-
-def _iterate_to(run: _Run, gap: float) -> None:
-    while True:
-        residuals = run.interior.residuals()
-        measures = run.interior.measures(residuals)
-        worst = _worst(run, measures, residuals)
-        if worst < run.kept[0]:
-            run.kept = (worst, run.interior.point)
-        stalled = run.path is None and _stalled(run, measures)
-        if _reached(run, measures, gap, stalled) and (stalled or _settled(run, residuals)):
-            return
-        _prepare(run, measures)
-        if stalled:
-            _turn(run, measures)
-        run.reason = _limit(run, measures) or run.reason
-        if run.reason is None:
-            _advance(run, residuals)
-        if run.reason is not None:
-            return
-        _record(run, measures)
-
-
-def _limit(run: _Run, measures: Measures) -> Status | None:
-    """What ends the iteration whatever its progress."""
-    if not np.isfinite(measures.gap):
-        return Status.DIVERGED
-    if len(run.history) >= run.options.max_iterations:
-        return Status.MAX_ITERATIONS
-    if deadline.over:
-        return Status.TIME_LIMIT
-    return Status.STALLED if len(run.history) - run.before >= _ONE_START else None
-
-
-def _prepare(run: _Run, measures: Measures) -> None:
-    """Friction's own share once slacks fit; a sharper kink where it lags behind; the larger matrix where it is needed.
-
-    The larger Newton matrix is taken once the smaller one spoils multipliers.
-    """
-    run.force, run.last_gap = measures.force, measures.gap
-    problem, interior = run.problem, run.interior
-    if run.path is None and measures.slack <= _FITTED:
-        interior.settle()
-    if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
-        interior.sharpen()
-    affordable = problem.system.last_digits and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
-    interior.accurate = affordable and (interior.accurate or (measures.force > _SPOILT and measures.gap < _LATE))
-
-
-def _reached(run: _Run, measures: Measures, gap: float, stalled: bool) -> bool:
-    """Whether the gap is reached and no residual is left but what rounding makes."""
-    balanced = measures.force <= _FORCE or (measures.force <= _FORCE_FLOOR and measures.force > _HALVED * run.force)
-    if run.last_gap < 10.0 * gap and measures.gap > _HALVED * run.last_gap:
-        gap = 10.0 * gap  # at its floor
-    if stalled and measures.force <= _FORCE_FLOOR:  # where points touch without load the last digits do not come
-        gap = max(gap, _COARSEST_GAP)
-    return measures.gap <= gap and max(measures.slack, measures.kink) <= _SLACK and (balanced or stalled)
-
-
-def _settled(run: _Run, residuals: Residuals) -> bool:
-    """Whether the residual of y moves nothing any more, in the energy norm, or does not shrink any more.
-
-    What is little beside the largest force may be much in a direction in which the body is soft.
-    """
-    if run.scale == 0.0:  # before the first defect correction digits do not count
-        return True
-    before, run.unsettled = run.unsettled, _residual(run, residuals)
-    return run.unsettled <= _ENOUGH or run.unsettled > _HALVED * before
-
-
-def _residual(run: _Run, residuals: Residuals | None = None) -> float:
-    """The residual of y in the energy norm, relative."""
-    force = (residuals or run.interior.residuals()).force
-    return run.problem.system.norm(force) / run.scale if run.scale > 0.0 else 0.0
-
-
-def _worst(run: _Run, measures: Measures, residuals: Residuals) -> float:
-    """What the best point is chosen by; forces count as much as the gap where their last digits are within reach.
-
-    Else they count by the error of the stress that they make: the stiffer the bounds, the more digits they lose, and
-    where the body is soft, as at joints that open, little force is much stress.
-    """
-    if run.problem.system.last_digits:
-        return measures.worst
-    worst = max(_distance(run, measures), measures.force / _FORCE_FLOOR)
-    if measures.gap > _LATE or worst >= run.kept[0] or not run.base.strain_energy > 0.0:
-        return worst
-    error = run.problem.system.norm(residuals.force) / float(np.sqrt(2.0 * run.base.strain_energy))
-    return max(worst, error / _UNBALANCED)
-
-
-def _distance(run: _Run, measures: Measures) -> float:
-    """How far gap, slacks and kinks are from what they may be, the largest quotient; forces follow from them."""
-    return max(measures.gap / run.final_gap, measures.slack / _SLACK, measures.kink / _SLACK)
-
-
-def _stalled(run: _Run, measures: Measures) -> bool:
-    """Whether nothing was gained for `patience` iterations."""
-    worst = _distance(run, measures)
-    if worst < _PROGRESS * run.best[0]:
-        run.best = (worst, len(run.history))
-    return len(run.history) - run.best[1] >= run.problem.system.patience
-
-
-def _turn(run: _Run, measures: Measures) -> None:
-    """Follow the central path from here on, if there is one.
-
-    It is looked for from the last point from which a step was long: where steps have become short, before the turn, the
-    iterate is far off the path, and Newton's matrix nearly singular there.
-    """
-    if measures.slack > _ON_PATH:
-        run.reason, run.message = Status.INNER_INFEASIBLE, f"bounds are violated by {measures.slack:.1e}"
-    elif run.turns >= _TURNS or not run.interior.parameter() > 0.0:
-        run.reason = Status.STALLED
-    else:
-        run.interior.point = run.clear or run.interior.point
-        run.path, run.turns = CentralPath(run.interior), run.turns + 1
-
-
-def _advance(run: _Run, residuals: Residuals) -> None:
-    """One iteration of the interior point method, or one step along the central path."""
-    try:
-        if run.path is None:
-            before = run.interior.point
-            if run.interior.iterate(residuals) >= _LONG:
-                run.clear = before
-            return
-        run.path.advance()
-    except LinAlgError as error:
-        run.reason, run.message = Status.STALLED, f"Newton's matrix: {error}"
-        return
-    if run.path.lost:
-        run.reason, run.message = Status.STALLED, "the interior point method stalled"
-    elif run.path.passed:
-        run.path, run.clear, run.best = None, None, (np.inf, len(run.history))
-
-
-def _record(run: _Run, measures: Measures) -> None:
-    y = run.interior.point.y
-    normal, _ = run.problem.tractions(y)
-    now = time.perf_counter()
-    entry = Iteration(
-        len(run.history) + 1, measures.worst, run.problem.energy(y),
-        float(run.qvi.W @ normal), None, 1, now - run.began,
-    )  # fmt: skip
-    run.began = now
-    run.history.append(entry)
-    report(Progress("condensed", entry))
-    if run.options.callback is not None:
-        run.options.callback(entry)
-
-
-def _outcome(run: _Run) -> Outcome:
-    """The last point in the unknowns of (D2)."""
-    point = run.interior.point
-    z = run.space.move(run.base, run.problem.full(point.y))
-    m_N, m_T, nu = run.problem.multipliers(point.y, point.lam)
-    threshold = run.qvi.threshold(run.qvi.pressure(z))
-    count = len(run.history)
-    reason = run.reason or Status.STALLED
-    found = run.feasibility
-    return Outcome(reason, z, m_N, m_T, nu, threshold, run.history, count, run.message, feasibility=found)
+    def outcome(self) -> Outcome:
+        """The last point in the unknowns of (D2)."""
+        point, y = self.interior.point, self.problem.full(self.interior.point.y)
+        m_N, m_T, nu = self.problem.multipliers(point.y, point.lam)
+        turned = "The central path has a turning point before this solution" if self.turns or self.elsewhere else ""
+        return Outcome(
+            self.reason, self.space.move(self.base, y), m_N, m_T, nu, self.history, len(self.history), self.message,
+            setup=self.setup, form=_FORMS[self.space.name], corrections=tuple(self.sizes), turned=turned,
+            near=self.near, remark=self.remark,
+        )  # fmt: skip

@@ -41,7 +41,6 @@ __getattr__ = front(
         "mkl": ("limited_blas", "thread_count"),
         "base": ("DENSE",),
         "augmented": ("factorise_root",),
-        "choice": ("VARIABLE", "condensing_pays"),
-        "forecast": ("Forecast", "Work", "check_limits", "machine_memory"),
+        "choice": ("VARIABLE", "Forecast", "Work", "check_limits", "condensing_pays", "machine_memory"),
     },
 )

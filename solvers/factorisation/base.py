@@ -86,6 +86,12 @@ class Factorisation(ABC):
         x[self.interface] = values
         return x
 
+    def square(self, right: Vector, state: State) -> float:  # noqa: ARG002  # some back ends need both
+        """g_Iᵀ K_II⁻¹ g_I for a right-hand side g (n,) and its state: what relaxing the interior alone does, twice."""
+        inside = np.array(state)
+        inside[self.interface] = 0.0
+        return float(inside @ inside)  # L⁻¹ g_I on I, with K_II = L Lᵀ
+
     def _with_values(self, state: State, values: Matrix) -> State:
         """A copy of a state with x_Γ in place of g̃."""
         start = np.array(state, order="F")

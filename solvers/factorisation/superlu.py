@@ -79,6 +79,13 @@ class SuperLU(Factorisation):
         last = lower[:, first:][first:].toarray()
         return symmetrised((last * pivots[first:]) @ last.T)
 
+    def square(self, right: Vector, state: State) -> float:
+        """See `Factorisation`; here the state is y_I = K_II⁻¹ (g_I − K_IΓ y_Γ) on I."""
+        there = state[self.interface]
+        y = np.array(state)
+        y[self.interface] = np.linalg.solve(self._raised, there)
+        return float(y @ right - y[self.interface] @ there)
+
     def _forward(self, right: Matrix) -> State:
         state = self._whole(right)
         state[self.interface] = self._raised @ state[self.interface]

@@ -5,8 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "contact": ("ContactMatrices",),
-        "linear": ("interface_of",),
+        "contact": ("ContactMatrices", "interface_of"),
         "loads": ("Loads",),
         "problem": (
             "FrictionQVI",
@@ -15,6 +14,6 @@ __getattr__ = front(
         ),
         "rows": ("dense", "echelon", "independent_rows", "spanning_rows"),
         "stiffness": ("EnergyRoot", "Stiffness"),
-        "traces": ("Traces", "trace_coordinates"),
+        "traces": ("TractionFactor", "trace_coordinates"),
     },
 )

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from solvers.basics.types import Stated, Vector
+from solvers.basics.types import PicklesFields, Vector
 from solvers.errors import InputError
 from solvers.factorisation.base import State
 from solvers.inequality.contact import CondensedContact
@@ -19,11 +19,11 @@ SLOW_CONTRACTION = 1e-3
 """Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
 
 _ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
-_CORRECTIONS = 7  # defect corrections of the bonded solution at most
+_CORRECTIONS = 6  # defect corrections of the bonded solution at most
 
 
 @dataclass(frozen=True, eq=False)
-class Loads(Stated):
+class Loads(PicklesFields):
     """Loads, tractions at z = 0, and right-hand sides of equations.
 
     Attributes
@@ -124,7 +124,8 @@ class BondedState:
     @cached_property
     def is_slow(self) -> bool:
         """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
-        return self._size(self._second) > SLOW_CONTRACTION * self._size(self._first)
+        second = np.sqrt(self.condensed.system.square(*self._missed(self._first)))
+        return bool(second > SLOW_CONTRACTION * self._size(self._first))
 
     @cached_property
     def strain_energy(self) -> float:
@@ -147,8 +148,7 @@ class BondedState:
     def at_rest(self) -> tuple[Vector, State, float]:
         """The interior eliminated at z = 0, see `Factorisation.reduce`, and the energy with Γ at rest."""
         reduced, state = self._eliminated
-        z = self.condensed.system.factor.expand(state, np.zeros_like(reduced))
-        return reduced, state, self.energy.value(z)
+        return reduced, state, -0.5 * self.condensed.system.factor.square(-self.energy.at_zero[1], state)
 
     @cached_property
     def _eliminated(self) -> tuple[Vector, State]:
@@ -164,13 +164,9 @@ class BondedState:
         (reduced, state), system = self._eliminated, self.condensed.system
         return np.asarray(system.factor.expand(state, system.solve_interface(reduced, self._b)[0]))
 
-    @cached_property
-    def _second(self) -> Vector:
-        return self._correction(self._first)
-
-    def _correction(self, z: Vector) -> Vector:
-        """What one linear solve adds to z."""
-        return self.condensed.system.solve(-self.energy.gradient(z), self._b - self.condensed.contact.arrays[2] @ z)[0]
+    def _missed(self, z: Vector) -> tuple[Vector, Vector]:
+        """Forces and right-hand sides of equations that z leaves."""
+        return -self.energy.gradient(z), self._b - self.condensed.contact.arrays[2] @ z
 
     def _size(self, step: Vector) -> float:
         """In the energy norm."""
@@ -179,12 +175,12 @@ class BondedState:
     @cached_property
     def _corrected(self) -> tuple[Vector, list[float]]:
         """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
-        z, step, sizes = self._first, self._second, [self._size(self._first)]
-        for number in range(2, _CORRECTIONS + 1):
+        system, z = self.condensed.system, self._first
+        sizes = [self._size(z)]
+        for _ in range(_CORRECTIONS):
+            step = system.solve(*self._missed(z))[0]
             sizes.append(self._size(step))
             if not sizes[-1] < 0.5 * sizes[-2]:
                 break
             z = z + step
-            if number < _CORRECTIONS:
-                step = self._correction(z)
         return z, sizes

@@ -6,19 +6,19 @@ In `docs/theory.md`: (D2).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Stated, Vector
+from solvers.basics.types import BoolVector, IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.inequality.contact import CondensedContact, ContactMatrices
-from solvers.inequality.linear import EqualitySystem
+from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
 from solvers.inequality.loads import BondedState, Energy, Loads
 from solvers.inequality.rows import checked_vector, transposed
 from solvers.inequality.stiffness import EnergyRoot, Stiffness
-from solvers.inequality.traces import Traces
+from solvers.inequality.traces import TractionFactor
 
 __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]
 
@@ -36,7 +36,7 @@ class Arrays(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Law(Stated):
+class Law(PicklesFields):
     """The contact law at m points: σ_N ≤ 0 unless bilateral, |σ_T| ≤ min(cohesion + mu s, cap) for the pressure s.
 
     Attributes
@@ -88,7 +88,7 @@ class Law(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionQVI(Stated):
+class FrictionQVI(PicklesFields):
     """The algebraic quasi-variational inequality (D2), dimensionless.
 
         min ½ zᵀKz − fᵀz   s.t.  A z = b,   N z + n0 ≤ 0,   |T z + t0| ≤ thr(s),  s = |N z + n0| at the solution
@@ -127,7 +127,7 @@ class FrictionQVI(Stated):
     T = cast("Sparse", property(attrgetter("contact.T")))
     W = cast("Vector", property(attrgetter("contact.W")))
     A = cast("Sparse", property(attrgetter("contact.A")))
-    traces = cast("Traces | None", property(attrgetter("contact.traces")))
+    traces = cast("TractionFactor | None", property(attrgetter("contact.traces")))
     f = cast("Vector", property(attrgetter("loads.f")))
     n0 = cast("Vector", property(attrgetter("loads.n0")))
     t0 = cast("Vector", property(attrgetter("loads.t0")))
@@ -179,7 +179,7 @@ class FrictionQVI(Stated):
         cohesion: Any = None,
         cap: Any = None,
         bilateral: Any = None,
-        traces: Traces | None = None,
+        traces: TractionFactor | None = None,
         places: Matrix | None = None,
     ) -> FrictionQVI:
         """The problem of bare arrays and matrices, dense or sparse; see the parts for what each of them is.
@@ -205,17 +205,17 @@ class FrictionQVI(Stated):
         """The same problem with |σ_T| ≤ bound (m,), whatever the pressure."""
         return self.with_law(mu=np.zeros(self.m), cohesion=bound, cap=None)
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of unknowns."""
         return int(self.K.shape[0])
 
-    @property
+    @cached_property
     def m(self) -> int:
         """Number of contact points."""
         return int(self.N.shape[0])
 
-    @property
+    @cached_property
     def p(self) -> int:
         """Number of equality rows."""
         return int(self.A.shape[0])

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Stated, Vector
+from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
@@ -59,7 +59,7 @@ class _Made:
 
 
 @dataclass(frozen=True, eq=False)
-class Stiffness(Stated):
+class Stiffness(PicklesFields):
     """K, factorised when that is first needed, and the last contact condensed with it.
 
     Attributes

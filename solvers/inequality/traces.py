@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array, issparse
 from scipy.sparse.linalg import splu
 
-from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Stated, Vector
+from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
@@ -37,7 +37,7 @@ _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
 
 
 @dataclass(frozen=True, eq=False)
-class Traces(Stated):
+class TractionFactor(PicklesFields):
     """[N; T] = E Y: tractions at the contact points from a few trace parameters y = Y z.
 
     In mechanics y are σ_N at two points of every edge and σ_T at nodes and midpoints. Some rows of Y may be zero (the
@@ -124,14 +124,14 @@ class TraceCoordinates:
         return np.asarray((full + full.T) / 2.0)
 
 
-def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: IntVector) -> TraceCoordinates:
+def trace_coordinates(contact_rows: Sparse, traces: TractionFactor | None, interface: IntVector) -> TraceCoordinates:
     """Coordinates for the contact rows (2m, n) on the unknowns `interface` (k,).
 
     Without `traces` rows of [N; T] themselves are chosen, by QR with pivoting of a dense matrix.
     """
     if traces is None:
         spanned, chosen = spanning_rows(contact_rows)
-        traces = Traces(contact_rows[chosen], csc_array(spanned))
+        traces = TractionFactor(contact_rows[chosen], csc_array(spanned))
     k = len(interface)
     if are_few(traces.rows.shape[0], k) and are_few(traces.interpolation.shape[0], k):
         Y, E = traces.arrays  # picking columns of a dense matrix is quicker

@@ -24,7 +24,7 @@ from comparisons.exchange import (
     state_of,
     write_fclib,
 )
-from solvers import FrictionQVI, InputError, Status, Traces, certify, solve_qvi
+from solvers import FrictionQVI, InputError, Status, TractionFactor, certify, solve_qvi
 from solvers.inequality import Compliance
 from tests.solvers.conftest import dragged_block, two_contacts
 
@@ -64,7 +64,7 @@ def with_every_law(seed: int) -> FrictionQVI:
     """Cohesion, a limit that is infinite at one point, a bilateral point, traces."""
     qvi = random_qvi(seed, equalities=2)
     rows = csr_matrix(qvi.contact_rows)
-    return qvi.with_contact(traces=Traces(rows, csr_matrix(np.eye(10)))).with_law(
+    return qvi.with_contact(traces=TractionFactor(rows, csr_matrix(np.eye(10)))).with_law(
         cohesion=np.linspace(0.0, 0.2, 5), cap=np.array([np.inf, 1.0, 2.0, 3.0, 0.0]),
         bilateral=np.array([False, True, False, False, False]),
     )  # fmt: skip

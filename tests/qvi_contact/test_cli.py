@@ -133,9 +133,9 @@ def test_what_cannot_be_carried_is_said_once(shell, sliding):
 
 
 def test_files_are_written_beside_the_report(shell, plate, sliding, tmp_path):
-    """Fields and the picture of the deformed body have the displacement of the second model."""
+    """Fields have the displacement of the second model."""
     meshio = pytest.importorskip("meshio")
-    files = {"--vtk": "a.vtu", "--npz": "a.npz", "--save-json": "a.json", "--deformed": "a.svg"}
+    files = {"--vtk": "a.vtu", "--npz": "a.npz", "--save-json": "a.json"}
     targets = [part for option, file in files.items() for part in (option, tmp_path / file)]
     status, out, err = shell("solve", plate, *targets)
     assert (status, err) == (0, "")
@@ -148,6 +148,15 @@ def test_files_are_written_beside_the_report(shell, plate, sliding, tmp_path):
     status, _, err = shell("solve", sliding, "--vtk", tmp_path / "b.vtu")
     assert (status, "no stress state" in err) == (1, True)
     assert not (tmp_path / "b.vtu").exists()
+
+
+def test_charts_are_those_of_panels(shell, plate, tmp_path):
+    for panels, labels in (("plate", 2), ("none", 1)):
+        status, _, err = shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", panels)
+        assert (status, err) == (0, "")
+        assert (tmp_path / "a.svg").read_text(encoding="utf-8").count("<!-- x [") == labels
+    status, _, err = shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", "plat")
+    assert (status, len(err.splitlines()), "'plate'" in err) == (2, 1, True)
 
 
 def test_a_wrong_back_end_of_matplotlib_is_one_line(plate, tmp_path):

@@ -168,10 +168,9 @@ class TestHistory:
         assert "<svg" in (tmp_path / "loop.svg").read_text(encoding="utf-8")
 
     def test_fields_without_displacement(self, shell, cycle, tmp_path):
-        fields, picture = tmp_path / "a.vtu", tmp_path / "a.svg"
-        status, _, err = shell("solve", cycle, "--vtk", fields, "--deformed", picture)
-        assert (status, len(err.splitlines()), picture.exists()) == (2, 1, False)
-        assert "--deformed" in err
+        fields = tmp_path / "a.vtu"
+        status, _, err = shell("solve", cycle, "--vtk", fields)
+        assert (status, err) == (0, "")
         names = [name.split()[0] for name in pytest.importorskip("meshio").read(fields).point_data]
         assert ("stress" in names, "displacement" in names) == (True, False)
 

@@ -1,5 +1,6 @@
 """The condensed method on bodies: few iterations, settled values, answers of the fixed point, folds of the path."""
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -195,7 +196,7 @@ def test_traces_reproduce_the_tractions(sides, joints):
 
 
 def begun(body):
-    """Complementarity and interior point of a body, as `solve_condensed` begins, with a share that leads into folds."""
+    """Complementarity and interior point of a body, as the method begins, with a share that leads into folds."""
     qvi = discretize(body).rescaled().qvi
     space = DenseCoordinates(qvi)
     base = space.base(np.zeros(qvi.n))
@@ -249,3 +250,15 @@ def test_large_friction(friction, cells):
     if cells == 16:
         companion = solve_companion(result.problem)
         assert base.tangential_force == pytest.approx(companion.contacts["base"].tangential_force, rel=2e-3)
+
+
+def test_a_corner_bisected_twenty_times_is_solved_near_the_bonded_state():
+    """Everything sticks, and the multipliers of the usual start bend the path at the corner's tiny triangles."""
+    problem = compressed_plate(2.0, (2, 2))
+    mesh = problem.mesh
+    for _ in range(20):
+        corner = np.argmin(((mesh.vertices - 1.0) ** 2).sum(axis=1))
+        mesh = mesh.refined(np.flatnonzero((mesh.cells == corner).any(axis=1)))
+    result = solve(replace(problem, mesh=mesh), method="condensed")
+    assert result.status is Status.SOLVED, result.message
+    assert len(result.solution.attempts) <= 2

@@ -113,6 +113,12 @@ class TestMeshFiles:
         assert caught.value.field == "mesh.file"
         assert len(str(caught.value).splitlines()) == 1
 
+    def test_one_body_is_not_joined(self, tmp_path):
+        (tmp_path / "part.msh").write_text(MSH_2)
+        (tmp_path / "part.toml").write_text(WITH_FILE.replace("[mesh]", '[mesh]\njoin = "line"'))
+        with pytest.raises(InputError, match=r"mesh\.join: 'line': no pieces"):
+            load_problem(tmp_path / "part.toml")
+
     @pytest.mark.usefixtures("in_tmp_path")
     def test_a_text_without_a_place_reads_no_file(self, tmp_path):
         (tmp_path / "part.msh").write_text(MSH_2)

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from qvi_contact import ContactProblem, InputError, Material, Region, Traction
+from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
 from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -332,3 +332,62 @@ def test_regions_and_segments_are_told_apart_in_the_smallest_triangles():
     assert (problem.cell_materials == (mesh.corners.mean(axis=1)[:, 1] > 0.5)).all()
     base = mesh.with_edges("base", edges_on_segment(mesh.vertices, mesh.topology, (0.0, 0.0), (1.0, 0.0)))
     assert (base.pairs("base") == mesh.pairs("bottom")).all()
+
+
+class TestJoined:
+    """Bodies meshed apart, whose nodes do not match on the line between them."""
+
+    def below(self, cells=(3, 2)):
+        return TriangleMesh.rectangle(cells, 2.0, 1.0).with_edges("foot", lambda _, y: y == 0.0)
+
+    def above(self, cells, width=2.0, left=0.0):
+        return TriangleMesh.rectangle(cells, width, 0.5, origin=(left, 1.0))
+
+    def test_both_sides_get_the_nodes_of_either(self):
+        above = self.above((4, 3), 1.6, 0.2).with_region("block", lambda x, _: x > 0.0)
+        mesh = TriangleMesh.joined("seam", [self.below(), above])
+        x = np.unique(mesh.vertices[mesh.pairs("seam")][..., 0])
+        assert x == pytest.approx([0.2, 0.6, 2.0 / 3.0, 1.0, 4.0 / 3.0, 1.4, 1.8])
+        assert mesh.edges("seam").length.sum() == pytest.approx(1.6)
+        assert mesh.edges("top").length.sum() == pytest.approx(1.6 + 0.4)  # of both bodies, without what is the seam
+        assert mesh.edges("foot").length.sum() == pytest.approx(2.0)
+        assert area(mesh) == pytest.approx(2.8)
+        assert area(mesh.part(mesh.regions["block"])) == pytest.approx(0.8)
+
+    def test_a_uniform_stress_is_exact(self):
+        mesh = TriangleMesh.joined("seam", [self.below(), self.above((4, 3))])
+        names = {name: pairs for name, pairs in mesh.edge_sets.items() if name not in ("top", "bottom")}
+        mesh = TriangleMesh(mesh.vertices, mesh.cells, names).with_edges("roof", lambda _, y: y == 1.5)
+        sides = [Traction(name, normal=0.0, tangential=0.0) for name in ("left", "right")]
+        conditions = [Symmetry("foot"), Traction("roof", x=0.0, y=-3.0), *sides, Contact("seam", friction=0.4)]
+        result = solve(ContactProblem(mesh, Material(100.0, 0.3), conditions))
+        line, (_, _, stress) = result.contacts["seam"], result.gauss_stress()
+        assert result.status == "solved"
+        assert line.normal_stress == pytest.approx(-3.0, rel=1e-9)
+        assert stress.reshape(-1, 3) == pytest.approx(np.tile([0.0, -3.0, 0.0], (stress.size // 3, 1)), abs=1e-8)
+
+    def test_three_bodies_in_a_corner_and_nodes_that_match(self):
+        blocks = [self.above((2, 2), 1.0), self.above((3, 3), 1.0, 1.0)]
+        assert TriangleMesh.joined("seam", [self.below((4, 2)), *blocks]).edges("seam").length.sum() == pytest.approx(
+            2.5
+        )
+        same = TriangleMesh.joined("seam", [self.below((4, 2)), self.above((4, 2))])
+        assert (len(same.cells), len(same.pairs("seam"))) == (32, 4)
+
+    def test_what_cannot_be_joined(self):
+        apart = TriangleMesh.rectangle((2, 2), 1.0, 1.0, origin=(0.0, 1.5))
+        for meshes, told in (([self.below(), apart], "no pieces"), ([self.below(), "mesh"], "list of TriangleMesh")):
+            with pytest.raises(InputError, match=told):
+                TriangleMesh.joined("seam", meshes)
+        with pytest.raises(InputError, match="exists already"):
+            TriangleMesh.joined("foot", [self.below(), self.above((2, 2))])
+
+    def test_in_a_mesh_file(self, tmp_path):
+        meshio = pytest.importorskip("meshio")
+        one, other = self.below(), self.above((4, 3))
+        points = np.concatenate([one.vertices, other.vertices])
+        cells = np.concatenate([one.cells, other.cells + len(one.vertices)])
+        meshio.write(tmp_path / "two.vtk", meshio.Mesh(np.c_[points, np.zeros(len(points))], [("triangle", cells)]))
+        with pytest.raises(InputError, match=r"do not match.*join"):
+            TriangleMesh.load(tmp_path / "two.vtk")
+        assert TriangleMesh.load(tmp_path / "two.vtk", "seam").joint_names == ("seam",)

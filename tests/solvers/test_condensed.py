@@ -13,7 +13,7 @@ from scipy.sparse import csc_array, eye_array
 from solvers import FrictionQVI, Status, Stiffness, solve_qvi
 from solvers.condensed import FRICTION_SHARES
 from solvers.factorisation import available_backends, set_default
-from solvers.inequality import Traces
+from solvers.inequality import TractionFactor
 from tests.cases import every_pair, thinned
 from tests.solvers.conftest import (
     LAWS,
@@ -148,7 +148,7 @@ def close_rows(seed, close, groups=4):
     f[1::5] = random.choice([-2.0, 2.0], groups)
     return FrictionQVI.from_arrays(
         K=root.T @ root, f=f, N=N, n0=np.zeros(m), T=T, t0=np.zeros(m), mu=np.full(m, 0.3), W=np.full(m, 1.0 / m),
-        traces=Traces(csc_array(np.vstack([N, T])), csc_array(np.eye(2 * m))),
+        traces=TractionFactor(csc_array(np.vstack([N, T])), csc_array(np.eye(2 * m))),
     )  # fmt: skip
 
 

@@ -87,6 +87,8 @@ def test_reduce_expand_and_solve(backend, interface, columns):
     assert min(factor.seconds["analysis"], factor.seconds["numeric"]) >= 0.0
     reduced, state = factor.reduce(right)
     np.testing.assert_allclose(reduced, right[interface] - coupling.T @ inverse @ right[interior], atol=1e-11)
+    if not columns:
+        assert factor.square(right, state) == pytest.approx(right[interior] @ inverse @ right[interior])
     start = state.copy()
     for scale in (1.0, -2.0):  # a state serves more than once
         x = factor.expand(state, scale * values)
@@ -427,7 +429,7 @@ def test_a_singular_matrix_is_a_status(method, name):
     assert solution.certificate.accuracy == np.inf
 
 
-@pytest.mark.parametrize("place", ["solvers.factorisation.superlu.splu", "solvers.inequality.linear.dpotrf"])
+@pytest.mark.parametrize("place", ["solvers.factorisation.superlu.splu", "solvers.inequality.contact.dpotrf"])
 def test_lack_of_memory_is_a_status(monkeypatch, place):
     """In SciPy's factorisation, or in dense algebra on the contact."""
 

@@ -68,6 +68,7 @@ def test_reduce_and_expand_do_what_the_blocks_of_k_say() -> None:
     reduced, state = factor.reduce(g)
     solved = np.linalg.solve(K[np.ix_(inner, inner)], g[inner])
     np.testing.assert_allclose(reduced, g[gamma] - K[np.ix_(gamma, inner)] @ solved, rtol=1e-10)
+    assert factor.square(g, state) == pytest.approx(g[inner] @ solved)
     for _ in range(2):  # a state may be used again
         x = factor.expand(state, values)
         np.testing.assert_allclose(x[gamma], values)

@@ -10,7 +10,7 @@ from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import InputError
 from solvers.factorisation import factorise, factorise_root
-from solvers.inequality import Traces, echelon, independent_rows, interface_of, spanning_rows, trace_coordinates
+from solvers.inequality import TractionFactor, echelon, independent_rows, interface_of, spanning_rows, trace_coordinates
 from tests.cases import examples
 
 
@@ -85,7 +85,7 @@ def random_traces(seed, dependent=0, zero=0):
     Y = random_array((7, 30), density=0.15, rng=random).toarray() + np.eye(7, 30)
     Y = np.vstack([Y, random.normal(size=(dependent, 7)) @ Y, np.zeros((zero, 30))])
     E = random_array((18, len(Y)), density=0.5, rng=random).toarray()
-    return Traces(csc_array(Y), csc_array(E)), csc_array(E @ Y)
+    return TractionFactor(csc_array(Y), csc_array(E)), csc_array(E @ Y)
 
 
 COORDINATES = pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_wrong_traces_are_refused():
     with pytest.raises(InputError, match="shapes"):
         traces.check(csc_array(wrong[:-2]))
     with pytest.raises(InputError, match="sparse"):
-        Traces(np.eye(3), csc_array(np.eye(3)))
+        TractionFactor(np.eye(3), csc_array(np.eye(3)))
 
 
 @pytest.mark.parametrize("cells", [(1, 1), (3, 2), (8, 8)])

@@ -16,7 +16,7 @@ from solvers import InputError, Status, available, certify, solve_qvi
 from solvers.basics import Progress, deadline, listening, report
 from solvers.condensed import GAP, Complementarity, DenseCoordinates, InteriorPoint, start_near
 from solvers.inner import Centre, make_inner, within_time
-from solvers.pivoting import LARGEST, affordable, solve_lcp, solve_pivoting
+from solvers.pivoting import LARGEST, affordable, solve_lcp
 from solvers.solution import Start
 from tests.cases import examples
 from tests.solvers.conftest import one_contact, prescribed_shear, random_problem, two_contacts, with_constant_tractions
@@ -343,7 +343,7 @@ class TestContact:
     @pytest.mark.parametrize("friction", [0.0, 0.1, 0.3, 1.0, 3.0])
     def test_plate_as_by_the_condensed_method(self, friction):
         qvi = discretize(compressed_plate(friction, (4, 4))).qvi
-        found, other = solve_pivoting(qvi, 1e-8), solve_qvi(qvi, method="condensed")
+        found, other = solve_qvi(qvi, method="pivoting"), solve_qvi(qvi, method="condensed")
         assert found.status is other.status is Status.SOLVED
         assert found.certificate.accuracy < 1e-11
         assert found.z == pytest.approx(other.z, abs=1e-6 * np.abs(other.z).max())
@@ -353,7 +353,7 @@ class TestContact:
         bend = Traction("top", 0.3, lambda x, _: 1.0 - x)
         conditions = [Contact("bottom", 0.05, law="bilateral", cohesion=0.02), bend, Traction("left", 0.0, 0.0)]
         qvi = discretize(ContactProblem(mesh, Material(1e3, 0.3), [*conditions, Symmetry("right")])).qvi
-        found = solve_pivoting(qvi, 1e-8)
+        found = solve_qvi(qvi, method="pivoting")
         normal, shear = qvi.normal(found.z), np.abs(qvi.tangential(found.z))
         assert found.solved
         assert normal.min() < -0.1
@@ -367,7 +367,7 @@ class TestContact:
             Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0),
         ]  # fmt: skip
         qvi = discretize(ContactProblem(mesh, Material(1e3, 0.3), conditions)).qvi
-        found, other = solve_pivoting(qvi, 1e-8), solve_qvi(qvi, method="condensed")
+        found, other = solve_qvi(qvi, method="pivoting"), solve_qvi(qvi, method="condensed")
         assert found.solved
         assert other.solved
         assert np.abs(qvi.tangential(found.z)).max() == pytest.approx(qvi.cap[0], rel=1e-9)

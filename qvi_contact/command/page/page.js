@@ -34,6 +34,12 @@
     }
   };
 
+  const slider = find("step"), pictures = [...document.querySelectorAll(".step")];
+  if (slider) slider.addEventListener("input", () => {
+    pictures.forEach((picture, number) => { picture.hidden = number !== Number(slider.value); });
+    find("step-value").textContent = pictures[slider.value].dataset.value;
+  });
+
   const fieldPicture = (field) => {
     const points = array(field.points, Float32Array), triangles = array(field.triangles, field.bytes === 2 ? Uint16Array : Uint32Array);
     const stress = array(field.stress, Float32Array), material = array(field.material, Uint16Array);

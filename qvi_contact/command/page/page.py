@@ -1,5 +1,7 @@
 """A result as one HTML page that loads nothing: style, script, pictures and data are inside."""
 
+import base64
+import io
 import platform
 import tomllib
 from collections.abc import Sequence
@@ -9,6 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 from markupsafe import Markup
 
 from qvi_contact.basics.units import Units
@@ -43,6 +46,8 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
+_MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
+_DOTS: Final = 120.0  # of their pixels, an inch
 
 
 @dataclass(frozen=True)
@@ -84,10 +89,12 @@ def result_page(
     second: SecondModel | None = None,
     refinement: Refinement | None = None,
     series: Series | None = None,
+    panels: Sequence[str] | None = None,
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    The bracket of a single result is that of the second model, which is computed for it.
+    The bracket of a single result is that of the second model, which is computed for it. Contacts in `panels` have
+    charts, all of them by default.
     """
     file, result = request.file, steps[-1]
     second = second or SecondModel(result)
@@ -96,8 +103,11 @@ def result_page(
         if len(steps) == 1
         else (None, "bounds are computed for a single solve only, and this is one of several results")
     )
-    shown = _shown(result, bracket, file.units) if result.has_state else {"field": None, "contacts": [], "tables": []}
-    figure = problem_figure(result.problem, file.units) if result.has_state else result_figure(result, file.units)
+    shown = (
+        _shown(result, bracket, file.units, panels)
+        if result.has_state
+        else {"field": None, "contacts": [], "tables": []}
+    )
     names = [contact.name for contact in result.problem.contacts]
     forces, plates = step_tables(steps, series.values) if series is not None and len(steps) > 1 else ([], {})
     text: str = page_template("qvi_contact.command.page").render(
@@ -113,7 +123,8 @@ def result_page(
         refinement=None if refinement is None else _refinement(refinement, file.units),
         steps=forces,
         step_label="t" if series is None else series.label,
-        problem=_picture(figure, "problem", "The problem: mesh, loads, contacts"),
+        pictures=_pictures(steps, None if series is None else series.values, file),
+        problem=_picture(problem_figure(result.problem, file.units), "problem", "The problem: mesh, loads, contacts"),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
         plate_steps=plates,
         plate_headings=plate_headings(file.units),
@@ -135,7 +146,28 @@ def _refinement(found: Refinement, units: Units) -> dict[str, Any]:
     }
 
 
-def _shown(result: ContactResult, bracket: "Bracket | None", units: Units) -> dict[str, Any]:
+def _pictures(
+    steps: Sequence[ContactResult], values: Sequence[float] | None, file: ProblemFile
+) -> list[tuple[str, Markup]]:
+    """The picture of a result; of several those of some of them, the first and the last among them, with the value."""
+    if values is None or len(steps) == 1:
+        figure = result_figure(steps[-1], file.units, panels=())
+        return [("", _picture(figure, "result", "The deformed body and what its contacts carry"))]
+    chosen = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_STEPS)).round().astype(int)).tolist()
+    found = []
+    for step in chosen:
+        picture = io.BytesIO()
+        figure = result_figure(steps[step], file.units, panels=())
+        with settings(), laid_out(figure, "png", _DOTS):
+            figure.savefig(picture, format="png", dpi=_DOTS, metadata={"Software": None})
+        source = f"data:image/png;base64,{base64.b64encode(picture.getvalue()).decode('ascii')}"
+        found.append((f"{values[step]:g}", Markup('<img src="{}" alt="The deformed body">').format(source)))
+    return found
+
+
+def _shown(
+    result: ContactResult, bracket: "Bracket | None", units: Units, panels: Sequence[str] | None
+) -> dict[str, Any]:
     """Tables and pictures of a stress state."""
     lines = list(result.contacts.values())
     states = [state for state in STATES if any(state in line.shares for line in lines)]
@@ -147,7 +179,11 @@ def _shown(result: ContactResult, bracket: "Bracket | None", units: Units) -> di
         tables.append(("Rigid plates and pins", ["contact", *plate_headings(units)], plate_rows(result)))
     return {
         "field": field_data(result, companion if companion is not None and companion.has_state else None, units),
-        "contacts": [_contact(line, f"contact-{number}", units) for number, line in enumerate(lines, 1)],
+        "contacts": [
+            _contact(line, f"contact-{number}", units)
+            for number, line in enumerate(lines, 1)
+            if panels is None or line.name in panels
+        ],
         "tables": tables,
     }
 

@@ -8,8 +8,6 @@ import pytest
 from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, Traction, TriangleMesh
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
-from qvi_contact.plots import deformed_figure, save_figure
-from qvi_contact.units import Units
 from solvers import Status
 from tests.cases import every_pair
 
@@ -162,17 +160,6 @@ def lifted():
 class TestOutput:
     """Files and pictures hold the numbers of the result."""
 
-    def test_deformed_shape(self, base, tmp_path):
-        figure = deformed_figure(base, scale=50.0, units=Units("m", "Pa"))
-        axes = figure.axes[0]
-        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
-        assert "× 50" in axes.get_legend().get_title().get_text()
-        fills = axes.collections[1].get_paths()
-        first = fills[0].vertices[0]
-        assert first == pytest.approx(50.0 * base.displacement(0.0, 0.0), abs=1e-9)
-        save_figure(tmp_path / "a.png", figure)
-        assert (tmp_path / "a.png").stat().st_size > 5000
-
     def test_nothing_to_show(self, lifted):
         for use in (
             lambda: lifted.energy,
@@ -181,7 +168,6 @@ class TestOutput:
             lambda: lifted.stress(0.5, 0.5),
             lambda: lifted.cell_strain([0.5], [0.5]),
             lambda: lifted.nodal_displacements,
-            lambda: deformed_figure(lifted),
         ):
             with pytest.raises(InputError, match="infeasible"):
                 use()

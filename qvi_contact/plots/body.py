@@ -1,0 +1,362 @@
+"""The one drawing that answers: the deformed body with a field, and what its contacts carry drawn on them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.units import Units
+from qvi_contact.mesh.arcs import cross
+from qvi_contact.plots.fields import COMPONENT_LABELS, draw_contours
+from qvi_contact.plots.labels import Written, alignment, beside
+from qvi_contact.plots.problem import draw_symbols
+from qvi_contact.plots.shape import Shape, faces
+from qvi_contact.plots.style import (
+    BLUE,
+    CHORDS,
+    GREY,
+    LEAST,
+    VERMILLION,
+    colour_bar,
+    edge_lines,
+    lines,
+    magnified,
+    plain_text,
+    plain_units,
+    show_all,
+)
+from qvi_contact.plots.symbols import ground
+from qvi_contact.plots.tractions import closed_ends
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.sampling import cell_factors, held_along_z, sample_body, stress_component
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_SAMPLES: Final = 120  # parts of the body's length that a field is drawn with
+_CALM: Final = 0.75  # displacements are drawn smaller than those of a mechanism
+_HEIGHT: Final = 0.14  # of the largest pressure, as a share of the body's length
+_IN_BLOCKS: Final = 0.3  # the same at most, as a share of the width of a block
+_SPACING: Final = 0.032  # of arrows along contacts, as a share of the body's length
+_LONGEST: Final = 0.2  # length of the arrow of the largest resultant, as a share of the body's length
+_LEAST: Final = 0.02  # share of the largest value below which nothing is drawn
+_LABELLED: Final = 8  # so many lines of contacts have arrows and numbers; of more those of obstacles alone
+_NOTHING: Final = 1e-6  # tractions below this share of the stress in the body count as none
+_CENTRAL: Final = 0.005  # eccentricity over the length of a line below which it is not written
+_HATCH: Final = 0.016  # of obstacles, as a share of the body's length
+
+_ARROW: Final[dict[str, Any]] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
+_PRESSURE: Final[dict[str, Any]] = {"color": VERMILLION, "width": 0.007, "headwidth": 5.0, "headlength": 6.0}
+_FRICTION: Final[dict[str, Any]] = {"color": "black", "width": 0.01, "headwidth": 4.0, "headlength": 5.0}
+_RESULTANT: Final[dict[str, Any]] = {"color": "black", "width": 0.025, "headwidth": 4.0, "headlength": 4.5}
+THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
+"""Colour, style and width of lines of thrust."""
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """What one line of a contact carries, at its points and both ends, where it is drawn.
+
+    Attributes
+    ----------
+    name : str
+        The contact.
+    joint : bool
+        Whether it lies inside the body.
+    s : (k,) array
+        Length along the line [length].
+    place, obstacle : (k, 2) arrays
+        The deformed face of the body, and that of the obstacle, as drawn [length].
+    normal, tangent : (k, 2) arrays
+        Outward unit normal and unit tangent.
+    pressure, shear, fluid : (k,) arrays
+        −σ_N, σ_T and p_w [stress].
+    weights : (k,) array
+        Of integrals along the line, zero at the ends [length].
+    blocks : (k, 2) int array
+        The block inside and the one beyond, −1 on obstacles.
+
+    """
+
+    name: str
+    joint: bool
+    s: FloatArray
+    place: FloatArray
+    obstacle: FloatArray
+    normal: FloatArray
+    tangent: FloatArray
+    pressure: FloatArray
+    shear: FloatArray
+    fluid: FloatArray
+    weights: FloatArray
+    blocks: IntArray
+
+    def resultant(self, chosen: slice | FloatArray = slice(None)) -> tuple[FloatArray, FloatArray]:
+        """Force of some points on the body inside [stress × length], and the centre of pressure [length].
+
+        Where the line is curved the centre is moved onto the line of action, to where that meets the contact.
+        """
+        pull = -self.pressure[chosen, None] * self.normal[chosen] + self.shear[chosen, None] * self.tangent[chosen]
+        place, weights = self.place[chosen], self.weights[chosen]
+        forces = weights[:, None] * pull
+        share = weights * np.maximum(self.pressure[chosen], 0.0)
+        share = share if share.any() else weights
+        centre, force = share @ place / share.sum(), forces.sum(axis=0)
+        size = float(np.hypot(*force))
+        if np.ptp(self.normal[chosen], axis=0).max() > 1e-6 and size > 0.0:
+            moment = float(cross(place - centre, forces).sum())
+            centre = centre + moment / size**2 * np.array([force[1], -force[0]])
+            loaded = place[share > 0.1 * share.max()] - centre
+            nearest = loaded[np.argmin(np.abs(cross(loaded, force)))]
+            centre = centre + force * (nearest @ force) / size**2
+        return force, centre
+
+    @property
+    def eccentricity(self) -> float:
+        """Distance of the centre of pressure from the middle of a straight line [length]; 0 on others."""
+        share = self.weights * self.pressure
+        if np.ptp(self.normal, axis=0).max() > 1e-6 or share.sum() <= 0.0:
+            return 0.0
+        return abs(float(share @ self.s / share.sum() - (self.s[0] + self.s[-1]) / 2.0))
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What a drawing of a body says of itself.
+
+    Attributes
+    ----------
+    factor : float
+        By how much displacements are exaggerated.
+    box : (2, 2) array
+        Lower left and upper right corner of all that is drawn [length].
+    pressure, friction : float
+        The largest on all contacts [stress].
+    thrust : bool
+        Whether there is a line of thrust.
+    written : list
+        Numbers of resultants, each with other places that it may have, see `labels.spread`.
+
+    """
+
+    factor: float
+    box: FloatArray
+    pressure: float
+    friction: float
+    thrust: bool
+    written: list[Written]
+
+
+def draw_body(axes: "Axes", result: ContactResult, component: str = "von_mises", units: Units | None = None) -> Drawn:
+    """Draw the deformed body with a stress as a field with contour lines, and its contacts as a textbook does.
+
+    On each contact stand the pressure, as a diagram in one scale for all contacts, with arrows towards the body; the
+    friction stress on the body, as arrows inside it; and the resultant, as a heavy arrow with its number, on straight
+    contacts with its eccentricity e. Blocks that are pressed from two sides have a line of thrust between the centres
+    of pressure. Loads, supports and obstacles are small symbols. Displacements are those of `Shape`, exaggerated by
+    one factor; dashed lines show the body before.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw; axes are in units of length.
+    result : ContactResult
+        The state.
+    component : str
+        The stress, see `stress_field`.
+    units : Units, optional
+        Labels.
+
+    Raises
+    ------
+    InputError
+        If there is no such stress, or no stress state.
+
+    """
+    units, mesh, shape = plain_units(units), result.problem.mesh, Shape.of(result)
+    largest = max(float(np.hypot(*shape.coefficients.T).max()), LEAST * result.discretization.scales.displacement)
+    factor = magnified(largest, _CALM * mesh.length)
+    samples = sample_body(result, _SAMPLES)
+    held = held_along_z(result.problem, samples.cells, *samples.points.T)
+    values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
+    places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
+    part = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
+    field = draw_contours(axes, samples.points, places, samples.triangles, values, part[samples.cells])
+    t = np.linspace(0.0, 1.0, CHORDS + 1)
+    before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1)
+    after = before + factor * shape.along(mesh.boundary, t)
+    axes.add_collection(lines(edge_lines(mesh, mesh.boundary), GREY, (0, (4, 3)), 0.6))
+    axes.add_collection(lines(after, "#333333", "solid", 0.8))
+    for joint in result.problem.joints:
+        edges = mesh.edges(joint.edges)
+        middle = np.stack(mesh.points_along(edges, t), axis=-1)
+        for other in (False, True):
+            face = middle + factor * shape.along(edges, t, other=other)
+            axes.add_collection(lines(face, "#333333", "solid", 0.6))
+    carried = [part for name in result.contacts for part in _carried(result, name, shape, factor)]
+    for part in carried:
+        if not part.joint:
+            ground(axes, part.obstacle, part.normal, _HATCH * mesh.length)
+    extent = [before.reshape(-1, 2), after.reshape(-1, 2)]
+    extent += draw_symbols(axes, result.problem, _moving(*extent))
+    pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
+    friction = max((float(np.abs(part.shear).max()) for part in carried), default=0.0)
+    if pressure < _NOTHING * float(np.abs(samples.stress).max()):
+        pressure, friction, carried = 0.0, 0.0, []
+    height = _HEIGHT * mesh.length
+    if result.problem.joints:
+        areas = np.bincount(shape.space.block, shape.space.areas / 2.0) * result.discretization.scales.length**2
+        height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
+    few = len(carried) <= _LABELLED
+    spacing = _SPACING * mesh.length
+    reach = 0.85 * spacing / max(friction, _LEAST * pressure, 1e-300)
+    for part in carried:
+        extent.append(_tractions(axes, part, height / max(pressure, 1e-300), reach, spacing if few else np.inf))
+    thrust = _thrust(axes, carried)
+    labelled = [part for part in carried if few or not part.joint]
+    written: list[Written] = []
+    if 0 < len(labelled) <= _LABELLED:
+        covered, written = _resultants(axes, labelled, mesh.length, units)
+        extent.append(covered)
+    box = show_all(axes, np.concatenate(extent), units)
+    across, up = box[1] - box[0]
+    label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
+    colour_bar(axes, field, label, None, 0.04 * max(1.0, float(up / across)))
+    return Drawn(factor, box, pressure, friction, thrust, written)
+
+
+def _moving(before: FloatArray, after: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """The map of points (n, 2) near those before (m, 2) to beside those after, each as its nearest one moves."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(before)
+    return lambda points: np.asarray(points + (after - before)[tree.query(points)[1]])
+
+
+def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> list[Carried]:
+    """The lines of a contact."""
+    line = result.contacts[name]
+    rows = next(rows for rows in result.discretization.contacts if rows.name == name)
+    points, edges = rows.points, rows.points.edges
+    place = np.column_stack([line.x, line.y])
+    face = place + factor * shape.along(edges, points.reference).reshape(-1, 2)
+    obstacle = place + factor * faces(result, name)[1]
+    blocks = np.where(edges.cells >= 0, shape.space.block[edges.cells], -1)
+    numbers, s = line.path.points(points.count), line.path.places(points.reference)
+    found = []
+    for number in range(int(line.path.line.max()) + 1):
+        own = line.path.line == number
+        chosen, along = numbers[own].ravel(), s[own].ravel()
+        ends = np.array([line.path.starts[own][0], line.path.starts[own][-1] + line.path.lengths[own][-1]])
+        opened = line.state[chosen] == 0
+        pressure, shear, fluid = (
+            closed_ends(along, values[chosen], ends, opened)
+            for values in (-line.normal_stress, line.tangential_stress, line.pore_pressure)
+        )
+        face_there, obstacle_there, normals, tangents = (
+            np.column_stack([closed_ends(along, values[chosen, k], ends) for k in (0, 1)])
+            for values in (face, obstacle, points.normals, points.tangents)
+        )
+        beside_it = np.repeat(blocks[line.path.edges[own]], points.count, axis=0)
+        found.append(
+            Carried(
+                name=name,
+                joint=rows.joint,
+                s=np.concatenate([ends[:1], along, ends[1:]]),
+                place=face_there,
+                obstacle=obstacle_there,
+                normal=normals,
+                tangent=tangents,
+                pressure=pressure,
+                shear=shear,
+                fluid=fluid,
+                weights=np.concatenate([[0.0], line.weights[chosen], [0.0]]),
+                blocks=beside_it[[0, *range(len(beside_it)), -1]],
+            )
+        )
+    return found
+
+
+def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float) -> FloatArray:
+    """Pressure and friction of a line, drawn `scale` and `reach` [length / stress] long; what they cover (k, 2)."""
+    from matplotlib.colors import to_rgba
+    from matplotlib.patches import Polygon
+
+    outer = part.place + scale * part.pressure[:, None] * part.normal
+    outline = np.concatenate([part.place, outer[::-1]])
+    axes.add_patch(Polygon(outline, facecolor=to_rgba(VERMILLION, 0.22), edgecolor="none", zorder=3))
+    axes.plot(*np.concatenate([part.place[:1], outer, part.place[-1:]]).T, color=VERMILLION, linewidth=0.9, zorder=3.2)
+    if part.fluid.any():
+        fluid = part.place + scale * part.fluid[:, None] * part.normal
+        axes.plot(*fluid.T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 1.5)), zorder=3.3)
+    length = part.s[-1] - part.s[0]
+    count = int(length / spacing)  # none where there is no room for two
+    at = part.s[0] + (np.arange(count) + 0.5) * length / max(count, 1)
+    place, normal, tangent = (
+        np.column_stack([np.interp(at, part.s, values[:, k]) for k in (0, 1)])
+        for values in (part.place, part.normal, part.tangent)
+    )
+    pressure, shear = (np.interp(at, part.s, values) for values in (part.pressure, part.shear))
+    pushed, rubbed = -scale * pressure[:, None] * normal, reach * shear[:, None] * tangent
+    drawn = scale * np.abs(pressure) > 0.35 * spacing
+    axes.quiver(*(place - pushed)[drawn].T, *pushed[drawn].T, zorder=3.1, **_ARROW, **_PRESSURE)
+    drawn = reach * np.abs(shear) > 0.15 * spacing
+    tails = place - 0.4 * spacing * normal - rubbed / 2.0
+    axes.quiver(*tails[drawn].T, *rubbed[drawn].T, zorder=4, **_ARROW, **_FRICTION)
+    return outer
+
+
+def _resultants(
+    axes: "Axes", carried: Sequence[Carried], length: float, units: Units
+) -> tuple[FloatArray, list[Written]]:
+    """Resultants as heavy arrows with their numbers, and eccentricities; what they cover (n, 2), and the texts."""
+    found = [part.resultant() for part in carried]
+    sizes = [float(np.hypot(*force)) for force, _ in found]
+    names, ends, written = beside(sizes), [np.empty((0, 2))], list[Written]()
+    for part, (force, centre), size, number in zip(carried, found, sizes, names, strict=True):
+        if size <= _LEAST * max(sizes):
+            continue
+        arrow = force / size * length * max(_LONGEST * size / max(sizes), 0.3 * _LONGEST)
+        tail = centre - arrow
+        axes.quiver(*tail, *arrow, zorder=5, **_ARROW, **_RESULTANT)
+        ends.append(np.array([tail, centre]))
+        text = f"{part.name}: {number} {units.engineering_force}"
+        if part.eccentricity > _CENTRAL * (part.s[-1] - part.s[0]):
+            text += f"\ne = {part.eccentricity:.3g} {units.length}"
+        way = -force / size
+        side = np.array([-way[1], way[0]])
+        off = 0.015 * length
+        spots = [(tail + off * way, alignment(way)), *((tail + off * k * side, alignment(k * side)) for k in (1, -1))]
+        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
+        look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box}
+        (x, y), align = spots[0]
+        written.append((axes.text(x, y, plain_text(text), **look, **align), spots))
+    return np.concatenate(ends), written
+
+
+def _thrust(axes: "Axes", carried: Sequence[Carried]) -> bool:
+    """Draw lines of thrust; whether there are any.
+
+    What presses a block is parted into what pushes along the largest of its forces and what pushes against it; the line
+    of thrust leads between the centres of the two.
+    """
+    pushing: dict[int, list[tuple[FloatArray, FloatArray]]] = {}
+    for part in carried:
+        for pair in np.unique(part.blocks, axis=0).tolist():
+            force, centre = part.resultant((part.blocks == pair).all(axis=1))
+            for block, sign in zip(pair, (1.0, -1.0), strict=True):
+                if block >= 0:
+                    pushing.setdefault(block, []).append((sign * force, centre))
+    largest = max((float(np.hypot(*force)) for found in pushing.values() for force, _ in found), default=0.0)
+    drawn = []
+    for found in pushing.values() if any(part.joint for part in carried) else ():
+        forces, centres = (np.array(values) for values in zip(*found, strict=True))
+        along = forces @ forces[np.argmax(np.hypot(*forces.T))]
+        weights = np.hypot(*forces.T)
+        groups = [chosen for chosen in (along > 0.0, along < 0.0) if weights[chosen].sum() > _LEAST * largest]
+        if len(groups) > 1:
+            drawn.append([weights[chosen] @ centres[chosen] / weights[chosen].sum() for chosen in groups])
+    axes.add_collection(lines(np.array(drawn), *THRUST), autolim=False)
+    return bool(drawn)

@@ -1,0 +1,168 @@
+"""Derivatives of forces and motions with respect to the data of a problem, see `ContactResult.derivative`.
+
+All data that are offered enter (D2) as sums: a second problem, in which the datum is larger by a step, has the
+direction in which loads, bounds and energies change (`solvers.derivative`). Young's modulus is one over a factor of the
+compliance, which does.
+
+In `docs/theory.md`: (D34).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final, Literal, TypeAlias
+
+import numpy as np
+
+from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.errors import InputError
+from qvi_contact.limit.load_factor import loads_of, multiplied
+from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.result import ContactResult
+from solvers import QVISolution
+from solvers.basics.names import known_name
+from solvers.basics.types import load
+from solvers.derivative import Change, change
+
+Side: TypeAlias = Literal["above", "below"]
+"""From where a parameter comes to its value."""
+
+_LAWS: Final = ("friction", "cohesion", "shear_limit", "gap", "offset")
+_AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
+
+
+@dataclass(frozen=True, eq=False)
+class _Parameter:
+    """A datum: the problem with it larger by a step, and the derivative by it over that by the step's direction."""
+
+    moved: Callable[[], ContactProblem]
+    factor: float
+
+
+def derivative(result: ContactResult, quantity: str, parameter: str, side: Side | None = None) -> float:
+    """See `ContactResult.derivative`."""
+    if not result.certificate.passed:
+        raise InputError("result", result.status.value, "derivatives need a solved result")
+    if side not in (None, "above", "below"):
+        raise InputError("side", side, "give 'above' or 'below', or leave it out")
+    measure = load("qvi_contact.refinement.outcome").Measure.of(result.problem, quantity)  # that room builds on this
+    if not isinstance(quantity, str) or quantity == "energy":
+        raise InputError("quantity", quantity, "give the name of a force, or of a motion of a plate")
+    known = result.discretization
+    parameters = dict(_parameters(result.problem, known.scales))
+    chosen = parameters[known_name("parameter", parameter, {"parameters": parameters})]
+    base = known.with_data(known.problem, known.scales)
+    moved = known.with_data(chosen.moved(), known.scales)
+    if moved.qvi.A.shape != base.qvi.A.shape or moved.qvi.n != base.qvi.n:
+        raise InputError("parameter", parameter, "a step changes which unknowns there are: give its load a value first")
+    value = measure.value
+    at_rest = value(ContactResult(moved, replace(result.solution, problem=moved.qvi))) - value(
+        ContactResult(base, replace(result.solution, problem=base.qvi))
+    )
+
+    def one_sided(sign: float) -> tuple[float, bool]:
+        found = change(result.solution, base.qvi, moved.qvi, sign)
+        there = value(ContactResult(known, _moved(result.solution, found))) - value(result)
+        return chosen.factor * (there * sign + at_rest), found.changes_state
+
+    above, changes = one_sided(1.0)
+    if not changes or side == "above":
+        return above
+    below, _ = one_sided(-1.0)
+    if side == "below" or abs(above - below) <= _AGREE * max(abs(above), abs(below)):
+        return below
+    remedy = f"a point changes its state here: the derivative is {below:.6g} from below and {above:.6g} from above; "
+    raise InputError("side", None, remedy + "ask for one of them")
+
+
+def _moved(solution: QVISolution, by: Change) -> QVISolution:
+    return replace(
+        solution,
+        z=solution.z + by.z,
+        normal_multiplier=solution.normal_multiplier + by.normal,
+        tangential_multiplier=solution.tangential_multiplier + by.tangential,
+        equality_multiplier=solution.equality_multiplier + by.equality,
+    )
+
+
+def _parameters(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Parameter]]:
+    """All of them by name."""
+    for number, condition in enumerate(problem.conditions):
+        if isinstance(condition, Contact):
+            for name in _LAWS:
+                if getattr(condition, name) is not None and (condition.law != "tied" or name in ("gap", "offset")):
+                    yield f"{condition.name}.{name}", _of_condition(problem, scales, number, name)
+            for name in ("x", "y", "rotation", "force_x", "force_y", "moment"):
+                if getattr(condition.plate, name, None) is not None:
+                    yield f"{condition.name}.{name}", _of_condition(problem, scales, number, name, of_plate=True)
+        elif isinstance(condition, Displacement):
+            for name in components(condition):
+                yield f"{condition.edges}.{name}", _of_condition(problem, scales, number, name)
+    for name in loads_of(problem):
+        yield f"load.{name}", _Parameter(partial(multiplied, problem, [name], 2.0), 1.0)
+    yield from _of_body(problem, scales)
+
+
+def _of_condition(
+    problem: ContactProblem, scales: Scales, number: int, name: str, *, of_plate: bool = False
+) -> _Parameter:
+    """A field of a condition or of its plate, which grows by its unit."""
+    units = {"friction": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress}
+    units |= {"rotation": scales.displacement / scales.length, "moment": scales.stress * scales.length**2}
+    units |= dict.fromkeys(("force_x", "force_y"), scales.stress * scales.length)
+    step = units.get(name, scales.displacement)
+
+    def moved() -> ContactProblem:
+        condition: Any = problem.conditions[number]
+        part = condition.plate if of_plate else condition
+        part = replace(part, **{name: _plus(getattr(part, name), step)})
+        conditions = list(problem.conditions)
+        conditions[number] = replace(condition, plate=part) if of_plate else part
+        return replace(problem, conditions=conditions)
+
+    return _Parameter(moved, 1.0 / step)
+
+
+def _of_body(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Parameter]]:
+    """Temperature, which grows by what has the unit of stress, and moduli, where the compliance doubles."""
+    swelling = max(abs(material.expansion) for material in problem.materials)
+    step = scales.stress * scales.compliance / swelling if swelling else 0.0
+    if swelling:
+        yield (
+            "temperature",
+            _Parameter(lambda: replace(problem, temperature=_plus(problem.temperature, step)), 1 / step),
+        )
+    main = problem.material
+    yield (
+        "material.young",
+        _Parameter(lambda: replace(problem, material=replace(main, young=main.young / 2.0)), -1.0 / main.young),
+    )
+
+    def with_region(number: int, **changes: Any) -> ContactProblem:
+        regions = list(problem.regions)
+        regions[number] = replace(regions[number], **changes)
+        return replace(problem, regions=regions)
+
+    for number, region in enumerate(problem.regions):
+        if region.name is not None:
+            young, softer = region.material.young, replace(region.material, young=region.material.young / 2.0)
+            yield f"{region.name}.young", _Parameter(partial(with_region, number, material=softer), -1.0 / young)
+            if swelling and region.temperature is not None:
+                warmer = _plus(region.temperature, step)
+                moved = partial(with_region, number, temperature=warmer)
+                yield f"{region.name}.temperature", _Parameter(moved, 1.0 / step)
+
+
+def _plus(field: Field, step: float) -> Field:
+    """The field, larger by a step."""
+    if not callable(field):
+        return field + step
+
+    def larger(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(field(x, y), dtype=float) + step
+
+    return larger

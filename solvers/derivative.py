@@ -1,0 +1,190 @@
+"""How a solution changes with its data, without another solve of the inequality.
+
+Along straight lines from the data to others, z and the multipliers are differentiable where every bound is either
+inactive or relieves something. With the rows w = limit − H σ ≥ 0 and x ≥ 0 of `solvers.pivoting`, and the compliance C,
+
+    dσ = dσ_f − C F dx,      w > 0: dx = 0,      x > 0: dw = 0,      else: dw ≥ 0, dx ≥ 0, dw dx = 0
+
+where dσ_f is what tractions do with multipliers held. The last rows are points where the state changes: there the
+derivatives from both sides differ, each of them a small linear complementarity problem.
+
+In `docs/theory.md`: (D34).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import lstsq
+
+from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
+from solvers.errors import InputError
+from solvers.inequality.problem import FrictionQVI
+from solvers.pivoting import solve_lcp
+from solvers.solution import QVISolution
+
+LARGEST: Final = 2000
+"""Contact points up to which derivatives are computed: their matrices are dense."""
+
+_ZERO: Final = 1e-6  # share of the largest traction, or displacement, below which a bound is met, or relieves nothing
+_LEAST: Final = 1e-3  # of the unit of stress: the size of tractions of contacts without load
+_RANK: Final = 1e-12  # singular values of rows below this share of the largest are none
+_MET: Final = 1e-9  # of the right-hand side: residual of the dense system beyond which it is singular
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a unit step towards other data changes at first.
+
+    Attributes
+    ----------
+    z : (n,)
+    normal, tangential : (m,), row multipliers
+    equality : (p,)
+    changes_state : whether a point changes its state here, so that the other side has another derivative
+
+    """
+
+    z: Vector
+    normal: Vector
+    tangential: Vector
+    equality: Vector
+    changes_state: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Bounds of points (r,): w = limit − (by_normal σ_N + by_shear σ_T), relieved by x with a multiplier of this sign.
+
+    Attributes
+    ----------
+    point : (r,) int
+    along : (r,) bool, whether the multiplier is tangential
+    by_normal, by_shear, sign : (r,)
+    limit : (r,), change of the limit
+    strong : (r,) bool, x > 0; elsewhere x = 0 and w = 0
+
+    """
+
+    point: IntVector
+    along: BoolVector
+    by_normal: Vector
+    by_shear: Vector
+    sign: Vector
+    limit: Vector
+    strong: BoolVector
+
+
+def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float = 1.0) -> Change:
+    """The one-sided derivative of a solution along data from `base` to `moved`, or from there back for sign −1.
+
+    Parameters
+    ----------
+    solution : QVISolution
+        The solution; its problem has the matrices of `base`.
+    base, moved : FrictionQVI
+        Two problems whose difference is the direction; N, T, W and A are the same.
+    sign : float
+        1 for the direction, −1 for the opposite one.
+
+    Raises
+    ------
+    InputError
+        If there are more than `LARGEST` contact points, or no derivative was found.
+
+    """
+    qvi, z, m = solution.problem, solution.z, solution.problem.m
+    if m > LARGEST:
+        raise InputError("contact points", m, f"derivatives take at most {LARGEST}: take a coarser mesh")
+    condensed = qvi.condensed_contact
+    system, B = condensed.system, qvi.contact.stacked
+    force, b = -sign * (moved.gradient(z) - base.gradient(z)), sign * (moved.b - base.b)
+    at_rest = np.concatenate([moved.normal(z) - base.normal(z), moved.tangential(z) - base.tangential(z)])
+    free = sign * at_rest + B @ system.solve(force, b)[0]  # dσ_f
+    rows = _rows(solution, base, moved, sign)
+    pressed, along = rows.point, m + rows.point
+    H_C = rows.by_normal[:, None] * condensed.compliance[pressed] + rows.by_shear[:, None] * condensed.compliance[along]
+    columns = np.where(rows.along, along, pressed)
+    M = H_C[:, columns] * rows.sign
+    q = rows.limit - rows.by_normal * free[pressed] - rows.by_shear * free[along]
+    multipliers = np.zeros(2 * m)
+    np.add.at(multipliers, columns, rows.sign * _relieved(M, q, rows.strong))
+    dz, nu = system.solve(force - B.T @ multipliers, b)
+    return Change(dz, multipliers[:m], multipliers[m:], nu, not rows.strong.all())
+
+
+def _rows(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float) -> _Rows:
+    """Bounds that are met, those of friction as they are for the pressure at hand."""
+    qvi, law = solution.problem, solution.problem.law
+    normal, shear = qvi.normal(solution.z), qvi.tangential(solution.z)
+    stress = float(np.abs(np.concatenate([normal, shear])).max(initial=_LEAST))
+    relief = np.stack([solution.normal_multiplier, solution.tangential_multiplier]) / qvi.W
+    moves = np.abs(relief).max(initial=0.0) > _ZERO * stress / (qvi.contact_stiffness or 1.0)
+    size = float(np.abs(relief).max(initial=0.0)) if moves else stress / (qvi.contact_stiffness or 1.0)
+    pressure = law.pressed(normal)
+    d_mu, d_c, d_cap = (
+        sign * np.subtract(getattr(moved, name), getattr(base, name), where=np.isfinite(law.cap), out=np.zeros(qvi.m))
+        if name == "cap"
+        else sign * (getattr(moved, name) - getattr(base, name))
+        for name in ("mu", "cohesion", "cap")
+    )
+    capped = law.cap < law.cohesion + law.mu * pressure
+    bound = law.threshold(pressure)
+    slope = np.where(
+        capped, 0.0, -law.mu * np.where(law.bilateral & (normal > 0.0), 1.0, -1.0)
+    )  # by_normal of friction
+    limit = np.where(capped, d_cap, d_c + d_mu * pressure)
+    opens = ~law.bilateral & (-normal <= _ZERO * stress)
+    released = opens & (relief[0] > _ZERO * size)
+    slips = np.abs(relief[1]) > _ZERO * size
+    # where the bound is zero and stays so there is one equation, σ_T = 0
+    held_at_zero = (bound <= _ZERO * stress) & (limit == 0.0) & ((slope == 0.0) | released)
+    found, every = [], np.arange(qvi.m)
+    zero, one = np.zeros(qvi.m), np.ones(qvi.m)
+    found.append((opens, False, one, zero, one, zero, released))
+    for side in (1.0, -1.0):
+        met = bound - side * shear <= _ZERO * stress
+        own = slips & (side * relief[1] > 0.0)
+        single = held_at_zero & (side > 0.0)
+        chosen = np.where(held_at_zero, single, met & (own | ~slips))
+        found.append((chosen, True, slope, side * one, side * one, limit, own | single))
+    parts = [
+        (every[chosen], np.full(int(chosen.sum()), along), *(part[chosen] for part in rest))
+        for chosen, along, *rest in found
+    ]
+    return _Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _relieved(M: Matrix, q: Vector, strong: BoolVector) -> Vector:
+    """What x (r,) changes by, of dw = q + M dx; see the module."""
+    x, weak = np.zeros(len(q)), ~strong
+    if not len(q):
+        return x
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(M)), 1e-300 + 1e-12 * np.abs(np.diag(M)).max()))
+    M, q = scale[:, None] * M * scale, scale * q
+    right = np.column_stack([q[strong], M[np.ix_(strong, weak)]])
+    solved = _solved(M[np.ix_(strong, strong)], right)
+    if weak.any():
+        across = M[np.ix_(weak, strong)]
+        reduced, rest = M[np.ix_(weak, weak)] - across @ solved[:, 1:], q[weak] - across @ solved[:, 0]
+        vertex = solve_lcp(reduced, rest / (np.abs(rest).max() or 1.0), np.ones(len(rest)))
+        if vertex is None:
+            raise InputError(
+                "derivative", "none found", "a point changes its state: take a slightly different parameter"
+            )
+        x[weak] = vertex.x * (np.abs(rest).max() or 1.0)
+    x[strong] = -solved[:, 0] - solved[:, 1:] @ x[weak]
+    return np.asarray(scale * x)
+
+
+def _solved(A: Matrix, right: Matrix) -> Matrix:
+    """The solution of a linear system, of least size where it is singular."""
+    try:
+        found = np.linalg.solve(A, right)
+        if np.abs(A @ found - right).max(initial=0.0) <= _MET * max(1e-300, float(np.abs(right).max(initial=0.0))):
+            return np.asarray(found)
+    except np.linalg.LinAlgError:
+        pass
+    return np.asarray(lstsq(A, right, cond=_RANK)[0])
