@@ -49,7 +49,7 @@ def _hypothesis_starts():
     def first_example(_nothing):
         """Hypothesis looks for whoever holds NumPy's generator, which it could not see among what is frozen, once."""
 
-    settings.register_profile("suite", max_examples=examples(50), deadline=None, derandomize=True)
+    settings.register_profile("suite", max_examples=examples(25), deadline=None, derandomize=True)
     settings.load_profile("suite")
     return first_example
 

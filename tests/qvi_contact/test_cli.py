@@ -159,13 +159,6 @@ def test_charts_are_those_of_panels(shell, plate, tmp_path):
     assert (status, len(err.splitlines()), "'plate'" in err) == (2, 1, True)
 
 
-def test_a_wrong_back_end_of_matplotlib_is_one_line(plate, tmp_path):
-    words = ("-m", "qvi_contact", "solve", plate, "--plot", tmp_path / "a.png")
-    done = ran(*words, env=os.environ | {"MPLBACKEND": "nonsense"})
-    refused((done.returncode, done.stdout, done.stderr), "MPLBACKEND: 'nonsense'")
-    assert not (tmp_path / "a.png").exists()
-
-
 @pytest.mark.parametrize(
     ("option", "value", "words"),
     [
@@ -307,7 +300,7 @@ def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
     """Most of the generated files are broken; those that are not are solved, or not, and checked."""
     path, endings = tmp_path / "broken.toml", []
 
-    @settings(max_examples=examples(80), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=examples(40), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
     @given(mutated())
     def one_file(content):
         path.write_bytes(content)
@@ -322,4 +315,4 @@ def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
             assert (status, err) == (0, "")
 
     one_file()
-    assert examples(56) <= endings.count(2) < len(endings)
+    assert examples(28) <= endings.count(2) < len(endings)
