@@ -125,6 +125,16 @@ def in_tmp_path(tmp_path, monkeypatch):
 
 
 @pytest.fixture
+def outlined():
+    """Pictures without the time it takes to lay them out and to draw them."""
+    pytest.importorskip("matplotlib")
+    from tests.comparisons.conftest import outlines
+
+    with outlines():
+        yield
+
+
+@pytest.fixture
 def environ(monkeypatch):
     """A function that sets variables of the environment, or takes away those that are None."""
 

