@@ -407,6 +407,14 @@ KNOWN: Final[dict[str, Table]] = {
                 value, 0.0, "motion of rigid blocks on the same joints", _METHODS, compare)
           for value, compare in ((1.0, "at_most"), (0.92, "at_least"))),
     ]),
+    "meshed_apart": Table("A block on a base, meshed apart: the patch test.", [
+        Known("N [N/mm]", "seam.normal_force", 500.0, 1e-9, "balance"),
+        Known("T over N", _slope("seam"), 0.0, 1e-9, "uniform stress"),
+        Known("largest pressure [MPa]", _line("seam", lambda line: float(-line.normal_stress.min())), 10.0, 1e-9,
+              "uniform stress"),
+        Known("least pressure [MPa]", _line("seam", lambda line: float(-line.normal_stress.max())), 10.0, 1e-9,
+              "uniform stress"),
+    ]),
     "punch": Table("A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure.", [
         Known("N [N/mm]", "punch.normal_force", 100.0, 1e-9, "force on the punch"),
         Known("T over N", _slope("punch"), 0.0, 1e-3, "symmetry in x; diagonals of the cells are not"),

@@ -92,8 +92,7 @@ def solve_companion(
     Raises
     ------
     InputError
-        If the problem or an argument is wrong, a fluid presses in a contact, or loads on a body that nothing holds are
-        out of balance.
+        If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance.
 
     Notes
     -----

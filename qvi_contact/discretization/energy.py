@@ -26,6 +26,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.curved import Rule
 from qvi_contact.discretization.space import StressSpace
 from qvi_contact.discretization.supports import Supports
@@ -235,15 +236,10 @@ class BodyStiffness(PicklesFields):
     energy: TriangleEnergy
 
     @classmethod
-    def on(cls, supports: Supports, materials: IntArray, compliances: FloatArray) -> BodyStiffness:
-        """That of supports and materials; the latest is kept."""
-        key = materials.tobytes(), compliances.tobytes()
-        kept, found = supports.kept.get(cls, (None, None))
-        if kept != key:
-            found = cls(supports, TriangleEnergy(supports.space, materials, compliances))
-            supports.kept[cls] = key, found
-        assert isinstance(found, cls)
-        return found
+    def on(cls, supports: Supports, materials: IntArray, compliances: FloatArray, kept: Kept) -> BodyStiffness:
+        """That of supports and materials, made once."""
+        key = supports, materials.tobytes(), compliances.tobytes()
+        return kept(cls, key, lambda: cls(supports, TriangleEnergy(supports.space, materials, compliances)))
 
     @cached_property
     def K(self) -> Any:  # noqa: N802  # letter of (D2)
@@ -268,10 +264,15 @@ class BodyStiffness(PicklesFields):
             raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
         return K
 
-    @cached_property
-    def matrix(self) -> Stiffness:
-        """K with its root, and what is factorised of it."""
-        return Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+    def matrix(self, kept: Kept) -> Stiffness:
+        """K with its root, and what is factorised of it, made once; it refers to this, not the other way round."""
+
+        def made() -> Stiffness:
+            found = Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+            read_only(found.K)
+            return found
+
+        return kept(Stiffness, self, made)
 
     @cached_property
     def places(self) -> FloatArray | None:
