@@ -375,7 +375,7 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
-    work, held = initial_work(fields, problem.compliances)
+    work, held = initial_work(fields, problem.compliances).tolist()
     complementary += work - fluid_work(discretization)
     size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state

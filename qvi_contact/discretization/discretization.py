@@ -31,6 +31,7 @@ from qvi_contact.discretization.loads import (
 from qvi_contact.discretization.plates import PlateRows, misplaced_pins, plate_rows, pressed_pins
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, LawOn, Rows, StressSpace, edge_rule
+from qvi_contact.discretization.springs import Springs
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
@@ -320,12 +321,13 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
         )
         raise InputError("ContactProblem.conditions", imbalance * scales.stress * scales.length, remedy)
     compliances = np.stack([material.compliance / scales.compliance for material in problem.materials])
-    stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances, kept)
+    contacts = contact_rows(problem, space, rule, scales)
+    springs = Springs.of(problem, space, scales, contacts)
+    stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances, springs, kept)
     stress = cell_stress(problem, space, scales)
     body = None if stress is None else stiffness.energy.loaded(stress)
-    contacts = contact_rows(problem, space, rule, scales)
     plates = plate_rows(problem, scales, contacts, supports, particular)
-    root = Root(stiffness, particular, body)
+    root = Root(stiffness, particular, body, None if springs is None else springs.constant)
     qvi = _algebraic(problem, rule, scales, root, contacts, plates)
     return Discretization(problem, scales, rule, root, contacts, plates, qvi)
 
@@ -348,7 +350,7 @@ def _algebraic(
         load = load + rows.work()
     load = supports.basis.reduced(load)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
-    if root.body is not None or root.particular.any():
+    if root.body is not None or root.particular.any() or (root.springs is not None and root.springs.any()):
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
         n0, t0 = np.split(traces.apply(root.particular), 2)
         n0, t0 = rule.at_rows(n0), rule.at_rows(t0)

@@ -15,14 +15,14 @@ from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from solvers import Iteration
-from solvers.basics.types import Stated
+from solvers.basics.types import PicklesFields
 from solvers.solve import Settings as Method
 
 Listener: TypeAlias = Callable[[Iteration], object]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(Stated):
+class Settings(PicklesFields):
     """How a problem is discretised and solved.
 
     All functions that solve take such settings, or their fields and options of the method as keyword arguments:
