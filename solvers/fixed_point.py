@@ -465,15 +465,8 @@ def _record(
         len(state.history) + 1, residual, qvi.energy(result.z), qvi.resultant(result.z), result.status,
         result.iterations, time.perf_counter() - began,
     )  # fmt: skip
-    _append(state, entry, options)
-
-
-def _append(state: _State, entry: Iteration, options: FixedPointOptions) -> None:
-    """To the history, and tell those who listen."""
     state.history.append(entry)
-    report(Progress("fixed-point", entry))
-    if options.callback is not None:
-        options.callback(entry)
+    report(Progress("fixed-point", entry), options.callback)
 
 
 def _next(qvi: FrictionQVI, state: _State, g: Vector) -> Vector:

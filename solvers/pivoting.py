@@ -27,7 +27,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -37,7 +36,7 @@ from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.certificate.certificate import certify
-from solvers.inequality.problem import Compliance, FrictionQVI
+from solvers.inequality.problem import Compliance, FrictionQVI, Law
 from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution
 
 LARGEST = 200
@@ -69,24 +68,6 @@ class PivotingOptions:
         whole_number("max_iterations", self.max_iterations)
 
 
-class _Law(NamedTuple):
-    """mu, cohesion and cap of the contact points (m,) each."""
-
-    mu: Vector
-    cohesion: Vector
-    cap: Vector
-
-    @classmethod
-    def of(cls, qvi: FrictionQVI) -> _Law:
-        """The problem's own."""
-        return cls(qvi.mu, qvi.cohesion, qvi.cap)
-
-    @classmethod
-    def given(cls, bound: Vector) -> _Law:
-        """|σ_T| ≤ bound whatever the pressure."""
-        return cls(np.zeros(len(bound)), bound, np.full(len(bound), np.inf))
-
-
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Bounds of one problem for given signs of σ_N, in units of the tractions and of the multipliers they relieve.
@@ -103,7 +84,7 @@ class _Rows:
     F: Matrix
 
     @classmethod
-    def of(cls, qvi: FrictionQVI, law: _Law, signs: Vector, unit: float) -> _Rows:
+    def of(cls, qvi: FrictionQVI, law: Law, signs: Vector, unit: float) -> _Rows:
         """The rows; `unit`: multiplier over weight of x = 1."""
         m, one = qvi.m, np.eye(qvi.m)
         normal, capped = np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
@@ -157,9 +138,7 @@ class _Run:
             time.perf_counter() - self.began,
         )  # fmt: skip
         self.best.history.append(entry)
-        report(Progress("pivoting", entry))
-        if self.options.callback is not None:
-            self.options.callback(entry)
+        report(Progress("pivoting", entry), self.options.callback)
         if certificate.accuracy < self.accuracy:
             self.accuracy = certificate.accuracy
             best = self.best
@@ -202,13 +181,13 @@ def other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Itera
     if (qvi.bilateral & (qvi.mu > 0.0)).any():
         return
     stress, unit = _scales(qvi, compliance)
-    rows, M, q = _posed(qvi, compliance, _Law.of(qvi), -np.ones(qvi.m), stress, unit)
+    rows, M, q = _posed(qvi, compliance, qvi.law, -np.ones(qvi.m), stress, unit)
     vertex = solve_lcp(M, q, _direction(len(q), 0))
     if vertex is not None:
         yield rows.F @ vertex.x
     bound = np.zeros(qvi.m)
     for _ in range(_STEPS if both else 0):
-        rows, M, q = _posed(qvi, compliance, _Law.given(bound), -np.ones(qvi.m), stress, unit)
+        rows, M, q = _posed(qvi, compliance, Law(np.zeros(qvi.m), bound), -np.ones(qvi.m), stress, unit)
         vertex = solve_lcp(M, q, _direction(len(q), 0))
         if vertex is None:
             return
@@ -226,7 +205,7 @@ def _scales(qvi: FrictionQVI, compliance: Compliance) -> tuple[float, float]:
 
 
 def _posed(
-    qvi: FrictionQVI, compliance: Compliance, law: _Law, signs: Vector, stress: float, unit: float
+    qvi: FrictionQVI, compliance: Compliance, law: Law, signs: Vector, stress: float, unit: float
 ) -> tuple[_Rows, Matrix, Vector]:
     """Rows, M and q of the linear complementarity problem of a law for given signs of σ_N."""
     rows = _Rows.of(qvi, law, signs, unit)
@@ -243,7 +222,7 @@ def _try(run: _Run, number: int) -> bool:
         if run.spent:
             return False
         signs = np.where(guessed & (normal > 0.0), 1.0, -1.0)
-        rows, M, q = _posed(qvi, run.compliance, _Law.of(qvi), signs, run.stress, run.unit)
+        rows, M, q = _posed(qvi, run.compliance, qvi.law, signs, run.stress, run.unit)
         vertex = solve_lcp(M, q, _direction(len(q), number))
         if vertex is None:
             return False

@@ -32,7 +32,7 @@ shrinks the step.
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -43,6 +43,7 @@ from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import certify
 from solvers.inequality.problem import Compliance, FrictionQVI
+from solvers.inequality.rows import largest
 from solvers.inner.registry import versions
 from solvers.solution import Iteration, Outcome
 
@@ -91,47 +92,59 @@ class UzawaOptions:
                 whole_number(name, getattr(self, name))
 
 
-@dataclass(eq=False)
-class _State:
-    """λ (2m,) that gave σ (2m,), and the bookkeeping of the stopping tests."""
-
-    lam: Vector
-    sigma: Vector
-    number: int = 0
-    change: float = np.inf
-    scale: float = 1.0
-    snapshot: Vector | None = None
-    certify_at: int = 0
-    history: list[Iteration] = field(default_factory=list)
-    reason: Status | None = None
-    message: str = ""
-
-
 def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Outcome:
     """Run the procedure of this module; z belongs to the multipliers it was computed from in (4.1)."""
     began = time.perf_counter()
-    compliance = Compliance(qvi)
+    compliance, m, W2 = Compliance(qvi), qvi.m, np.concatenate([qvi.W, qvi.W])
     omega_N = options.omega_N or _default_step(qvi, compliance)
-    state = _State(np.zeros(2 * qvi.m), compliance.bonded)  # (i)
-    W2 = np.concatenate([qvi.W, qvi.W])
-    set_up = time.perf_counter()
-    while state.reason is None:
-        state.number += 1
-        state.sigma = compliance.bonded - compliance.relief(W2 * state.lam)  # (4.1)
-        new = _update(qvi, state, omega_N, _step_length(options, state.number), options.rule)
-        _measure(state, new)
-        _record(state, qvi, W2, options, began)
-        _terminate(qvi, compliance, state, W2, options, tolerance)
-        if state.reason is None:
-            state.lam = new
-    m = W2 * state.lam
-    z, nu = compliance.unknowns(m)
-    if state.history[-1].number != state.number:
-        state.history.append(_iteration(state, qvi, W2, set_up))
+    energy_bonded = qvi.energy(qvi.bonded)
+    tested = options.iterations is None  # else their number alone ends it
+    limit = min(options.iterations or options.max_iterations, options.max_iterations)
+    setup = time.perf_counter() - began
+    lam: Vector = np.zeros(2 * m)  # (i)
+    history, number, certify_at, snapshot = list[Iteration](), 0, 0, lam
+    reason: Status | None = None
+    message = ""
+    while reason is None:
+        number += 1
+        sigma = compliance.bonded - compliance.relief(W2 * lam)  # (4.1)
+        age = 0.0 if options.step_decay is None else (number - 1) / options.step_decay
+        omega_T = options.omega_T * (2.0**-age if options.decay == "geometric" else 1.0 / (1.0 + age))
+        new = _update(qvi, lam, sigma, omega_N, omega_T, options.rule)
+        scale = largest(new) or 1.0
+        change = largest(new - lam) / scale
+        # Without z: the energy is that of the bonded solution + ½ mᵀ C m.
+        energy = energy_bonded + 0.5 * float((W2 * lam) @ (compliance.bonded - sigma))
+        spent = time.perf_counter() - began
+        entry = Iteration(number, change, energy, float(qvi.W @ sigma[:m]), seconds=spent)
+        # Every iteration is recorded up to a thousand, then those with three digits: 1010, 1020, …, 10100, 10200.
+        if number <= _RECORD_ALL or not number % 10 ** (len(str(number)) - 3):
+            history.append(entry)
+            report(Progress("uzawa", entry), options.callback)
+        # The table of this module, row by row; a snapshot every 64 iterations is compared with up to 8 after it.
+        since = number % _CYCLE_EVERY
+        snapshot = snapshot if since else lam
+        if not np.isfinite(change):
+            reason, message = Status.DIVERGED, "the multipliers are no longer finite"
+        elif tested and change <= tolerance and number >= certify_at:
+            z, nu = compliance.unknowns(W2 * lam)
+            passed = certify(qvi, z, qvi.W * lam[:m], qvi.W * lam[m:], nu, tolerance).passed
+            reason = Status.SOLVED if passed else Status.STALLED if change == 0.0 else None
+            message = "the multipliers no longer change" if reason is Status.STALLED else ""
+            certify_at = number + max(10, number // 10)
+        elif tested and change > tolerance and number >= _CYCLE_EVERY and 2 <= since <= _CYCLE_PERIOD:
+            cycles = largest(lam - snapshot) <= 1e-6 * change * scale
+            reason, message = (Status.CYCLING, "the multipliers repeat themselves") if cycles else (None, "")
+        if reason is None and (number >= limit or deadline.over):
+            reason = Status.MAX_ITERATIONS if number >= limit else Status.TIME_LIMIT
+        lam = new if reason is None else lam
+    if history[-1].number != number:
+        history.append(entry)
+    z, nu = compliance.unknowns(W2 * lam)
+    found = versions(("scipy",))
     return Outcome(
-        state.reason, z, m[: qvi.m], m[qvi.m :], nu, state.history, state.number, state.message, setup=set_up - began,
-        versions=versions(("scipy",)),
-    )  # fmt: skip
+        reason, z, qvi.W * lam[:m], qvi.W * lam[m:], nu, history, number, message, setup=setup, versions=found
+    )
 
 
 def _default_step(qvi: FrictionQVI, compliance: Compliance) -> float:
@@ -146,19 +159,11 @@ def _default_step(qvi: FrictionQVI, compliance: Compliance) -> float:
     return 1.0 / radius
 
 
-def _step_length(options: UzawaOptions, number: int) -> float:
-    if options.step_decay is None:
-        return options.omega_T
-    age = (number - 1) / options.step_decay
-    return options.omega_T * (2.0**-age if options.decay == "geometric" else 1.0 / (1.0 + age))
-
-
-def _update(qvi: FrictionQVI, state: _State, omega_N: float, omega_T: float, rule: Rule) -> Vector:
+def _update(qvi: FrictionQVI, lam: Vector, sigma: Vector, omega_N: float, omega_T: float, rule: Rule) -> Vector:
     """(4.2)-(4.4)."""
     m = qvi.m
-    sigma_N, sigma_T = state.sigma[:m], state.sigma[m:]
-    lambda_N = np.where(qvi.bilateral, 0.0, np.maximum(state.lam[:m] + omega_N * sigma_N, 0.0))  # (4.2)
-    old = state.lam[m:]
+    sigma_N, sigma_T, old = sigma[:m], sigma[m:], lam[m:]
+    lambda_N = np.where(qvi.bilateral, 0.0, np.maximum(lam[:m] + omega_N * sigma_N, 0.0))  # (4.2)
     delta = omega_T * (1.0 - qvi.threshold(qvi.law.pressed(sigma_N)) / np.abs(sigma_T))  # (4.4)
     sign = np.sign(sigma_T)
     if rule == "printed":  # (4.3)
@@ -168,68 +173,3 @@ def _update(qvi: FrictionQVI, state: _State, omega_N: float, omega_T: float, rul
         new = np.where(delta >= 0, old + sign * delta, shrunk)
     new[(sigma_T == 0) | ((rule == "printed") & (sigma_N >= 0) & ~qvi.bilateral)] = 0.0
     return np.concatenate([lambda_N, new])
-
-
-def _measure(state: _State, new: Vector) -> None:
-    state.scale = float(np.abs(new).max(initial=0.0)) or 1.0
-    state.change = float(np.abs(new - state.lam).max(initial=0.0)) / state.scale
-
-
-def _record(state: _State, qvi: FrictionQVI, W2: Vector, options: UzawaOptions, began: float) -> None:
-    """Every iteration up to a thousand, then those with three digits: 1010, 1020, …, 10100, 10200."""
-    i = state.number
-    if i > _RECORD_ALL and i % 10 ** (len(str(i)) - 3):
-        return
-    entry = _iteration(state, qvi, W2, began)
-    state.history.append(entry)
-    report(Progress("uzawa", entry))
-    if options.callback is not None:
-        options.callback(entry)
-
-
-def _iteration(state: _State, qvi: FrictionQVI, W2: Vector, began: float) -> Iteration:
-    """Record without z: the energy is that of the bonded solution + ½ mᵀ C m."""
-    bonded = np.concatenate([qvi.normal(qvi.bonded), qvi.tangential(qvi.bonded)])
-    energy = qvi.energy(qvi.bonded) + 0.5 * float((W2 * state.lam) @ (bonded - state.sigma))
-    resultant = float(qvi.W @ state.sigma[: qvi.m])
-    return Iteration(state.number, state.change, energy, resultant, seconds=time.perf_counter() - began)
-
-
-def _terminate(
-    qvi: FrictionQVI,
-    compliance: Compliance,
-    state: _State,
-    W2: Vector,
-    options: UzawaOptions,
-    tolerance: float,
-) -> None:
-    """Apply the table of this module, row by row."""
-    i = state.number
-    if not np.isfinite(state.change):
-        state.reason, state.message = Status.DIVERGED, "the multipliers are no longer finite"
-    elif options.iterations is not None:
-        state.reason = Status.MAX_ITERATIONS if i >= options.iterations else None
-    elif state.change <= tolerance and i >= state.certify_at:
-        z, nu = compliance.unknowns(W2 * state.lam)
-        m_N, m_T = np.split(W2 * state.lam, 2)
-        if certify(qvi, z, m_N, m_T, nu, tolerance).passed:
-            state.reason = Status.SOLVED
-        elif state.change == 0.0:
-            state.reason, state.message = Status.STALLED, "the multipliers no longer change"
-        state.certify_at = i + max(10, i // 10)
-    elif _cycles(state, tolerance):
-        state.reason, state.message = Status.CYCLING, "the multipliers repeat themselves"
-    if state.reason is None and i >= options.max_iterations:
-        state.reason = Status.MAX_ITERATIONS
-    if state.reason is None and deadline.over:
-        state.reason = Status.TIME_LIMIT
-
-
-def _cycles(state: _State, tolerance: float) -> bool:
-    """Compare with a snapshot taken every 64 iterations, up to 8 iterations after it."""
-    age = state.number % _CYCLE_EVERY
-    if age == 0:
-        state.snapshot = state.lam
-    if state.snapshot is None or not 2 <= age <= _CYCLE_PERIOD or state.change <= tolerance:
-        return False
-    return bool(np.abs(state.lam - state.snapshot).max(initial=0.0) <= 1e-6 * state.change * state.scale)

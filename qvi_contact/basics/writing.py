@@ -4,8 +4,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from qvi_contact.basics.files import check_writable, given_path, identity, replacing, unwritable
 from qvi_contact.errors import InputError
-from solvers.basics.files import check_writable, given_path, identity, replacing, unwritable
 
 if TYPE_CHECKING:
     from jinja2 import Template

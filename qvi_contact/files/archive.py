@@ -19,6 +19,7 @@ from numpy.lib.format import MAGIC_PREFIX
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.files import open_regular, read_arrays
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import replacing
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -30,7 +31,6 @@ from qvi_contact.files.problem_writer import problem_to_toml, unread_toml
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status
-from solvers.basics.files import open_regular, read_arrays
 from solvers.certificate.certificate import EXPONENTS
 
 FORMAT: Final = "qvi_contact result"

@@ -1,4 +1,4 @@
-"""What every method uses: types, files, the words for how a solve ended."""
+"""What every method uses: types, checks, the words for how a solve ended."""
 
 from solvers.basics.front import front
 
@@ -6,7 +6,6 @@ __getattr__ = front(
     __name__,
     {
         "checks": ("one_of", "real_array", "whole_number"),
-        "files": ("LARGEST",),
         "foreign": ("foreign_code",),
         "progress": ("Deadline", "Log", "Progress", "deadline", "listening", "report"),
         "types": ("IntVector", "Matrix", "Vector"),

@@ -100,10 +100,12 @@ def listening(listener: Listener) -> Iterator[None]:
         _listeners.reset(token)
 
 
-def report(progress: Progress) -> None:
-    """Tell all listeners."""
+def report(progress: Progress, callback: "Callable[[Iteration], object] | None" = None) -> None:
+    """Tell all listeners, and the callback of an iteration."""
     for listener in _listeners.get():
         listener(progress)
+    if callback is not None and progress.iteration is not None:
+        callback(progress.iteration)
 
 
 def checked_limit(value: object) -> float:

@@ -432,9 +432,7 @@ class CondensedRun:
         )  # fmt: skip
         self.began = now
         self.history.append(entry)
-        report(Progress("condensed", entry))
-        if self.options.callback is not None:
-            self.options.callback(entry)
+        report(Progress("condensed", entry), self.options.callback)
 
     def outcome(self) -> Outcome:
         """The last point in the unknowns of (D2)."""

@@ -126,32 +126,6 @@ class Factorisation(ABC):
         return array
 
 
-class NoInterior(Factorisation):
-    """k = n: nothing is eliminated, S = K; also the matrix without unknowns."""
-
-    backend = "none"
-
-    def __init__(self, K: Sparse, interface: IntVector) -> None:
-        self.version = "dense"
-        self.interface = interface
-        self.schur = symmetrised(K.toarray())
-        self.seconds = {"analysis": 0.0, "numeric": 0.0}
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns n."""
-        return int(self.interface.size)
-
-    def _forward(self, right: Matrix) -> State:
-        return np.array(right, order="F")
-
-    def _backward(self, state: State, values: Matrix) -> Matrix:
-        return self._with_values(state, values)
-
-    def release(self) -> None:
-        """Nothing to free."""
-
-
 def _as_columns(array: Vector | Matrix) -> Matrix:
     return array if array.ndim == 2 else array[:, None]
 
@@ -241,11 +215,11 @@ class DenseFactor(Factorisation):
         dense, diagonal = K.toarray(), K.diagonal()
         rows = dense[self._interior]
         own, coupling = rows[:, self._interior], np.asfortranarray(rows[:, interface])
-        factor, info = dpotrf(own.T, lower=1, clean=0, overwrite_a=1)  # the transposed is K_II too, in LAPACK's order
+        factor, info = dpotrf(own.T, lower=1, clean=0, overwrite_a=1) if own.size else (own, 0)  # K_II is symmetric
         if info > 0:
             raise FactorisationError("singular", self.backend, f"pivot {info} of the interior is not positive")
         check_pivots(factor.diagonal() ** 2, diagonal[self._interior], self.backend, self.size)
-        S = dense[interface][:, interface]
+        S = symmetrised(dense[interface][:, interface])
         if coupling.size:
             coupling = dtrsm(1.0, factor, coupling, lower=1, overwrite_b=1)
             lower = dsyrk(-1.0, coupling, 1.0, S.T, trans=1, lower=1, overwrite_c=1)
@@ -268,7 +242,7 @@ class DenseFactor(Factorisation):
 
     def _forward(self, right: Matrix) -> State:
         state = np.array(right, order="F")
-        if state.size:
+        if state.size and len(self._interior):
             y = dtrsm(1.0, self._open(), state[self._interior], lower=1)
             state[self._interior] = y
             state[self.interface] -= self._coupling.T @ y
@@ -276,7 +250,7 @@ class DenseFactor(Factorisation):
 
     def _backward(self, state: State, values: Matrix) -> Matrix:
         state = self._with_values(state, values)
-        if state.size:
+        if state.size and len(self._interior):
             y = state[self._interior] - self._coupling @ values
             state[self._interior] = dtrsm(1.0, self._open(), y, lower=1, trans_a=1)
         return state

@@ -14,7 +14,7 @@ from solvers.basics.names import remedy_if_retired
 from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
-from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError, NoInterior
+from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
 from solvers.factorisation.mkl import limited_blas, thread_count
 from solvers.factorisation.superlu import (
     Refactorisation,
@@ -76,9 +76,8 @@ def factorise(
     if threads is not None and threads < 1:
         raise InputError("threads", threads, "give 1 or more, or None for all cores")
     small = backend == "auto" and chosen() is None and K.shape[0] <= SMALL
-    name = DENSE if small or backend == DENSE else resolve(backend)
-    if interface.size == K.shape[0]:
-        return NoInterior(K, interface)
+    nothing = interface.size == K.shape[0]  # is eliminated: S = K
+    name = DENSE if small or nothing or backend == DENSE else resolve(backend)
     diagonal = K.diagonal()
     if not np.all(diagonal > 0.0):
         row = int(np.argmin(diagonal > 0.0))

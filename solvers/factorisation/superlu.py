@@ -274,8 +274,6 @@ def _graph_of_groups(pattern: Sparse) -> tuple[Sparse, IntVector]:
 # is given.
 
 
-_Ordering: TypeAlias = Literal["MMD_AT_PLUS_A", "NATURAL"]
-
 _THRESHOLD = 1e-3  # a pivot on the diagonal may be so much smaller than the largest of its column
 
 
@@ -321,7 +319,7 @@ def refactorisation(
     if backend == "pardiso":
         module: Module = load("solvers.factorisation.pardiso")
         return module.Refactorised(starts, columns, threads, order)  # type: ignore[no-any-return]
-    return _BySuperLU(starts, columns) if order is None else _Reordered(starts, columns, order)
+    return _BySuperLU(starts, columns, order)
 
 
 class _BySuperLU:
@@ -329,17 +327,23 @@ class _BySuperLU:
 
     backend = "superlu"
 
-    def __init__(self, starts: IntVector, columns: IntVector, ordering: _Ordering = "MMD_AT_PLUS_A") -> None:
-        self.version = f"scipy {scipy.__version__}"
-        self._starts, self._columns, self._ordering = starts, columns, ordering
+    def __init__(self, starts: IntVector, columns: IntVector, order: IntVector | None) -> None:
+        self.version, size = f"scipy {scipy.__version__}", len(starts) - 1
+        self._own, self._order = order is None, np.arange(size) if order is None else order
+        entries = csr_array((np.arange(len(columns)), columns, starts), (size, size))
+        if order is not None:
+            entries = entries[order][:, order]
+            entries.sort_indices()
+        self._entries = entries  # of H, by their places in its rows, in the order of elimination
         self._factor: Module = None
 
     def factorise(self, values: Vector) -> None:
         """See `Refactorisation`; rows of H are columns of its transpose."""
-        size = len(self._starts) - 1
-        transposed = csc_array((values, self._columns, self._starts), (size, size))
+        places = self._entries
+        transposed = csc_array((values[places.data], places.indices, places.indptr), places.shape)
+        ordering: Literal["MMD_AT_PLUS_A", "NATURAL"] = "MMD_AT_PLUS_A" if self._own else "NATURAL"
         try:
-            self._factor = splu(transposed, self._ordering, _THRESHOLD, options={"SymmetricMode": True})
+            self._factor = splu(transposed, ordering, _THRESHOLD, options={"SymmetricMode": True})
         except RuntimeError as error:
             raise FactorisationError("singular", self.backend, str(error)) from error
 
@@ -347,29 +351,10 @@ class _BySuperLU:
         """See `Refactorisation`."""
         if self._factor is None:
             raise FactorisationError("backend", self.backend, "there are no factors, or they have been released")
-        return np.asarray(self._factor.solve(right, "T"))
+        found = np.empty_like(right)
+        found[self._order] = self._factor.solve(right[self._order], "T")
+        return found
 
     def release(self) -> None:
         """See `Refactorisation`."""
         self._factor = None
-
-
-class _Reordered(_BySuperLU):
-    """The same with unknowns in an order that is given, in which SuperLU leaves them."""
-
-    def __init__(self, starts: IntVector, columns: IntVector, order: IntVector) -> None:
-        numbers = np.arange(len(columns))
-        moved = csr_array((numbers, columns, starts), (len(order), len(order)))[order][:, order]
-        moved.sort_indices()
-        super().__init__(moved.indptr.astype(np.int64), moved.indices.astype(np.int64), "NATURAL")
-        self._order, self._entries = order, moved.data
-
-    def factorise(self, values: Vector) -> None:
-        """See `Refactorisation`."""
-        super().factorise(values[self._entries])
-
-    def solve(self, right: Vector) -> Vector:
-        """See `Refactorisation`."""
-        found = np.empty_like(right)
-        found[self._order] = super().solve(right[self._order])
-        return found

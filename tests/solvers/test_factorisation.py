@@ -220,7 +220,7 @@ def test_order_of_preference_and_default(environ):
     assert [name for name in BACKENDS if name in BACKENDS_HERE] == BACKENDS_HERE
     environ(**{VARIABLE: "SuperLU"})
     assert factorise(grid(), np.arange(2)).backend == "superlu"
-    assert factorise(grid(), np.arange(60)).version == "dense"
+    assert factorise(grid(), np.arange(60)).backend == DENSE
     for name in BACKENDS_HERE:
         set_default(name)  # goes before the environment
         assert solve_qvi(gallery_plate()).factorisation.startswith(name)
