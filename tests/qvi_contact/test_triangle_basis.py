@@ -94,7 +94,7 @@ def supports_on(space, given):
 def stiffness(space, compliance=COMPLIANCE, given=()):
     """The body of one material with these tractions prescribed."""
     materials = np.zeros(space.mesh.cell_count, dtype=int)
-    return BodyStiffness.on(supports_on(space, given), materials, compliance[None], Kept())
+    return BodyStiffness.on(supports_on(space, given), materials, compliance[None], None, Kept())
 
 
 @pytest.mark.parametrize("degree", [3, 6])
