@@ -49,7 +49,7 @@ def _hypothesis_starts():
     def first_example(_nothing):
         """Hypothesis looks for whoever holds NumPy's generator, which it could not see among what is frozen, once."""
 
-    settings.register_profile("suite", max_examples=examples(50), deadline=None, derandomize=True)
+    settings.register_profile("suite", max_examples=examples(25), deadline=None, derandomize=True)
     settings.load_profile("suite")
     return first_example
 
@@ -122,6 +122,16 @@ def without(monkeypatch):
 def in_tmp_path(tmp_path, monkeypatch):
     """The working folder is the test's own."""
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def outlined():
+    """Pictures without the time it takes to lay them out and to draw them."""
+    pytest.importorskip("matplotlib")
+    from tests.comparisons.conftest import outlines
+
+    with outlines():
+        yield
 
 
 @pytest.fixture

@@ -1,7 +1,9 @@
 """What only the outside world can do: pictures without the time it takes to lay them out, and packages that miss."""
 
 import html
+import io
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +27,11 @@ def outline(figure, file, **_):
         data += [line.get_xydata() for line in axes.lines] + [each.get_offsets() for each in axes.collections]
     elements = "".join(f"<text>{html.escape(text)}</text>" for text in texts_of(figure))
     numbers = [np.round(points, _DECIMALS).tolist() for points in data]
-    file.write(f"<svg>{elements}<desc>{numbers}</desc></svg>\n")
+    picture = f"<svg>{elements}<desc>{numbers}</desc></svg>\n"
+    if hasattr(file, "write"):
+        file.write(picture if isinstance(file, io.TextIOBase) else picture.encode())
+    else:
+        Path(file).write_text(picture, encoding="utf-8")
 
 
 @contextmanager
@@ -34,11 +40,4 @@ def outlines():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("matplotlib.figure.Figure.savefig", outline)
         patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
-        yield
-
-
-@pytest.fixture
-def outlined():
-    pytest.importorskip("matplotlib")
-    with outlines():
         yield

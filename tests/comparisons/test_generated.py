@@ -35,7 +35,7 @@ SAMPLE = [
     *(
         (family, number)
         for family in generator.FAMILIES
-        for number in range(examples(3))
+        for number in range(examples(2))
         if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
     ),
 ]
@@ -205,7 +205,7 @@ def test_an_exception_that_is_not_the_packages_own_is_foreign():
     assert wild.solve_case({"family": {}, "number": 0})["outcome"] == wild.FOREIGN
 
 
-QUICK = [24, 30, 2, 40][: examples(3)]  # problems that are refined in a second
+QUICK = [24, 30, 2, 40][: examples(2)]  # problems that are refined in a second
 
 
 class TestEstimates:

@@ -120,10 +120,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_any_work(name, place,
     assert Path("file").read_text(encoding="utf-8") == "kept"
 
 
-@pytest.mark.parametrize(("words", "status"), [(("--help",), 0), (("benchmark", "--help"), 0), (("nothing",), 2)])
-def test_module_runs(words, status):
-    done = subprocess.run(
-        [sys.executable, "-m", "comparisons", *words], capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == status
-    assert len(done.stderr.splitlines()) == (0 if status == 0 else 1)
+def test_module_runs():
+    words = [sys.executable, "-m", "comparisons", "nothing"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)

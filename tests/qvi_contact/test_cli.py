@@ -135,7 +135,7 @@ def test_what_cannot_be_carried_is_said_once(shell, sliding):
 def test_files_are_written_beside_the_report(shell, plate, sliding, tmp_path):
     """Fields have the displacement of the second model."""
     meshio = pytest.importorskip("meshio")
-    files = {"--plot": "a.png", "--vtk": "a.vtu", "--npz": "a.npz", "--save-json": "a.json"}
+    files = {"--vtk": "a.vtu", "--npz": "a.npz", "--save-json": "a.json"}
     targets = [part for option, file in files.items() for part in (option, tmp_path / file)]
     status, out, err = shell("solve", plate, *targets)
     assert (status, err) == (0, "")
@@ -157,13 +157,6 @@ def test_charts_are_those_of_panels(shell, plate, tmp_path):
         assert (tmp_path / "a.svg").read_text(encoding="utf-8").count("<!-- x [") == labels
     status, _, err = shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", "plat")
     assert (status, len(err.splitlines()), "'plate'" in err) == (2, 1, True)
-
-
-def test_a_wrong_back_end_of_matplotlib_is_one_line(plate, tmp_path):
-    words = ("-m", "qvi_contact", "solve", plate, "--plot", tmp_path / "a.png")
-    done = ran(*words, env=os.environ | {"MPLBACKEND": "nonsense"})
-    refused((done.returncode, done.stdout, done.stderr), "MPLBACKEND: 'nonsense'")
-    assert not (tmp_path / "a.png").exists()
 
 
 @pytest.mark.parametrize(
@@ -307,7 +300,7 @@ def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
     """Most of the generated files are broken; those that are not are solved, or not, and checked."""
     path, endings = tmp_path / "broken.toml", []
 
-    @settings(max_examples=examples(80), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=examples(40), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
     @given(mutated())
     def one_file(content):
         path.write_bytes(content)
@@ -322,4 +315,4 @@ def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
             assert (status, err) == (0, "")
 
     one_file()
-    assert examples(56) <= endings.count(2) < len(endings)
+    assert examples(28) <= endings.count(2) < len(endings)

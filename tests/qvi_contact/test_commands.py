@@ -155,6 +155,7 @@ class TestHistory:
         assert steps == [f"step {number}, t = {time}" for number, time in ((1, 0), (2, 0.25), (3, 0.5))]
         assert shell("verify", tmp_path / "a.npz")[0] == 0
 
+    @pytest.mark.usefixtures("outlined")
     def test_a_document_and_a_picture(self, shell, cycle, tmp_path):
         document = answered(shell("solve", cycle, "--json", "--plot", tmp_path / "loop.svg"))
         assert document["times"] == [0.0, 0.25, 0.5]
@@ -190,6 +191,7 @@ class TestHistory:
 class TestCheck:
     """`qvi-contact check` says what was understood."""
 
+    @pytest.mark.usefixtures("outlined")
     def test_everything(self, shell, tmp_path):
         (tmp_path / "rich.toml").write_text(RICH, encoding="utf-8")
         status, out, err = shell("check", tmp_path / "rich.toml", "--plot", tmp_path / "rich.png")
@@ -227,6 +229,7 @@ class TestCheck:
             refused(shell(command, tmp_path / "free.toml"), "boundary conditions: ", "out of balance")
 
 
+@pytest.mark.usefixtures("outlined")
 def test_limit(shell, sliding):
     loads = ["--load", "drag"]
     document = answered(shell("limit", sliding, *loads, "--json"))
@@ -251,6 +254,7 @@ def table_rows(text):
 class TestRefine:
     """`qvi-contact refine`: rounds, what the error is, files, and what a problem file says of it."""
 
+    @pytest.mark.usefixtures("outlined")
     def test_a_guaranteed_bound(self, shell, tmp_path):
         """Table and sentence say what the function finds; every file is written, and the archive verifies."""
         page, npz, kept = (tmp_path / name for name in ("page.html", "answer.npz", "answer.json"))

@@ -241,7 +241,7 @@ def critical(body, towards):
     return [np.unique([place[axis] for place in found]) for axis in (0, 1)]
 
 
-@pytest.mark.parametrize(("body", "sizes"), thinned(product(BODIES, OPTIONS), 12))
+@pytest.mark.parametrize(("body", "sizes"), thinned(product(BODIES, OPTIONS), 6))
 def test_files_refine_grids_by_the_formula(body, sizes):
     """Old lines stay; a cell is at most as large as the formula says at its larger end, and not needlessly small."""
     options = OPTIONS[sizes]

@@ -175,7 +175,7 @@ def sliding(law, normal, material, side, mesh):
 
 @pytest.mark.parametrize(
     ("law", "side", "plane"),
-    thinned(every_pair(list(SLIDING), ["bottom", "right", "top", "left"], ["stress", "strain"]), 20),
+    thinned(every_pair(list(SLIDING), ["bottom", "right", "top", "left"], ["stress", "strain"]), 10),
 )
 def test_full_slip_in_a_uniform_state(law, side, plane):
     """Under every law, on each of the four sides; work is τ times the slip in the middle."""

@@ -212,7 +212,7 @@ def stacks(draw):
 
 
 @settings(
-    max_examples=examples(8), deadline=None, derandomize=True, phases=(Phase.generate,),
+    max_examples=examples(4), deadline=None, derandomize=True, phases=(Phase.generate,),
     suppress_health_check=list(HealthCheck),
 )  # fmt: skip
 @given(stacks(), st.sampled_from([None, 3, 4]))

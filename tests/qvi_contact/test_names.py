@@ -192,6 +192,7 @@ def test_pictures_show_dollar_signs(odd, drawn):
     assert not any(re.search(r"(?<!\\)\$\\(foo|bar)", text) for text in texts)
 
 
+@pytest.mark.usefixtures("outlined")
 def test_a_page_is_written_with_a_name_that_looks_like_a_formula(odd, shell, tmp_path):
     save_problem(tmp_path / "odd.toml", odd.problem, title=FORMULA, units=UNITS)
     page = tmp_path / "page.html"

@@ -75,7 +75,7 @@ class TestPolygons:
         assert lengths[0] <= min(size, np.pi / 6.0)
         assert 2.0 * np.arcsin(lengths / 2.0).sum() == pytest.approx(turn)
 
-    @settings(max_examples=examples(40), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=examples(20), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
     @given(st.lists(st.floats(0.3, 3.0), min_size=3, max_size=9), st.floats(-1e3, 1e3), st.booleans(), st.data())
     def test_lines_that_cross_are_found(self, radii, shift, reverse, data):
         """A star around a centre is a body; with two of its corners exchanged it mostly is none."""

@@ -206,6 +206,7 @@ class TestBrowser:
 class TestCommand:
     """solve --report."""
 
+    @pytest.mark.usefixtures("outlined")
     def test_what_cannot_be_solved_has_a_page_with_the_reason(self, shell, tmp_path):
         text = TEXT.replace("y = -0.01", "y = 0.01", 1).replace("[[displacements]]", "[[tractions]]")
         (tmp_path / "a.toml").write_text(text, encoding="utf-8")

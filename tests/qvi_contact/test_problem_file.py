@@ -117,7 +117,7 @@ STRENGTHS = st.none() | st.builds(Tresca, POSITIVE) | st.builds(Mises, POSITIVE)
     st.builds(MohrCoulomb, POSITIVE, st.floats(0.0, 1.5), st.none() | POSITIVE))  # fmt: skip
 
 
-@settings(max_examples=examples(50))
+@settings(max_examples=examples(25))
 @given(FRICTIONS, LAWS, st.builds(Material, POSITIVE, st.floats(-0.9, 0.4), st.just("stress"), STRENGTHS), NUMBERS)
 def test_any_contact_and_material_is_read_again(friction, law, material, moved):
     """Field by field: every datum that is left out, a number, an expression or a polynomial."""

@@ -110,7 +110,7 @@ def rectangle(bottom, *others, cells=(2, 2), size=(2.0, 2.0)):
 
 
 @pytest.mark.parametrize(
-    ("gap", "friction", "cohesion"), thinned(product((0.0, 1e-3, 1.0, 1e9), (0.0, 0.3, 1e3), (0.0, 0.03, 1e6)), 9)
+    ("gap", "friction", "cohesion"), thinned(product((0.0, 1e-3, 1.0, 1e9), (0.0, 0.3, 1e3), (0.0, 0.03, 1e6)), 4)
 )
 def test_a_body_that_nothing_presses_has_no_stress(gap, friction, cohesion):
     result = solve(rectangle(Contact("bottom", friction, gap=gap, cohesion=cohesion)))
@@ -194,7 +194,7 @@ def test_full_stick_is_the_bonded_plate(depth, friction):
     assert 2.0 * result.energies.strain == pytest.approx(1e-3 * plate.normal_force, rel=1e-9)  # P U, by Clapeyron
 
 
-@pytest.mark.parametrize(("depth", "friction"), thinned(product((8, 14, 20), (0.0, 0.02, 0.2, 0.5)), 6))
+@pytest.mark.parametrize(("depth", "friction"), thinned(product((8, 14, 20), (0.0, 0.02, 0.2, 0.5)), 3))
 def test_few_iterations_and_a_force_between_slip_and_stick(depth, friction):
     result = condensed(friction, depth)
     assert result.status is Status.SOLVED, result.message

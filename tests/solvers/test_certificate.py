@@ -230,7 +230,7 @@ def test_it_fails_all_around_each(name, size):
 
 
 @pytest.mark.parametrize("name", REACTIONS)
-@settings(max_examples=examples(40), deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(direction=st.tuples(*[st.floats(-1.0, 1.0)] * 4), exponent=st.floats(-6.0, 1.0), consistent=st.booleans())
 def test_it_fails_at_random_distances(name, direction, exponent, consistent):
     values = STATES[name] + 10.0**exponent * np.array(direction)
@@ -271,7 +271,7 @@ def test_all_vanish_where_the_law_holds(p, t, m_N, m_T):
     assert found.work == found.bipotential == 0.0
 
 
-@settings(max_examples=examples(80), deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(p=st.floats(0.0, 3.0), share=st.floats(-1.0, 1.0), m_N=st.floats(0.0, 3.0), m_T=finite)
 def test_the_bipotential_of_admissible_pairs_is_not_negative(p, share, m_N, m_T):
     """De Saxcé's inequality; with equality exactly where the law holds."""
@@ -284,7 +284,7 @@ def test_the_bipotential_of_admissible_pairs_is_not_negative(p, share, m_N, m_T)
     assert found.bipotential == pytest.approx(found.work, rel=1e-14, abs=1e-14)  # sums of products of up to 10
 
 
-@settings(max_examples=examples(80), deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(p=finite, t=finite, m_N=finite, m_T=finite)
 def test_projections_vanish_only_where_the_law_holds(p, t, m_N, m_T):
     """Natural map and Alart-Curnier against the law written as inequalities and products."""

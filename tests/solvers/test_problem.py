@@ -250,7 +250,7 @@ def test_real_numbers_are_copied():
     assert str(InputError("mu", -1.0, "give a number ≥ 0")) == "mu: -1.0: give a number ≥ 0"
 
 
-@settings(max_examples=examples(15), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 @given(st.text(max_size=400), st.integers(0, 300))
 def test_one_line_of_limited_length(text, count):
     for value in (text, list(range(count)), "/folder" * count):

@@ -28,7 +28,7 @@ def planted(draw):
     return csr_array(rows * 10.0 ** random.uniform(-3, 3, len(rows))[:, None])
 
 
-@settings(max_examples=examples(60), deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(planted())
 def test_echelon_finds_the_rank_and_a_basis(Y):
     dense = Y.toarray()

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from click.testing import CliRunner
 from qvi_contact import InputError, TriangleMesh, load_result, other_solutions, save_problem, solve, solve_history
 from qvi_contact.bracket import CellFields, bulk
 from qvi_contact.cli import group
-from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.gallery import compressed_plate, masonry_wall, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
 from qvi_contact.units import Units
 from qvi_contact.verification import verify_file
@@ -127,3 +128,30 @@ def test_the_command_where_there_is_one_or_none(tmp_path):
     with pytest.raises(InputError) as caught:
         CliRunner().invoke(group, ["branches", str(EXAMPLES / "cyclic_shear.toml")], catch_exceptions=False)
     assert "history" in str(caught.value)
+
+
+ORDINARY = {
+    "plate": partial(compressed_plate, 0.2, (2, 2)),
+    "wall": partial(masonry_wall, 3, 3, ()),
+    "SSNV128": partial(ssnv128, (4, 4)),
+    "frictionless": partial(compressed_plate, 0.0, (2, 2)),
+}
+
+
+def suspects(result):
+    """Remarks that lead to other solutions."""
+    return [remark for remark in result.remarks if "several solutions" in remark]
+
+
+@pytest.mark.parametrize("friction", [3.0, 5.0])
+def test_large_friction_leads_to_the_search_for_others(friction):
+    found = suspects(solve(ssnv128((4, 4), friction)))
+    assert len(found) == 1
+    assert "other_solutions" in found[0]
+
+
+@pytest.mark.parametrize("name", ORDINARY)
+def test_ordinary_friction_is_no_reason(name):
+    result = solve(ORDINARY[name]())
+    assert result.status is Status.SOLVED
+    assert not suspects(result)

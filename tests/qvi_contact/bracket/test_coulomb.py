@@ -242,7 +242,7 @@ def test_stresses_made_bad_at_random_are_never_closer_than_said():
     problem = result.problem
     weaker = [solve(with_law(problem, friction=mu), degree=4) for mu in (0.02, 0.1, 0.18)]
     ratios = []
-    for number in range(examples(8)):
+    for number in range(examples(4)):
         z = weaker[number % 3].solution.z
         step = random.standard_normal(len(z)) * np.abs(z).max() * 10.0 ** random.uniform(-4.0, 0.0)
         while not _inside(qvi, z + step):

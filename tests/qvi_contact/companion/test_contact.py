@@ -65,7 +65,7 @@ def energy_from_below(contact, cells):
 class TestCompressedPlate:
     """The paper's plate."""
 
-    @pytest.mark.parametrize("friction", thinned(list(HALF_FORCES), 3))
+    @pytest.mark.parametrize("friction", thinned(list(HALF_FORCES), 2))
     def test_other_codes(self, friction):
         """Largest error 3.4e-6 with 12 × 12 cells."""
         companion = companion_of(compressed_plate(friction, (12, 12), grading=0.85), degree=4)
@@ -81,7 +81,7 @@ class TestCompressedPlate:
         assert (steps > 0.0).all()
         assert np.log2(steps[:-1] / steps[1:]) == pytest.approx(1.42, abs=0.12)
 
-    @pytest.mark.parametrize(("contact", "degree"), thinned(product(CONVEX, (2, 3, 4)), 6))
+    @pytest.mark.parametrize(("contact", "degree"), thinned(product(CONVEX, (2, 3, 4)), 3))
     def test_energy_from_above(self, contact, degree):
         """Never below the equilibrium model's, and falling on nested meshes."""
         upper, lower = [], []
