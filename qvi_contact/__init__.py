@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.contact_line import ContactLine, ContactState
     from qvi_contact.solution.history import History, loop_area, solve_history
     from qvi_contact.solution.result import ContactResult
+    from qvi_contact.solution.settings import Settings
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
     from qvi_contact.solution.sweep import Sweep, SweepRow, solve_sweep
@@ -75,6 +76,7 @@ _HOME = {
     "RefinementStatus": "refinement",
     "Region": "problem.material",
     "RigidPlate": "problem.conditions",
+    "Settings": "solution.settings",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
     "StoredSweep": "files.sweep_store",
@@ -145,6 +147,7 @@ __all__ = [
     "RefinementStatus",
     "Region",
     "RigidPlate",
+    "Settings",
     "SolveError",
     "SolverUnavailableError",
     "StoredSweep",

@@ -9,7 +9,7 @@ import random
 from collections.abc import Sequence
 from typing import Any
 
-EFFORT = float(os.environ.get("QVI_CONTACT_EFFORT", "1"))
+EFFORT = float(os.environ.get("QVI_CONTACT_EFFORT", "0.5"))
 
 
 def examples(count: int) -> int:

@@ -3,6 +3,7 @@
 import gc
 import os
 import shutil
+import sys
 from types import SimpleNamespace
 
 # Before NumPy is loaded. Each core has a process of tests already, and BLAS waits for its threads by spinning.
@@ -109,6 +110,29 @@ def clock(monkeypatch):
     clock.passes = lambda seconds: setattr(clock, "now", clock.now + seconds)
     monkeypatch.setattr("solvers.basics.progress.time", SimpleNamespace(monotonic=lambda: clock.now))
     return clock
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """A function that hides a package, as where it is not installed."""
+    return lambda package: monkeypatch.setitem(sys.modules, package, None)
+
+
+@pytest.fixture
+def in_tmp_path(tmp_path, monkeypatch):
+    """The working folder is the test's own."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def environ(monkeypatch):
+    """A function that sets variables of the environment, or takes away those that are None."""
+
+    def change(**variables):
+        for name, value in variables.items():
+            monkeypatch.delenv(name, raising=False) if value is None else monkeypatch.setenv(name, str(value))
+
+    return change
 
 
 @pytest.fixture

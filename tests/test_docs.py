@@ -139,15 +139,15 @@ def _log_as_before():
     logger.setLevel(level)
 
 
+@pytest.mark.usefixtures("in_tmp_path")
 @pytest.mark.usefixtures("_log_as_before")
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if blocks(page) and page.stem != "gallery"], ids=lambda page: page.stem
 )
-def test_code_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch):
+def test_code_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch, environ):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
-    monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    environ(PYTHONPATH=tmp_path)
     names, output = {"__name__": "documentation"}, None
     for language, content in blocks(page):
         if language == "python":

@@ -407,6 +407,21 @@ KNOWN: Final[dict[str, Table]] = {
                 value, 0.0, "motion of rigid blocks on the same joints", _METHODS, compare)
           for value, compare in ((1.0, "at_most"), (0.92, "at_least"))),
     ]),
+    "meshed_apart": Table("A block on a base, meshed apart: the patch test.", [
+        Known("N [N/mm]", "seam.normal_force", 500.0, 1e-9, "balance"),
+        Known("T over N", _slope("seam"), 0.0, 1e-9, "uniform stress"),
+        Known("largest pressure [MPa]", _line("seam", lambda line: float(-line.normal_stress.min())), 10.0, 1e-9,
+              "uniform stress"),
+        Known("least pressure [MPa]", _line("seam", lambda line: float(-line.normal_stress.max())), 10.0, 1e-9,
+              "uniform stress"),
+    ]),
+    "preloaded_joint": Table("The preload diagram of a bolted joint, the bolt as springs below its head.", [
+        Known("force of the bolt [N/mm]", "bolt.normal_force", 1000.0 + 0.5 * 2e4 / (2e4 + 1.4e5) * 800.0, 1e-9,
+              "F + n c_b/(c_b + c_m) P, n = 1/2 for a load that is spread over the height"),
+        Known("N of the base [N/mm]", "base.normal_force", 1000.0 + (0.5 * 2e4 / (2e4 + 1.4e5) - 1.0) * 800.0, 1e-9,
+              "what is left of the preload, balance"),
+        Known("T of the base over N", _slope("base"), 0.0, 1e-9, "symmetry"),
+    ], [partial(_by_another_method, contact="base")]),
     "punch": Table("A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure.", [
         Known("N [N/mm]", "punch.normal_force", 100.0, 1e-9, "force on the punch"),
         Known("T over N", _slope("punch"), 0.0, 1e-3, "symmetry in x; diagonals of the cells are not"),

@@ -15,6 +15,8 @@ import meshio
 import numpy as np
 
 from qvi_contact import Corner, TriangleMesh, gallery
+from qvi_contact.mesh.curves import MeshParts
+from qvi_contact.mesh.joining import stacked
 
 FOLDER = Path(__file__).parent
 
@@ -159,15 +161,29 @@ def jointed_slope() -> TriangleMesh:
     return gallery.jointed_slope().mesh
 
 
+def meshed_apart() -> list[TriangleMesh]:
+    """A base of 50 by 30 and a block of 50 by 20 on it [mm], two bodies without common nodes; made without gmsh."""
+    base = TriangleMesh.rectangle((5, 3), 50.0, 30.0).refined([3, 8, 17])
+    block = TriangleMesh.rectangle((7, 3), 50.0, 20.0, origin=(0.0, 30.0), grading=(0.9, 1.0))
+    names = {"left": "axis", "right": "free"}
+    parts = []
+    for mesh, own in ((base, {"bottom": "foot"}), (block, {"top": "roof"})):
+        edges = {name: mesh.pairs(side) for side, name in (names | own).items()}
+        parts.append(TriangleMesh(mesh.vertices, mesh.cells, edges))
+    return parts
+
+
 MAKERS = (
     gravity_dam, wedge, brake_pad, bolted_angle, cylinder_on_block, half_discs, trapezoid, lug, shrink_fit,
-    masonry_wall, jointed_slope,
+    masonry_wall, jointed_slope, meshed_apart,
 )  # fmt: skip
 BODIES = {made.__name__: made for made in MAKERS}
 
 
-def save(mesh: TriangleMesh, path: Path) -> None:
+def save(made: TriangleMesh | list[TriangleMesh], path: Path) -> None:
     """Write vertices, triangles, named edges and regions as a .msh file of format 2.2. What no region has is "body"."""
+    bodies = made if isinstance(made, list) else [made]
+    mesh = stacked([MeshParts(body.vertices, body.cells, body.edge_sets, body.regions) for body in bodies])
     edges = [(name, 1, "line", pairs) for name, pairs in mesh.edge_sets.items()]
     others = np.setdiff1d(np.arange(len(mesh.cells)), [cell for numbers in mesh.regions.values() for cell in numbers])
     named = {name: numbers for name, numbers in {**mesh.regions, "body": others}.items() if len(numbers)}
@@ -187,4 +203,4 @@ if __name__ == "__main__":
     for name in sys.argv[1:] or BODIES:
         mesh = BODIES[name]()
         save(mesh, FOLDER / f"{name}.msh")
-        print(f"{name}.msh: {mesh}, {(FOLDER / f'{name}.msh').stat().st_size / 1000:.0f} kB")
+        print(f"{name}.msh: {mesh!r}, {(FOLDER / f'{name}.msh').stat().st_size / 1000:.0f} kB")

@@ -5,6 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
+        "kept": ("Kept",),
         "shown": ("Rounding",),
         "signals": ("handlers_kept",),
         "terminal": ("run",),

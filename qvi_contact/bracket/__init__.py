@@ -5,10 +5,10 @@ from qvi_contact.bracket.bounds import bracket, displacement, uniqueness
 from qvi_contact.bracket.branches import Branches, other_solutions
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.friction_norm import friction_norm as friction_norm
-from qvi_contact.bracket.friction_norm import star_norm as star_norm
 from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference, Uniqueness
 from qvi_contact.bracket.outcome import document as document
 from qvi_contact.bracket.parts import Bounds, EdgeParts
+from qvi_contact.bracket.proved_norms import star_norm as star_norm
 from solvers.basics.front import front
 
 __all__ = [
@@ -37,9 +37,8 @@ __getattr__ = front(
             "computed_norm",
             "defect_bound",
             "error_bound",
-            "rectangle_constant",
-            "rectangle_norm",
         ),
+        "proved_norms": ("rectangle_constant", "rectangle_norm"),
         "fixed_bound": ("fixed_bound_problem",),
         "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
         "coulomb": ("coulomb_bounds",),

@@ -33,7 +33,6 @@ from qvi_contact.bracket.fixed_bound import (
     fixed_bound_problem,
     with_bernstein_rows,
 )
-from qvi_contact.bracket.friction_norm import UNHELD, computed_norm
 from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference, Uniqueness
 from qvi_contact.bracket.parts import (
     Bounds,
@@ -47,7 +46,7 @@ from qvi_contact.bracket.parts import (
     strain_energy,
     tractions_on,
 )
-from qvi_contact.bracket.share import SharedStress, outside_scope, with_shares
+from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.space import degree_beside, triangle
@@ -181,7 +180,7 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
         return {}
     name, value, _, sign = acting[0]
     assert not callable(value)
-    return {name: Bounds(*sorted(sign * 2.0 * bound / value for bound in (lower, upper)))}
+    return {name: Bounds(*sorted(float(sign * 2.0 * bound / value) for bound in (lower, upper)))}
 
 
 def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, ForceDifference]:
@@ -269,8 +268,7 @@ def bracket(
     Raises
     ------
     InputError
-        If there is no stress state, an argument is wrong, the result belongs to a step of a history, or a
-        fluid presses in a contact.
+        If there is no stress state, an argument is wrong, or the result belongs to a step of a history.
 
     Notes
     -----
@@ -354,22 +352,20 @@ def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], Floa
 
 def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
-    reason, known = outside_scope(result.problem), result.discretization
+    problem, known = with_numbers(result.problem), result.discretization
+    reason = outside_scope(problem)
     if reason:
         return reason
+    if problem is not result.problem:
+        known = replace(known, problem=problem)
+        result = ContactResult(known, result.solution)
     strict = with_bernstein_rows(known)
     if strict is not known:
         solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
         result = ContactResult(strict, solution)
         if not result.has_state:
             return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
-    found = with_shares(result)
-    if isinstance(found, str):  # a body that friction alone holds is the usual cause
-        try:
-            return found if np.isfinite(computed_norm(result.problem, {})) else UNHELD
-        except (FactorisationError, MemoryError) as error:
-            return f"The norm of friction was not computed: {error or 'out of memory'}."
-    return found
+    return with_shares(result)
 
 
 def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:
@@ -379,7 +375,7 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
-    work, held = initial_work(fields, problem.compliances)
+    work, held = initial_work(fields, problem.compliances).tolist()
     complementary += work - fluid_work(discretization)
     size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state

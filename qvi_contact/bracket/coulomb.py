@@ -15,6 +15,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.coulomb_forces import coulomb_force_bounds
 from qvi_contact.bracket.friction_norm import (
     LARGEST,
+    UNHELD,
     FrictionNorm,
     amplification,
     coercivity,
@@ -52,6 +53,8 @@ class CoulombBounds:
     in energy norms |τ|² = ∫ τ : c : τ and |v|² = ∫ ε(v) : C : ε(v),
 
         |σ − τ| ≤ F + |η|,    |u − v| ≤ F.
+
+    Where friction alone holds a body along its contacts that is so for solutions with |σ − τ| ≤ `reach` |τ + η| only.
 
     Attributes
     ----------
@@ -102,8 +105,10 @@ class CoulombBounds:
 
         A dual problem is solved on first use. A force is left out where that gives none, see (D31).
         """
-        missed = defect_bound(self.residual, self.defect, self.norm.value)
-        return coulomb_force_bounds(self.stress, self.displacement, self.shares, self.within, missed, self.norm.proved)
+        missed, stopped = defect_bound(self.residual, self.defect, self.norm.value), self.norm.stopped
+        if stopped is not None and np.isfinite(self.within):
+            missed += stopped.work(self.shares, self.within, missed)
+        return coulomb_force_bounds(self.stress, self.displacement, self.shares, self.within, missed, self.norm)
 
     @property
     def error(self) -> float:
@@ -130,6 +135,12 @@ class CoulombBounds:
         """2F/|τ + η|: any two solutions are at most that far from each other, in the energy norm of stresses."""
         return self._relative(2.0 * self.within)
 
+    @property
+    def reach(self) -> float:
+        """How far from τ solutions are of which the bounds hold, over |τ + η|; infinite where they hold for all."""
+        stopped = self.norm.stopped
+        return float("inf") if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
+
     def _relative(self, error: float) -> float:
         return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
 
@@ -142,7 +153,10 @@ class CoulombBounds:
         )
         if not np.isfinite(self.within):
             return f"No bound under friction. {self.norm.reason}"
-        return " ".join([bound, *self.reasons, *self.places[:1]])
+        near = ""
+        if np.isfinite(self.reach):
+            near = f"It holds for solutions within {100.0 * self.reach:.3g} %, as friction alone holds a body."
+        return " ".join(filter(None, [bound, near, *self.reasons, *self.places[:1]]))
 
 
 def coulomb_bounds(
@@ -185,7 +199,7 @@ def coulomb_bounds(
     before = CellFields.of(known, stress.before.dofs, companion.degree)
     change = replace(fields, stress=fields.stress - before.stress)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-    norm = friction_norm(problem, shares)
+    norm = friction_norm(problem, shares, unit)
     residual = float(np.sqrt(2.0 * inside.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
     if arcs:  # an estimate of the energy norm of what is left there: a traction k on an edge h has k h √c
@@ -193,6 +207,12 @@ def coulomb_bounds(
         residual += rest * float(np.sqrt(soft * (np.concatenate(arcs) ** 2).sum()))
     defect = slack + float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
     s, parts_of_cells = norm.value, 0.0 * inside
+    error = error_bound(residual, defect, s)
+    size_of_stress = float(np.sqrt(2.0 * strain_energy(fields, problem.compliances)))
+    if norm.stopped is not None and error >= norm.stopped.reach:
+        near, apart = (100.0 * value / size_of_stress for value in (norm.stopped.reach, error))
+        what = f"what sticks stops it for solutions within {near:.2g} % of this one, less than the bound {apart:.2g} %"
+        norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
     if s < LARGEST:
         on_edges = by_cell(known, 0.0 * inside, edges)
         parts_of_cells = 2.0 * amplification(s) ** 2 * inside + on_edges / coercivity(s)
@@ -201,9 +221,9 @@ def coulomb_bounds(
         norm,
         residual,
         defect,
-        error_bound(residual, defect, s),
+        error,
         float(np.sqrt(2.0 * strain_energy(change, problem.compliances))),
-        float(np.sqrt(2.0 * strain_energy(fields, problem.compliances))),
+        size_of_stress,
         parts_of_cells,
         (*reasons, *(() if norm.proved else (norm.reason,))),
         stress.places,

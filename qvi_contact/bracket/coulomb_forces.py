@@ -21,7 +21,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.friction_norm import computed_norm, proved_norm
+from qvi_contact.bracket.friction_norm import FrictionNorm
 from qvi_contact.bracket.parts import Bounds, CellFields, tractions_on
 from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
@@ -135,7 +135,7 @@ def coulomb_force_bounds(
     shares: Mapping[str, Share],
     error: float,
     defect: float,
-    proved: bool,
+    norm: FrictionNorm,
 ) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
@@ -149,9 +149,9 @@ def coulomb_force_bounds(
     error : float
         F [√energy].
     defect : float
-        The bound δ + ρ²/(4α) of Σ [stress × length²].
-    proved : bool
-        Whether the norm r must be proved, too.
+        The bound of Σ [stress × length²].
+    norm : FrictionNorm
+        That of s; where it is proved, those of the dual problems must be, too.
 
     """
     contacts = stress.problem.contacts
@@ -169,7 +169,7 @@ def coulomb_force_bounds(
             if line.share and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
                 targets["tangential_force"] = (0.0, 1.0)
             for name, (a, b) in targets.items():
-                bounds = pairs.bounds(line, a, b, error, defect, proved)
+                bounds = pairs.bounds(line, a, b, error, defect, norm)
                 if bounds is not None:
                     key = f"{line.contact.name}.{name}"
                     lower, upper = found.get(key, (-np.inf, np.inf))
@@ -193,7 +193,8 @@ class _Model:
         scale = 1.0 / np.sqrt(K.diagonal())
         scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
         fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
-        body, changes = BodyAtRest.of(stress.problem, companion.degree), LeastChange.of(stress.discretization.qvi)
+        body, qvi = BodyAtRest.of(stress.problem, companion.degree), stress.discretization.qvi
+        changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
         return cls(body, fields, scale, splu(scaled), changes)
 
     def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
@@ -252,7 +253,7 @@ class _Pairs:
         """D: z is that large where its dimensionless coefficients are 1 [length]."""
         return self.known.scales.displacement
 
-    def bounds(self, line: _Line, a: float, b: float, error: float, defect: float, proved: bool) -> Bounds | None:
+    def bounds(self, line: _Line, a: float, b: float, error: float, defect: float, norm: FrictionNorm) -> Bounds | None:
         """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
         goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
         c, z, plates = self._displacement(goals)
@@ -263,16 +264,14 @@ class _Pairs:
         pressed = self._ratio_of_stresses(change)
         if pressed is None:
             return None
-        spread = 0.0
-        if any(part.values.any() for part in parts.values()):
-            problem = self.stress.problem
-            spread = proved_norm(problem, parts).value if proved else computed_norm(problem, parts)
-            if not np.isfinite(spread):
-                return None
+        second = norm.work(self.stress.problem, parts, error, defect)
+        if not np.isfinite(second):
+            return None
         middle, residual = self._value(goals, c, z, plates, change)
-        rest = (error * residual + max(moved, pressed) * defect + spread * error**2) / self.unit
+        middle -= a * float(line.trace.fluid.sum()) * self.known.scales.stress * self.known.scales.length
+        rest = (error * residual + max(moved, pressed) * defect + second) / self.unit
         rest += _ROUNDED * abs(middle)
-        return Bounds(middle - rest, middle + rest)
+        return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
     def _spaces(self) -> _Spaces:

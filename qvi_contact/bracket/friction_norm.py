@@ -6,49 +6,49 @@ bear shear. Any such R with RR = 0 serves. For a norm r < 2, with
 
     α = 1 − r/2,   f = (4 + r²)/(4 − r²),
 
-the residual ρ and the contact defect δ bound errors by F(ρ, δ) and what contacts miss by Σ ≤ ρ²/(4α) + δ. Norms are
-proved on rectangles, Rv = θ v_a e_b, and on star-shaped bodies, Rv = η v_t n for straight, parallel contacts.
+the residual ρ and the contact defect δ bound errors by F(ρ, δ) and what contacts miss by Σ ≤ ρ²/(4α) + δ.
 
-In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32).
+Motions without strain that move contacts, which friction alone stops, have no R. What sticks of the contacts stops them
+for all solutions whose stress is near enough to the computed one, see `Stopped`.
+
+In `docs/theory.md`: (D26), (D28), (D30), (D39).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy import sparse
-from scipy.linalg import eigh
-from scipy.sparse.linalg import spsolve
+from scipy.linalg import eigh, null_space, qr
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.share import Share, all_alike, bodies_of, held_directions, shares_on, spans
-from qvi_contact.companion.data import PARALLEL
+from qvi_contact.bracket.proved_norms import proved_norm
+from qvi_contact.bracket.share import Share
 from qvi_contact.companion.solver import MOST, SINGULAR, BodyAtRest
-from qvi_contact.companion.space import DisplacementSpace, triangle
 from qvi_contact.companion.traces import DisplacementContact
+from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
-from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
+from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 LARGEST: Final = 2.0
 """The norm s from which on nothing is bounded."""
 
-ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
-"""Angles at which a smooth function is compared for its maximum."""
-ROUNDED: Final = 1.0 + 1e-6
-"""Factor from the maximum at these angles to what is no less than that of all."""
 UNHELD: Final = (
-    "A contact can slip as far as supports let it without straining the body: hold the body along the contact."
+    "Friction alone holds a body along its contacts, and {}. Nothing is known of its errors: hold the body along a "
+    "contact if there is a support in reality."
 )
 _DEGREE: Final = 3  # of displacements by which a norm is computed
 _USEFUL: Final = 1.6  # norm up to which proved bounds are not many times as large as errors
-_ALIKE: Final = 1e-9  # of the body's size: a place on a side
-_FIELD_DEGREE: Final = 2  # of the field that shows how supports hold the mean rotation
+_MOTIONS: Final = 3  # up to which every sense of each has a norm of its own
+_PARTS: Final = (1.0, 0.5, 0.25, 0.125)  # of the friction that is left which are tried: the norm grows with it,
+_NEARLY: Final = 0.75  # share of the largest reach that is enough
+_ALIKE: Final = 1e-6  # of a motion's largest slip: edges that it moves alike
+_STOPS: Final = 1e-6  # of the largest friction times slip: what stops a motion
 
 
 def coercivity(s: float) -> float:
@@ -74,21 +74,6 @@ def defect_bound(residual: float, defect: float, s: float) -> float:
     return residual**2 / (4.0 * coercivity(s)) + defect if s < LARGEST else float("inf")
 
 
-def weight(contact: Contact, senses: Mapping[str, int]) -> float:
-    """σμ; 0 where there is no Coulomb friction."""
-    if not has_coulomb(contact):
-        return 0.0
-    assert not callable(contact.friction)
-    return senses[contact.name] * contact.friction
-
-
-def one_ratio(problem: ContactProblem) -> float | None:
-    """Poisson's ratio of the plane state, −c12/c11, of a body of one material; None where there are several."""
-    if len(np.unique(problem.compliances.reshape(-1, 9), axis=0)) > 1:
-        return None
-    return -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
-
-
 @dataclass(frozen=True)
 class FrictionNorm:
     """A number that |R| does not exceed.
@@ -101,66 +86,107 @@ class FrictionNorm:
         Whether that is proved. Otherwise finite elements found it, on one mesh.
     reason : str
         Where it comes from, one sentence.
+    stopped : Stopped or None
+        The motions that friction alone stops, if there are any: R acts on displacements without them.
 
     """
 
     value: float
     proved: bool
     reason: str
+    stopped: Stopped | None = None
+
+    def work(self, problem: ContactProblem, shares: Mapping[str, Share], error: float, defect: float) -> float:
+        """No less than ∫ (σ − τ) : ε(Re) for the R of other shares, by F and a bound of Σ; infinite without a norm.
+
+        Where this norm is proved, that of R is, too.
+        """
+        if not any(share.values.any() for share in shares.values()):
+            return 0.0
+        if self.proved:
+            return float(proved_norm(problem, shares)[0] * error**2)
+        moved = 0.0 if self.stopped is None else self.stopped.work(shares, error, defect)
+        return computed_norm(problem, shares, self.stopped) * error**2 + moved
 
 
-def friction_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:
+def friction_norm(problem: ContactProblem, shares: Mapping[str, Share], unit: float = 1.0) -> FrictionNorm:
     """The least proved norm where there is one below 1.6, else that of finite elements; nothing is proved with arcs.
 
-    Of several bodies it is the largest of the norms that each has alone.
+    Of several bodies it is the largest of the norms that each has alone. Weights of shares have the unit [stress].
     """
-    found = proved_norm(problem, shares)
-    if found.value < _USEFUL:
-        return found
-    value = computed_norm(problem, shares)
-    reason = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
+    value, bodies = proved_norm(problem, shares)
+    if value < _USEFUL:
+        return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g} on {bodies}.")
+    value, stopped = computed_norm(problem, shares), None
     if value == np.inf:
-        reason = UNHELD
-    elif np.isnan(value):
+        found = _ENERGIES[problem].stopped(problem, shares, unit)
+        if isinstance(found, str):
+            return FrictionNorm(np.inf, False, UNHELD.format(found))
+        value, stopped = found.norm, found
+    reason = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
+    if np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
-    elif value >= LARGEST:
+    if value >= LARGEST:
         reason = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
-    return FrictionNorm(value, False, reason)
+    return FrictionNorm(value, False, reason, stopped)
 
 
-def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:
-    """The least proved norm; infinity where there is none."""
-    if any(has_coulomb(each) and each.plate is not None and each.plate.driven for each in problem.contacts):
-        return FrictionNorm(np.inf, False, "Nothing is proved of plates that forces drive.")
-    try:
-        bodies = bodies_of(problem)
-    except InputError:  # a crack, with one body on both sides
-        return FrictionNorm(np.inf, False, "Nothing is proved of cracks.")
-    alone = [body for body in bodies if any(map(has_coulomb, body.problem.contacts))]
-    known = [_proved(body.problem, shares_on(body, problem, shares)) for body in alone]
-    largest, kind = max(known, key=lambda found: found[0], default=(0.0, "body"))
-    where = f"this {kind}" if len(alone) < 2 else "each of the bodies"
-    return FrictionNorm(largest, True, f"The norm of the friction operator is at most {largest:.4g} on {where}.")
-
-
-def _proved(body: ContactProblem, shares: Mapping[str, Share]) -> tuple[float, str]:
-    """The least proved norm on one body, infinity where there is none, and the kind of body that it is proved for."""
-    ways = {} if body.mesh.sides.any() else {"rectangle": rectangle_norm, "star-shaped body": star_norm}
-    known = [(value, kind) for kind, norm in ways.items() if (value := norm(body, shares)) is not None]
-    return min(known, default=(np.inf, "body"))
-
-
-def computed_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
+def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped: Stopped | None = None) -> float:
     """The norm of the R whose images have the least energy, max |Rv|/|v|, among finite elements on the mesh.
 
     With x the slip on contacts with Coulomb friction, A x·x the least energy of displacements that slip by x, and
     D x·x that of those with the normal part μ s x and no other part on contacts that R must not have, the square is the
-    largest λ of D x = λ A x; infinity where contacts can slip without strain, NaN where there are too many
-    coefficients.
+    largest λ of D x = λ A x, without the motions that friction stops; infinity where contacts can slip without strain,
+    NaN where there are too many coefficients.
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
-    return _ENERGIES[problem].norm(shares)
+    return _ENERGIES[problem].norm(shares, None if stopped is None else stopped.others)
+
+
+@dataclass(frozen=True, eq=False)
+class Stopped:
+    """Motions d_k without strain that friction alone stops, 1 ≤ k ≤ j.
+
+    Each moves one group of edges by the slip 1, the others of the j groups not at all. With a part ω of the friction
+    that is left where contacts stick, t_k is the mean of the slip of e = u − v over its group with the weight ω, and
+    e₀ = e − Σ t_k d_k. For every solution with |σ − τ| < `reach`, and R for s + ω/B, with the senses of the t_k, in
+    place of s,
+
+        ∫ (σ − τ) : ε(e₀ − R e₀) + Σ |t_k| (M_k − |σ − τ||R d_k|) ≤ δ.                          (D39)
+
+    Attributes
+    ----------
+    norm : float
+        The largest norm of such R on displacements with means 0, for all senses.
+    others : (n, n − j) array
+        Basis of the slips with means 0.
+    motions : (n, j) array
+        Slips d_k.
+    masses : (j,) array
+        M_k = ∫ ω ds over the group [energy per unit of displacement].
+    images : (j,) array
+        The largest |R d_k| for all senses [√energy per unit of displacement].
+
+    """
+
+    norm: float
+    others: FloatArray
+    motions: FloatArray
+    masses: FloatArray
+    images: FloatArray
+    energies: _Energies
+    energy: float
+
+    @property
+    def reach(self) -> float:
+        """S* = min M_k/|R d_k| [√energy]."""
+        return float((self.masses / np.maximum(self.images, 1e-300)).min())
+
+    def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
+        """No less than ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of other shares, by F and δ + ρ²/(4α)."""
+        sizes = self.energies.sizes(self.motions, shares) * np.sqrt(self.energy)
+        return float(error * defect * (sizes / (self.masses - error * self.images)).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +201,8 @@ class _Energies:
         Coefficients along and across contacts with Coulomb friction that can change.
     below, part : arrays
         Energies of given slips, and of given normal parts without tangential ones; empty where they are too many.
+    unstrained : array
+        Basis of the slips without energy.
 
     """
 
@@ -183,34 +211,52 @@ class _Energies:
     presses: BoolArray
     below: FloatArray
     part: FloatArray
+    unstrained: FloatArray
 
     @classmethod
     def of(cls, problem: ContactProblem) -> _Energies:
         """By displacements on the mesh."""
         known = BodyAtRest.of(problem, _DEGREE)
-        n, traces = known.contacts.count, known.contacts.traces
+        n, traces, none = known.contacts.count, known.contacts.traces, np.zeros((0, 0))
         coulomb, tied, rough = (
-            np.concatenate(
-                [np.full(line.count, chosen(each)) for each, line in zip(problem.contacts, traces, strict=True)]
+            np.repeat(np.array(chosen, dtype=bool), [line.count for line in traces])
+            for chosen in zip(
+                *((has_coulomb(c), c.law == "tied", bears_shear(c)) for c in problem.contacts), strict=True
             )
-            for chosen in (has_coulomb, _is_tied, bears_shear)
         )
-        slips, presses, none = coulomb & known.live[n:], coulomb & known.live[:n], np.zeros(n, dtype=bool)
+        slips, presses, nowhere = coulomb & known.live[n:], coulomb & known.live[:n], np.zeros(n, dtype=bool)
         if len(known.live) > MOST:
-            return cls(traces, slips, presses, np.zeros((0, 0)), np.zeros((0, 0)))
-        below = known.least_energy(np.concatenate([none, slips]), np.concatenate([tied, tied]))
-        part = known.least_energy(np.concatenate([presses, none]), np.concatenate([~presses, rough | tied]))
-        return cls(traces, slips, presses, below, part)
+            return cls(traces, slips, presses, none, none, none)
+        below = known.least_energy(np.concatenate([nowhere, slips]), np.concatenate([tied, tied]))
+        part = known.least_energy(np.concatenate([presses, nowhere]), np.concatenate([~presses, rough | tied]))
+        values, vectors = np.linalg.eigh(below)
+        return cls(traces, slips, presses, below, part, vectors[:, values <= SINGULAR * values[-1:]])
 
-    def norm(self, shares: Mapping[str, Share]) -> float:
-        """The norm for shares s."""
+    def norm(self, shares: Mapping[str, Share], others: FloatArray | None = None) -> float:
+        """The norm for shares s, of all slips or of those with a basis."""
         if not len(self.below):
             return float("nan") if self.slips.any() else 0.0
-        stiffness = np.linalg.eigvalsh(self.below)
-        if stiffness[0] <= SINGULAR * stiffness[-1]:
+        if others is None and self.unstrained.shape[1]:
             return float("inf")
+        return self._norm(self._image(shares), np.eye(len(self.below)) if others is None else others)
+
+    def _norm(self, image: FloatArray, basis: FloatArray) -> float:
+        """The norm on slips with a basis of what turns slips into normal parts."""
+        if not image.any():
+            return 0.0
+        turned = image @ basis
+        largest = eigh(turned.T @ self.part @ turned, basis.T @ self.below @ basis, eigvals_only=True)[-1]
+        return float(np.sqrt(max(float(largest), 0.0)))
+
+    def sizes(self, slips: FloatArray, shares: Mapping[str, Share]) -> FloatArray:
+        """|Rv| of slips (n, j), dimensionless."""
+        images = self._image(shares) @ slips
+        return np.asarray(np.sqrt(np.maximum((images * (self.part @ images)).sum(axis=0), 0.0)))
+
+    def _image(self, shares: Mapping[str, Share]) -> FloatArray:
+        """Normal parts from slips, μ s x."""
         n, start = len(self.slips), 0
-        turned = np.zeros((n, n))  # coefficients of μ s x from those of x
+        turned = np.zeros((n, n))
         for trace in self.traces:
             if trace.name in shares:
                 share, p = shares[trace.name], trace.columns.shape[1] - 1
@@ -220,334 +266,85 @@ class _Energies:
                 columns = start + trace.columns
                 turned[columns[:, :, None], columns[:, None, :]] = blocks
             start += trace.count
-        image = turned[np.ix_(self.presses, self.slips)]
-        if not image.any():
-            return 0.0
-        return float(np.sqrt(max(float(eigh(image.T @ self.part @ image, self.below, eigvals_only=True)[-1]), 0.0)))
+        return turned[np.ix_(self.presses, self.slips)]
+
+    def stopped(self, problem: ContactProblem, shares: Mapping[str, Share], unit: float) -> Stopped | str:
+        """What stops the motions without strain, or why nothing does. Weights of shares have the unit [stress]."""
+        scales, count = Scales.of(problem), self.unstrained.shape[1]
+        if any(trace.edges.curved for trace in self.traces if trace.name in shares):
+            return "it touches along arcs"
+        groups, motions = self._groups(shares, unit / scales.stress), self.unstrained / np.abs(self.unstrained).max()
+        keys, means = (np.array(part) for part in zip(*((each.key, each.mean) for each in groups), strict=True))
+        masses = (means * (motions @ keys.T).T).sum(axis=1) / np.maximum((keys**2).sum(axis=1), _ALIKE**2)
+        _, size, order = qr((masses[:, None] * keys).T, pivoting=True)
+        if len(keys) < count or not abs(size[count - 1, count - 1]) > _STOPS * abs(size[0, 0]):
+            return "no part of the contacts sticks that would stop it"
+        chosen = order[:count]
+        means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
+        masses, others, image = np.diag(means @ d), null_space(means), self._image(shares)
+        turned = [  # what friction left on each group turns into
+            self._image(
+                {name: replace(shares[name], values=way * shares[name].room) for name, way in groups[k].ways.items()}
+            )
+            for k in chosen
+        ]
+
+        def sizes(part: float) -> FloatArray:
+            """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
+            both = ((image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0))
+            found = [float(np.sqrt(max(v @ self.part @ v, 0.0))) for v in both]
+            return np.maximum(found[::2], found[1::2])
+
+        reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
+        part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
+        if count <= _MOTIONS:
+            senses = product((part, -part), repeat=count)
+            norm = max(
+                self._norm(image + sum(sense * own for sense, own in zip(each, turned, strict=True)), others)
+                for each in senses
+            )
+        else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
+            work = sum(own.T @ self.part @ own for own in turned)
+            largest = eigh(others.T @ work @ others, others.T @ self.below @ others, eigvals_only=True)[-1]
+            norm = self._norm(image, others) + part * float(np.sqrt(count * largest))
+        energy = scales.energy
+        return Stopped(norm, others, d, part * energy * masses, np.sqrt(energy) * sizes(part), self, energy)
+
+    def _groups(self, shares: Mapping[str, Share], unit: float) -> list[_Group]:
+        """Edges that the motions without strain move alike, or against each other."""
+        motions = np.zeros((len(self.slips), self.unstrained.shape[1]))
+        motions[self.slips] = self.unstrained / np.abs(self.unstrained).max()
+        found, start = list[_Group](), 0
+        for trace in self.traces:
+            columns = start + trace.columns
+            start += trace.count
+            if trace.name not in shares:
+                continue
+            share = shares[trace.name]
+            products = bernstein.product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
+            means = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
+            works = unit * trace.lengths[:, None] * trace.turned * (share.room * share.weights @ products)
+            np.add.at(means, (np.arange(len(columns))[:, None], columns), works)
+            for edge, key in enumerate((trace.turned[..., None] * motions[columns]).mean(axis=1)):
+                near = ((g, way) for g in found for way in (1, -1) if np.abs(key - way * g.key).max() < _ALIKE)
+                group, way = next(near, (None, 1))
+                if group is None:
+                    group = _Group(key, np.zeros(int(self.slips.sum())), {})
+                    found.append(group)
+                own = group.ways.setdefault(trace.name, np.zeros((len(columns), 1)))
+                own[edge] = way
+                group.mean[:] += way * means[edge, self.slips]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Edges that motions move alike: that slip (j,), the functional ∫ ± ω x_T ds (n,), and ±1 on them, else 0."""
+
+    key: FloatArray
+    mean: FloatArray
+    ways: dict[str, FloatArray]
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()
 """Those of problems, as long as these are there: one bracket asks for several norms."""
-
-
-def _is_tied(contact: Contact) -> bool:
-    return contact.law == "tied"
-
-
-def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
-    """The norm of Rv = θ v_a e_b on a rectangle with its contacts across the axis b; None for problems of another kind.
-
-    The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
-    and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
-    """
-    sides, ratio = _sides(problem, shares), one_ratio(problem)
-    if sides is None or ratio is None:
-        return None
-    across = {side // 2 for side in sides if any(edge.share is not None for edge in sides[side])}
-    if len(across) != 1:
-        return None
-    b = across.pop()
-    a = 1 - b
-    beside = [sides[2 * a + end] for end in (0, 1)]
-    mirrors = [[all(edge.held[axis] for edge in sides[2 * axis + end]) for end in (0, 1)] for axis in (0, 1)]
-    if not any(mirrors[a]) or not all(_allows(edges, a, b) for edges in beside):
-        return None
-    extent = np.ptp(problem.mesh.vertices, axis=0)
-    profiles = [_Profile.of(sides[2 * b + end], a) for end in (0, 1)]
-    demanded = [profile for profile in profiles if profile is not None]
-    low, high = (demanded * 2)[:2]
-    steep = 0.0 if len(demanded) == 1 else (low.largest + high.largest) / extent[b]
-    half = extent[b] if any(mirrors[b]) else extent[b] / 2.0
-    inf_sup = np.sin(0.5 * np.arctan2(*np.sort([extent[a], half])))
-    ends = problem.mesh.vertices[:, a].min(), problem.mesh.vertices[:, a].max()
-    turned = min(
-        max(profile.turned(end) for profile in (low, high))
-        for end, mirror in zip(ends, mirrors[a], strict=True)
-        if mirror
-    )
-    largest = max(low.largest, high.largest)
-    found = rectangle_constant(ratio, float(inf_sup), largest, steep * 2.0 * extent[a] / np.pi, turned)
-    return found if np.isfinite(found) else None
-
-
-@dataclass(frozen=True, eq=False)
-class _Profile:
-    """What θ is along one side, in parts: continuous, linear where nothing is demanded.
-
-    Attributes
-    ----------
-    largest : float
-        max |θ|.
-    start, stop, steepest : (k,) arrays
-        Of each part the ends along the side, and no less than |dθ/da| on it.
-
-    """
-
-    largest: float
-    start: FloatArray
-    stop: FloatArray
-    steepest: FloatArray
-
-    @classmethod
-    def of(cls, edges: list[_Edge], a: int) -> _Profile | None:
-        """From what the edges of the side demand; None if that is nothing."""
-        ordered = sorted(edges, key=lambda edge: edge.place)
-        known = [edge.profile(a) for edge in ordered]
-        if all(each is None for each in known):
-            return None
-        largest, parts, last = 0.0, list[tuple[float, float, float]](), None
-        for edge, each in zip(ordered, known, strict=True):
-            if each is None:
-                continue
-            first, second, most, slopes = each
-            if last is not None and edge.place[0] > last[0]:  # nothing is demanded since the last edge
-                gap = edge.place[0] - last[0]
-                parts.append((last[0], edge.place[0], abs(first - last[1]) / gap))
-            ends = np.linspace(*edge.place, len(slopes) + 1)
-            parts += zip(ends[:-1].tolist(), ends[1:].tolist(), slopes.tolist(), strict=True)
-            largest, last = max(largest, most), (edge.place[1], second)
-        return cls(largest, *np.array(parts).T)
-
-    def turned(self, end: float) -> float:
-        """H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of the side with v = 0 at the end: v² ≤ |a − end| ‖v′‖²."""
-        away = np.abs((self.start + self.stop) / 2.0 - end) * (self.stop - self.start)
-        return float(np.sqrt((self.steepest**2 * away).sum()))
-
-
-def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
-    """The norm of v ↦ θ v_a e_b in the energy norm: a number it does not exceed.
-
-    Parameters
-    ----------
-    ratio : float
-        Poisson's ratio of the plane state, −c12/c11: ν in plane stress, ν/(1 − ν) in plane strain.
-    inf_sup : float
-        β of the rectangle mirrored at the sides where displacements are odd.
-    largest : float
-        max |θ|.
-    steepest : float
-        max |∂_b θ| times the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖.
-    turned : float
-        H with ‖∂_a θ v_a‖ ≤ H ‖∂_a v_a‖.
-
-    """
-    if not np.isfinite(turned):
-        return float("inf")
-    soft, stiff, gain = 1.0 - ratio, 1.0 + ratio, inf_sup**-2
-    sheared = largest * np.cos(ANGLES)  # weight of ∂_b v_a, of its rotation and of its shear strain
-    stretched = steepest * np.cos(ANGLES) + (largest + turned) * np.sqrt(soft / 2.0) * np.sin(ANGLES)
-    rotation = np.array([gain / (2.0 * soft), (gain - 1.0) / (2.0 * stiff)])
-    square = sheared**2 * (rotation.sum() + 0.5 / soft) + stretched**2 / (soft * stiff)
-    square += 2.0 * sheared * np.sqrt(rotation[0] * (sheared**2 + stretched**2) / (2.0 * soft))
-    square += 2.0 * sheared * stretched * np.sqrt(rotation[1] / (2.0 * stiff))
-    return float(np.sqrt(square.max()) * ROUNDED)
-
-
-@dataclass(frozen=True, eq=False)
-class _Edge:
-    """What one edge of the boundary demands of v and of Rv.
-
-    Attributes
-    ----------
-    held : pair of bool
-        Whether v has no part along x, along y.
-    place : pair of float
-        Where it begins and ends along its side.
-    share : (Share, number of the edge, ±μ) or None
-        With Coulomb friction: the part of Rv across the edge is ±μ s times v along it.
-    pressed, rough : bool
-        Whether (Rv)_N, (Rv)_T must vanish because of a contact without Coulomb friction.
-
-    """
-
-    held: tuple[bool, bool]
-    place: tuple[float, float]
-    share: tuple[Share, int, float] | None
-    pressed: bool
-    rough: bool
-
-    def profile(self, a: int) -> tuple[float, float, float, FloatArray] | None:
-        """θ at both ends, max |θ| and |dθ/da| on equal parts; None where nothing is demanded."""
-        if self.share is not None:
-            share, number, factor = self.share
-            values, length = factor * share.values[number], self.place[1] - self.place[0]
-            slopes = abs(factor) * share.steepest()[number]
-            slopes = slopes * len(slopes) / length
-            return float(values[0]), float(values[-1]), float(np.abs(values).max()), slopes
-        if not self.held[a] and (self.held[1 - a] or self.pressed):
-            return 0.0, 0.0, 0.0, np.zeros(1)
-        return None
-
-
-def _sides(problem: ContactProblem, shares: Mapping[str, Share]) -> dict[int, list[_Edge]] | None:
-    """Edges by side, 2 axis + end with the end 1 towards +axis; None unless the body is a rectangle along the axes."""
-    mesh, boundary = problem.mesh, problem.mesh.boundary
-    corners = mesh.vertices[np.unique(mesh.cells)]
-    places = (mesh.vertices[boundary.first] + mesh.vertices[boundary.second]) / 2.0
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    near = np.abs(np.stack([places - low, places - high], axis=-1)) <= _ALIKE * (high - low).max()
-    if not np.allclose(np.abs(boundary.normal).max(axis=1), 1.0, rtol=0.0, atol=_ALIKE):
-        return None
-    axis = np.argmax(np.abs(boundary.normal), axis=1)
-    end = (boundary.normal[np.arange(len(axis)), axis] > 0.0).astype(int)
-    if not near[np.arange(len(axis)), axis, end].all():
-        return None
-    held = np.zeros((len(axis), 2), dtype=bool)
-    for given in problem.prescribed(Displacement):
-        if not np.allclose(np.abs(given.direction).max(axis=1), 1.0, rtol=0.0, atol=_ALIKE):
-            return None
-        held[given.index, np.argmax(np.abs(given.direction), axis=1)] = True
-    pressed, rough = np.zeros(len(axis), dtype=bool), np.zeros(len(axis), dtype=bool)
-    known: dict[int, tuple[Share, int, float]] = {}
-    for contact in problem.contacts:
-        index = mesh.edge_set(contact.edges)
-        if _is_tied(contact):
-            held[index] = True
-        elif has_coulomb(contact):
-            share = shares[contact.name]
-            for edge, number in enumerate(index.tolist()):
-                known[number] = share, edge, share.friction * (1.0 if end[number] == 1 else -1.0)
-        else:
-            pressed[index], rough[index] = True, bears_shear(contact)
-    found: dict[int, list[_Edge]] = {side: [] for side in range(4)}
-    for number, side in enumerate((2 * axis + end).tolist()):
-        parts = bool(held[number, 0]), bool(held[number, 1])
-        ends = mesh.vertices[[boundary.first[number], boundary.second[number]], 1 - side // 2]
-        place = float(ends.min()), float(ends.max())
-        found[side].append(_Edge(parts, place, known.get(number), bool(pressed[number]), bool(rough[number])))
-    return found
-
-
-def _allows(edges: list[_Edge], a: int, b: int) -> bool:
-    """Whether Rv along b is admissible on sides at right angles to b."""
-    return all(edge.held[a] or not (edge.held[b] or edge.rough) for edge in edges)
-
-
-def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
-    """A number that |R| does not exceed, or None where the body or its contacts are of another kind.
-
-    The body has one material, no holes, and is star-shaped with respect to a disc. All contacts with Coulomb friction
-    are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
-    where v_t ≠ 0.
-    """
-    senses = all_alike(shares)
-    if senses is None:
-        return None
-    boundary, sides = problem.mesh.boundary, held_directions(problem)
-    weights = np.zeros(len(boundary))  # σμ of each edge
-    for contact in problem.contacts:
-        if has_coulomb(contact):
-            weights[problem.mesh.edge_set(contact.edges)] = weight(contact, senses)
-    chosen = np.flatnonzero(weights != 0.0)
-    normal = boundary.normal[chosen[0]]
-    slopes = weights[chosen] * (boundary.normal[chosen] @ normal)
-    parallel = np.abs(boundary.normal[chosen] @ boundary.tangent[chosen[0]]).max() <= PARALLEL
-    same = np.ptp(slopes) <= PARALLEL * np.abs(slopes).max()
-    if not (parallel and same and _leaves_free(problem, sides, weights, normal)):
-        return None
-    ratio = one_ratio(problem)
-    if ratio is None:
-        return None
-    inf_sup = _inf_sup(problem)
-    gain = None if inf_sup is None else _gain(problem, sides, inf_sup)
-    if gain is None:
-        return None
-    return float(np.abs(slopes).max()) * star_constant(ratio, gain)
-
-
-def star_constant(ratio: float, gain: float) -> float:
-    """The norm of v ↦ v_t n in the energy norm: a number it does not exceed.
-
-    Parameters
-    ----------
-    ratio : float
-        Poisson's ratio of the plane state, −c12/c11.
-    gain : float
-        G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω, zero where displacements are free, for the rotation ω of
-        every displacement.
-
-    """
-    soft = 1.0 - ratio
-    across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
-    rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
-    strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
-    return float((across * rotation + strains).max() * ROUNDED)
-
-
-def _leaves_free(problem: ContactProblem, sides: list[FloatArray], weights: FloatArray, normal: FloatArray) -> bool:
-    """Whether η v_t n meets what supports and other contacts demand: no part along n but where v_t = 0."""
-    boundary, tangent = problem.mesh.boundary, np.array([-normal[1], normal[0]])
-    for held in sides:
-        if not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any():
-            return False
-    for contact in problem.contacts:
-        index = problem.mesh.edge_set(contact.edges)
-        if contact.law == "tied" or weights[index].any():
-            continue
-        if bears_shear(contact) or np.abs(boundary.normal[index] @ normal).max() > PARALLEL:
-            return False
-    return True
-
-
-def _inf_sup(problem: ContactProblem) -> float | None:
-    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R that of the farthest vertex."""
-    from scipy.optimize import minimize  # slow to import, and few bodies need it
-
-    mesh = problem.mesh
-    corners, boundary = mesh.vertices[np.unique(mesh.cells)], mesh.boundary
-    if mesh.hole_edges.any():
-        return None
-
-    def negative(centre: FloatArray) -> float:
-        inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
-        return -float(inside / np.linalg.norm(corners - centre, axis=1).max())
-
-    found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
-    best = -negative(np.asarray(found.x))
-    return float(np.sin(0.5 * np.arcsin(best))) if best > 0.0 else None
-
-
-def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
-    """G of `star_constant`: by a field of mean divergence 1 where supports are, and β for what is left."""
-    space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
-    free = _free(problem, sides, space)
-    laplace, squared, mean, area = _forms(space)
-    matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
-    if not np.abs(right[free]).max(initial=0.0) > 0.0:
-        return None
-    field = np.zeros(space.size)
-    field[free] = spsolve(sparse.csc_array(matrix[free][:, free]), right[free])
-    flux = float(mean @ field)
-    if not flux > 1e-9 * area:
-        return None
-    field *= area / flux
-    size = np.sqrt(max(float(field @ (laplace @ field)), 0.0) / area)
-    left = np.sqrt(max(float(field @ (squared @ field)) / area - 1.0, 0.0))
-    return float((size + left / inf_sup) ** 2 + inf_sup**-2)
-
-
-def _free(problem: ContactProblem, sides: list[FloatArray], space: DisplacementSpace) -> BoolArray:
-    """Degrees of freedom of the field: components that are not zero on edges that leave displacements free."""
-    numbers = space.along(problem.mesh.boundary)
-    free = np.ones((space.size // 2, 2), dtype=bool)
-    for edge, held in enumerate(sides):
-        for axis, unit in enumerate(np.eye(2)):
-            if not spans(held, unit):
-                free[numbers[edge], axis] = False
-    return free.ravel()
-
-
-def _forms(space: DisplacementSpace) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray, float]:
-    """Matrices of ‖∇ψ‖² and ‖div ψ‖², the vector of ∫ div ψ, and the area."""
-    cell = space.cell
-    t, weights = cell.quadrature(space.degree + 1)
-    along = cell.derivative_values(t) @ np.stack(cell.differences)
-    slopes = np.einsum("cab,aqn->cqnb", space.slopes, along)
-    w = space.areas[:, None] * weights
-    divergence = slopes.reshape(*slopes.shape[:2], -1)
-    local = np.einsum("cq,cqnb,cqmb->cnm", w, slopes, slopes)
-    square = np.einsum("cq,cqi,cqj->cij", w, divergence, divergence)
-    both = np.einsum("cnm,xy->cnxmy", local, np.eye(2)).reshape(square.shape)
-    works = np.einsum("cq,cqi->ci", w, divergence).ravel()
-    mean = np.asarray(np.bincount(space.dofs.ravel(), works, minlength=space.size), dtype=np.float64)
-    return space.assembled(both), space.assembled(square), mean, float(w.sum())

@@ -37,7 +37,8 @@ class Uniqueness:
     ----------
     apart : float
         The largest distance of two solutions in the energy norm of stresses, over that of the computed stress; 0 where
-        there is one only, infinite where nothing is known.
+        there is one only, infinite where nothing is known. Where friction alone holds a body the message says how near
+        to the computed one these solutions are.
     certainty : Certainty
         Whether that is proved.
     message : str
@@ -151,7 +152,10 @@ class Bracket:
         if known is None:
             why = self.coulomb_reason if self.coulomb is None else self.coulomb.message
             return Uniqueness(float("inf"), Certainty.ESTIMATE, f"How far another solution can be is not known. {why}")
-        where = f"Any two solutions differ by at most {100.0 * known.apart:.2g} % of the energy norm of the stresses"
+        near = f" within {100.0 * known.reach:.3g} % of this one" if np.isfinite(known.reach) else ""
+        where = (
+            f"Any two solutions{near} differ by at most {100.0 * known.apart:.2g} % of the energy norm of the stresses"
+        )
         return Uniqueness(known.apart, self.certainty, f"{where} ({known.kind}).")
 
     @property
@@ -302,6 +306,7 @@ def _coulomb(bracket: Bracket, units: Units) -> dict[str, Any] | None:
         "friction_norm": _finite(found.norm.value),
         "relative_error": _finite(found.relative_error),
         "solutions_apart": _finite(found.apart),
+        "reach": _finite(found.reach),
     }
 
 

@@ -2,8 +2,8 @@
 
     s = −τ_T / (c + μ|τ_N|),    |s| ≤ 1.
 
-Tractions of triangles jump at vertices, and so does s. A stress η without loads and without normal tractions makes it
-continuous: τ + η has the shear −s (c + μ|τ_N|). On an edge s is the quotient of two polynomials, with the Bernstein
+Tractions of triangles jump at vertices, and so does s. A stress η without loads makes it continuous: τ + η has the
+shear −s times its own bound. On an edge s is the quotient of two polynomials, with the Bernstein
 coefficients s_i ω_i and ω_i of shear and bound: it lies between the smallest and the largest s_i.
 
 Joints part bodies, each a problem of its own: to it the others are rigid obstacles. An operator R of (D26) that takes
@@ -23,7 +23,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import tractions_on
 from qvi_contact.companion.data import PARALLEL
 from qvi_contact.discretization.discretization import Discretization
@@ -41,6 +41,7 @@ _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere a
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
 _SLIPS = 1e-6  # of the bound: friction that is as near to it has reached it
 _TRIALS = 4  # of what may change inside edges; in the last one nothing
+_SAME = 1e-14  # of a datum: differences that are rounding
 _MET = 1e-8  # of the largest bound: what may be left of the shear that is wanted
 
 
@@ -232,6 +233,28 @@ class SharedStress:
     before: ContactResult
 
 
+def with_numbers(problem: ContactProblem) -> ContactProblem:
+    """The problem with friction and cohesion as numbers where functions have one value on all of a contact."""
+    changed: dict[str, Contact] = {}
+    for contact in problem.contacts:
+        for name in ("friction", "cohesion"):
+            field = getattr(contact, name)
+            if callable(field):
+                points = problem.mesh.points_along(problem.mesh.edges(contact.edges), bernstein.SAMPLES)
+                values = evaluate(f"Contact.{name}", field, *points)
+                if np.ptp(values) <= _SAME * np.abs(values).max():
+                    before = changed.get(contact.name, contact)
+                    value = float(values.flat[0])
+                    is_friction = name == "friction"
+                    changed[contact.name] = (
+                        replace(before, friction=value) if is_friction else replace(before, cohesion=value)
+                    )
+    if not changed:
+        return problem
+    conditions = [changed.get(each.name, each) if isinstance(each, Contact) else each for each in problem.conditions]
+    return replace(problem, conditions=conditions)
+
+
 def outside_scope(problem: ContactProblem) -> str:
     """Why nothing is known of the errors of a problem under Coulomb's law, as far as its data show; else empty."""
     reasons = (_not_of_the_kind(contact) for contact in problem.contacts)
@@ -241,11 +264,10 @@ def outside_scope(problem: ContactProblem) -> str:
 def _not_of_the_kind(contact: Contact) -> str:
     name, rough = repr(contact.name), has_coulomb(contact)
     found = {
-        f"Bounds under friction are for dry contacts: a fluid presses in {name}.": contact.has_fluid,
         f"Bounds under friction are for contacts that may open: {name} keeps its distance.": (
             rough and contact.law != "unilateral"
         ),
-        f"Bounds under friction need constant friction and cohesion: those of {name} are functions.": (
+        f"Bounds under friction need constant friction and cohesion: those of {name} vary.": (
             rough and (callable(contact.friction) or callable(contact.cohesion))
         ),
         f"Bounds under friction are for Coulomb's law without a limit of the shear stress: {name} has one.": (
@@ -370,43 +392,54 @@ def _common(ends: list[_End]) -> float:
 def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactResult, dict[str, Share]] | str:
     """The result with the shear that the shares say, by the least energy of a change, and these shares.
 
-    Inside edges that stick s may be any other: what the ends ask for is balanced there as far as |s| ≤ 1 allows.
+    Inside edges that stick s may be any other: what the ends ask for is balanced there as far as |s| ≤ 1 allows. Where
+    that is not enough pressure changes too, and the bound with it: the rows are (τ + η)_T = −s B(τ + η).
     """
     known, qvi = result.discretization, result.discretization.qvi
-    wanted, bounds, shears, free = np.zeros(qvi.m), np.ones(qvi.m), np.zeros(qvi.m), np.zeros(qvi.m, dtype=bool)
-    contacts = [rows for rows in known.contacts if rows.name in shares]
-    for rows in contacts:
+    m, rough = qvi.m, [rows for rows in known.contacts if rows.name in shares]
+    wanted, turned, free, bears = np.zeros(m), np.zeros(m), np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
+    for rows in rough:
         share, at = shares[rows.name], rows.rows
         bound, shear = bound_and_shear(result, share.contact)
-        wanted[at], bounds[at], shears[at] = (part.ravel() for part in (-share.values * bound - shear, bound, shear))
-        bears = share.weights > _BEARS * bound.max(axis=1, keepdims=True)  # the first and the last are the ends' own
-        before, after = (np.cumsum(bears[:, ::way], axis=1)[:, ::way] for way in (1, -1))
-        free[at] = ((share.slipping == 0.0)[:, None] & bears & (before > 1) & (after > 1)).ravel()
+        own = share.weights > _BEARS * bound.max(axis=1, keepdims=True)
+        wanted[at], turned[at] = (-share.values * bound - shear).ravel(), share.friction * share.values.ravel()
+        before, after = (np.cumsum(own[:, ::way], axis=1)[:, ::way] for way in (1, -1))
+        free[at] = ((share.slipping == 0.0)[:, None] & own & (before > 1) & (after > 1)).ravel()  # the ends' are not
+        pressure = -tractions_on(known, result.dofs, rows)[0]
+        bears[at] = (pressure > _BEARS * pressure.max(initial=0.0)).ravel()
     size = max(float(np.abs(wanted).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
     if not np.abs(wanted).max(initial=0.0) > 0.0:
         return result, dict(shares)
     free &= np.abs(wanted) <= _MET * size  # not what an end has asked for
-    for trial in range(_TRIALS):
-        free &= trial < _TRIALS - 1
-        kept = np.concatenate([np.ones(qvi.m, dtype=bool), ~free, np.ones(qvi.A.shape[0], dtype=bool)])
-        right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])[kept]
-        changes = LeastChange.of(qvi, kept)
-        change = changes.solved(right)
-        values = np.divide(-(shears + qvi.T @ change), bounds, out=np.zeros(qvi.m), where=free)
-        if not (np.abs(values) > 1.0).any():
-            break
-        free &= np.abs(values) <= 1.0
-    left = np.abs(changes.rows @ change - right)
-    if left.max() > _MET * size:
-        row = int(np.flatnonzero(kept)[left.argmax()])
-        return _where(known, row % qvi.m if row < 2 * qvi.m else 0)
-    found = dict(shares)
-    for rows in contacts:
-        share, inside = shares[rows.name], free[rows.rows].reshape(shares[rows.name].values.shape)
-        own = np.where(inside, values[rows.rows].reshape(inside.shape), share.values)
-        room = np.where(inside & (share.room > 0.0), 1.0 - np.abs(own), share.room)
-        found[rows.name] = replace(share, values=own, room=room)
-    return ContactResult(known, replace(result.solution, z=result.solution.z + change)), found
+    shears = sparse.csr_array(qvi.T - sparse.diags_array(turned) @ qvi.N)
+    for pressure_changes in (False, True):
+        inside, pressed = free, bears & pressure_changes
+        for trial in range(_TRIALS):
+            inside, pressed = inside & (trial < _TRIALS - 1), pressed & (trial < _TRIALS - 1)
+            kept = np.flatnonzero(np.concatenate([~pressed, ~inside, np.ones(qvi.A.shape[0], dtype=bool)]))
+            rows_kept = sparse.csr_array(sparse.vstack([qvi.N, shears, qvi.A]))[kept]
+            right = np.concatenate([np.zeros(m), wanted, np.zeros(qvi.A.shape[0])])[kept]
+            change = LeastChange.of(qvi, rows_kept).solved(right)
+            moved = ContactResult(known, replace(result.solution, z=result.solution.z + change))
+            found, wrong = dict(shares), np.zeros((2, m), dtype=bool)
+            for rows in rough:
+                share, at = shares[rows.name], rows.rows
+                bound, shear = bound_and_shear(moved, share.contact)
+                here = inside[at].reshape(bound.shape)
+                values = np.where(here, -shear / np.maximum(bound, 1e-300), share.values)
+                wrong[0, at] = pressed[at] & (tractions_on(known, moved.dofs, rows)[0] > 0.0).ravel()
+                wrong[1, at] = (np.abs(values) > 1.0).ravel()
+                room = np.where(here & (share.room > 0.0), 1.0 - np.abs(values), share.room)
+                weights = np.where(share.weights > 0.0, bound, 0.0)
+                found[rows.name] = replace(share, values=values, room=room, weights=weights)
+            if not wrong.any():
+                break
+            pressed, inside = pressed & ~wrong[0], inside & ~wrong[1]
+        left = np.abs(rows_kept @ change - right)
+        if left.max() <= _MET * size:
+            return moved, found
+    row = int(kept[left.argmax()])
+    return _where(known, row % m if row < 2 * m else 0)
 
 
 def _where(known: Discretization, row: int) -> str:
@@ -424,8 +457,6 @@ class LeastChange:
 
     Attributes
     ----------
-    rows : sparse array
-        Normal tractions and shears on contacts, and resultants.
     scales : (n,) and (r,) arrays
         Units of x and of the rows.
     matrix : sparse array
@@ -435,16 +466,14 @@ class LeastChange:
 
     """
 
-    rows: sparse.csr_array
     scales: tuple[FloatArray, FloatArray]
     matrix: sparse.csc_array
     factors: Any
 
     @classmethod
-    def of(cls, qvi: FrictionQVI, kept: BoolArray | None = None) -> "LeastChange":
-        """Of all rows of a problem, or of those that are kept."""
-        rows, K = sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])), sparse.csc_array(qvi.K)
-        rows = rows if kept is None else sparse.csr_array(rows[np.flatnonzero(kept)])
+    def of(cls, qvi: FrictionQVI, rows: sparse.csr_array) -> "LeastChange":
+        """For the stiffness of a problem."""
+        K = sparse.csc_array(qvi.K)
         scale = 1.0 / np.sqrt(K.diagonal())
         R = sparse.csr_array(rows @ sparse.diags_array(scale))
         lengths = np.sqrt(np.maximum(np.asarray(R.multiply(R).sum(axis=1)).ravel(), 1e-300))
@@ -452,7 +481,7 @@ class LeastChange:
         S, slightly = sparse.diags_array(scale) @ K @ sparse.diags_array(scale), 1e-9 * sparse.eye_array(len(lengths))
         nothing = sparse.csr_array((len(lengths), len(lengths)))
         matrices = [sparse.csc_array(sparse.block_array([[S, R.T], [R, part]])) for part in (nothing, -slightly)]
-        return cls(rows, (scale, lengths), matrices[0], splu(matrices[1]))
+        return cls((scale, lengths), matrices[0], splu(matrices[1]))
 
     def solved(self, right: FloatArray) -> FloatArray:
         """The x with rows · x = right, as nearly as there is one."""

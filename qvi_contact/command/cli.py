@@ -155,8 +155,8 @@ def group() -> None:
     "swept",
     multiple=True,
     metavar="NAME=V1,V2,…",
-    help="Solve for several values, or START:STOP:COUNT: of friction, of a factor of load, of what is added to gap or "
-    "offset.",
+    help="Solve for these values, or START:STOP:COUNT: of a constant of the file, of friction, of a factor of load, of "
+    "what is added to gap or offset; also load.NAME, CONTACT.friction.",
 )
 @click.option(
     "--store",
@@ -200,14 +200,11 @@ def solve(
     \b
     Examples:
         qvi-contact solve examples/compressed_plate.toml
-        qvi-contact solve examples/punch.toml --inner socp:clarabel --plot punch.png
-        qvi-contact solve examples/punch.toml --degree 5
-        qvi-contact solve examples/punch.toml --certificate
+        qvi-contact solve examples/punch.toml --degree 5 --plot punch.png
         qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
         qvi-contact solve examples/punch.toml --report punch.html
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
         qvi-contact solve examples/cyclic_shear.toml --store cycle
-        qvi-contact solve examples/punch.toml --set friction=0.1,0.2,0.3
         qvi-contact solve examples/punch.toml --set P=50 --set friction=0.1,0.2
         qvi-contact solve examples/punch.toml --set friction=0.1:0.5:41 --store punch.sqlite
     """  # noqa: D301

@@ -12,7 +12,6 @@ from qvi_contact.basics.terminal import Advance
 from solvers.basics.progress import Progress, listening
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.progress import Progress as Bar
 
 _PATIENCE = 2.0  # seconds of silence
@@ -59,8 +58,12 @@ class _Line:
         self._began = monotonic()
 
     def report(self, progress: Progress) -> None:
-        """What a solve says."""
-        self._state = _words(progress)
+        """What a solve says: method, iteration, residual."""
+        entry = progress.iteration
+        what = progress.stage or "setting up"
+        if entry is not None and not progress.stage:
+            what = f"iteration {entry.number}, residual {entry.residual:.1e}"
+        self._state = f"{progress.method}: {what}"
         self._update()
         if progress.stage:
             self._say(self._state)
@@ -76,13 +79,18 @@ class _Line:
         self._update()
 
     def show(self) -> None:
-        """Begin."""
+        """Begin: Rich's own line, with a bar where there are several steps."""
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as Bar
+
         console = terminal.error_console()
         if not console.is_terminal:
             return
+        title, state = (TextColumn(f"{{task.{name}}}", markup=False) for name in ("description", "fields[state]"))
+        columns = (title, *((BarColumn(), MofNCompleteColumn()) if self._steps > 1 else ()), state, TimeElapsedColumn())
         with self._lock:
             if not self._ended.is_set():
-                self._bar = _bar(console, self._steps > 1)
+                self._bar = Bar(*columns, console=console, transient=True)
                 task = self._bar.add_task(self._title, total=self._steps, completed=self._done, state=self._text)
                 self._bar.tasks[task].start_time = self._bar.get_time() - _PATIENCE
                 self._bar.start()
@@ -114,24 +122,3 @@ class _Line:
     @property
     def _text(self) -> str:
         return "; ".join(filter(None, [self._so_far, self._state]))
-
-
-def _bar(console: "Console", several: bool) -> "Bar":
-    """Rich's own line, with a bar where there are several steps."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    bar = (BarColumn(), MofNCompleteColumn()) if several else ()
-    title, state = (TextColumn(f"{{task.{name}}}", markup=False) for name in ("description", "fields[state]"))
-    columns = (title, *bar, state, TimeElapsedColumn())
-    return Bar(*columns, console=console, transient=True)
-
-
-def _words(progress: Progress) -> str:
-    """Method, iteration, residual."""
-    entry = progress.iteration
-    if progress.stage:
-        return f"{progress.method}: {progress.stage}"
-    if entry is None:
-        return f"{progress.method}: setting up"
-    return f"{progress.method}: iteration {entry.number}, residual {entry.residual:.1e}"

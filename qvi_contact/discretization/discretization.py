@@ -14,6 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, whole_number
+from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.basics.retired import refuse_arguments
 from qvi_contact.discretization.energy import BodyStiffness, Root
 from qvi_contact.discretization.loads import (
@@ -30,6 +31,7 @@ from qvi_contact.discretization.loads import (
 from qvi_contact.discretization.plates import PlateRows, misplaced_pins, plate_rows, pressed_pins
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, LawOn, Rows, StressSpace, edge_rule
+from qvi_contact.discretization.springs import Springs
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
@@ -57,21 +59,25 @@ class _Rows(NamedTuple):
     traces: Rows
 
     @classmethod
-    def on(cls, supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], A: sparse.csc_array) -> _Rows:
-        """Those of these contacts, one after the other, and equations, made once for all that is pressed there."""
+    def on(
+        cls, supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], plates: PlateRows, kept: Kept
+    ) -> _Rows:
+        """Those of these contacts, one after the other, and of plates, made once for all that is pressed there."""
         edges = [rows.points.edges for rows in contacts]
-        key = (cls, rule.law_on, id(A), *((part.first.tobytes(), part.second.tobytes()) for part in edges))
-        if key not in supports.kept:  # as `plate_rows` keeps A
+
+        def made() -> _Rows:
             traces = supports.space.trace_rows(edges, rule.points)
             Y = supports.basis.rows(traces)
             E = _block_diagonal(rule.from_points, Y.shape[0] // rule.count)
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
-            supports.kept[key] = cls(
-                ContactMatrices(rows[:m], rows[m:], weights, A, TractionFactor(by_columns(Y), E)), traces
-            )
-        found: _Rows = supports.kept[key]
-        return found
+            traction = TractionFactor(by_columns(Y), E)
+            found = ContactMatrices(rows[:m], rows[m:], weights, plates.resultants.A, traction)
+            read_only(found.N, found.T, found.A, found.W)
+            return cls(found, traces)
+
+        on = ((part.first.tobytes(), part.second.tobytes()) for part in edges)
+        return kept(cls, (supports, rule, plates.resultants, *on), made)
 
 
 def _block_diagonal(block: FloatArray, count: int) -> sparse.csc_array:
@@ -215,6 +221,7 @@ class Discretization(PicklesFields):
         if problem.mesh is not self.problem.mesh and not problem.mesh.same_as(self.problem.mesh):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
+        vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes have one
         return _discretized(problem, self.space, self.rule, scales or Scales.of(problem))
 
     def rescaled(self) -> Discretization:
@@ -296,14 +303,16 @@ def discretize(
     chosen = DEFAULT_DEGREE if degree is None else whole_number("degree", degree)
     _ = hsieh_clough_tocher(chosen)  # refuses degrees that are not offered
     by_default: LawOn = "points" if laws_vary(problem) else "edges"
-    space, rule = StressSpace.on(problem.mesh, int(chosen)), edge_rule(law_on or by_default, int(chosen))
+    mesh, rule = problem.mesh, edge_rule(law_on or by_default, int(chosen))
+    space = mesh.kept(StressSpace, chosen, lambda: StressSpace(mesh.bare, chosen))
     return _discretized(problem, space, rule, scales or Scales.of(problem))
 
 
 def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales) -> Discretization:
     """Discretise, with what the space and its supports keep for all problems."""
     given = prescribed_tractions(problem, scales)
-    supports = Supports.on(space, given)
+    kept = problem.mesh.kept
+    supports = Supports.on(space, given, kept)
     particular, imbalance = supports.particular(given)
     if imbalance > 0.0:
         remedy = (
@@ -312,12 +321,13 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
         )
         raise InputError("ContactProblem.conditions", imbalance * scales.stress * scales.length, remedy)
     compliances = np.stack([material.compliance / scales.compliance for material in problem.materials])
-    stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances)
+    contacts = contact_rows(problem, space, rule, scales)
+    springs = Springs.of(problem, space, scales, contacts)
+    stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances, springs, kept)
     stress = cell_stress(problem, space, scales)
     body = None if stress is None else stiffness.energy.loaded(stress)
-    contacts = contact_rows(problem, space, rule, scales)
     plates = plate_rows(problem, scales, contacts, supports, particular)
-    root = Root(stiffness, particular, body)
+    root = Root(stiffness, particular, body, None if springs is None else springs.constant)
     qvi = _algebraic(problem, rule, scales, root, contacts, plates)
     return Discretization(problem, scales, rule, root, contacts, plates, qvi)
 
@@ -334,20 +344,21 @@ def _algebraic(
     stiffness = root.stiffness
     supports, space = stiffness.supports, stiffness.supports.space
     limited = [rows for rows in contacts if rows.law != "tied"]
-    matrices, traces = _Rows.on(supports, rule, limited, plates.A)
+    matrices, traces = _Rows.on(supports, rule, limited, plates, problem.mesh.kept)
     load = displacement_load(problem, space, scales)
     for rows in contacts:
         load = load + rows.work()
     load = supports.basis.reduced(load)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
-    if root.body is not None or root.particular.any():
+    if root.body is not None or root.particular.any() or (root.springs is not None and root.springs.any()):
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
         n0, t0 = np.split(traces.apply(root.particular), 2)
         n0, t0 = rule.at_rows(n0), rule.at_rows(t0)
     if has_body_force(problem) or any(contact.has_fluid for contact in problem.contacts):
         fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]
         n0 = n0 + rule.at_rows(joined(fixed))
-    return FrictionQVI(stiffness.matrix, matrices, Loads(f, n0, t0, plates.b, root, load), law_of(contacts))
+    loads = Loads(f, n0, t0, plates.b, root, load)
+    return FrictionQVI(stiffness.matrix(problem.mesh.kept), matrices, loads, law_of(contacts))
 
 
 def law_of(contacts: Sequence[ContactRows]) -> Law:

@@ -26,8 +26,10 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.curved import Rule
 from qvi_contact.discretization.space import StressSpace
+from qvi_contact.discretization.springs import Springs
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
 from qvi_contact.element.triangle import AffineTriangles
@@ -228,22 +230,22 @@ class BodyStiffness(PicklesFields):
         The degrees of freedom u = B z + u₀.
     energy : TriangleEnergy
         The energies of the triangles.
+    springs : Springs or None
+        Springs along contacts.
 
     """
 
     supports: Supports
     energy: TriangleEnergy
+    springs: Springs | None = None
 
     @classmethod
-    def on(cls, supports: Supports, materials: IntArray, compliances: FloatArray) -> BodyStiffness:
-        """That of supports and materials; the latest is kept."""
-        key = materials.tobytes(), compliances.tobytes()
-        kept, found = supports.kept.get(cls, (None, None))
-        if kept != key:
-            found = cls(supports, TriangleEnergy(supports.space, materials, compliances))
-            supports.kept[cls] = key, found
-        assert isinstance(found, cls)
-        return found
+    def on(
+        cls, supports: Supports, materials: IntArray, compliances: FloatArray, springs: Springs | None, kept: Kept
+    ) -> BodyStiffness:
+        """That of supports, materials and springs, made once."""
+        key = supports, materials.tobytes(), compliances.tobytes(), None if springs is None else springs.key
+        return kept(cls, key, lambda: cls(supports, TriangleEnergy(supports.space, materials, compliances), springs))
 
     @cached_property
     def K(self) -> Any:  # noqa: N802  # letter of (D2)
@@ -263,15 +265,23 @@ class BodyStiffness(PicklesFields):
         if len(across):
             R = differences.all_rows(self.energy.roots, across) @ basis.matrix
             K = K + R.T @ R
+        if self.springs is not None:
+            R = self.springs.rows @ basis.matrix
+            K = K + (R.T @ R if sparse.issparse(K) else (R.T @ R).toarray())
         if K.diagonal().min(initial=np.inf) <= 0.0:
             remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
             raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
         return K
 
-    @cached_property
-    def matrix(self) -> Stiffness:
-        """K with its root, and what is factorised of it."""
-        return Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+    def matrix(self, kept: Kept) -> Stiffness:
+        """K with its root, and what is factorised of it, made once; it refers to this, not the other way round."""
+
+        def made() -> Stiffness:
+            found = Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+            read_only(found.K)
+            return found
+
+        return kept(Stiffness, self, made)
 
     @cached_property
     def places(self) -> FloatArray | None:
@@ -290,7 +300,7 @@ class BodyStiffness(PicklesFields):
 
 @dataclass(frozen=True, eq=False)
 class Root(PicklesFields):
-    """z ↦ r(z) = R z + r₀ with ½|r|² the strain energy: U w + U⁻ᵀs triangle by triangle, then √(2 rest).
+    """z ↦ r(z) = R z + r₀ with ½|r|² the strain energy: U w + U⁻ᵀs triangle by triangle, √(2 rest), then springs.
 
     It is evaluated without the cancellation inside K.
 
@@ -302,34 +312,50 @@ class Root(PicklesFields):
         u₀.
     body : BodyLoad or None
         What a body force adds.
+    springs : (r,) array or None
+        What body forces and fluids add to rows of `BodyStiffness.springs`.
 
     """
 
     stiffness: BodyStiffness
     particular: FloatArray
     body: BodyLoad | None
+    springs: FloatArray | None = None
 
     def apply(self, z: FloatArray) -> FloatArray:
         """r(z), shape (n (k + 1),)."""
         energy = self.stiffness.energy
-        w = energy.space.differences.apply(self.stiffness.supports.basis.expanded(z) + self.particular)[1]
+        u, own, springs = self.stiffness.supports.basis.expanded(z) + self.particular, [], self.stiffness.springs
+        w = energy.space.differences.apply(u)[1]
         r = (energy.roots @ w[:, :, None])[:, :, 0]
+        if springs is not None:
+            own = [springs.rows @ u + (0.0 if self.springs is None else self.springs)]
         if self.body is None:
-            return np.concatenate([r.ravel(), np.zeros(len(r))])
-        return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests)])
+            return np.concatenate([r.ravel(), np.zeros(len(r)), *own])
+        return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests), *own])
 
     def adjoint(self, r: FloatArray) -> FloatArray:
         """Rᵀ r, shape (unknowns,)."""
         energy = self.stiffness.energy
         count, k = energy.roots.shape[:2]
         w = (r[: count * k].reshape(count, 1, k) @ energy.roots)[:, 0]
-        return self.stiffness.supports.basis.reduced(energy.space.differences.adjoint(w))
+        full, springs = energy.space.differences.adjoint(w), self.stiffness.springs
+        if springs is not None:
+            full = full + springs.rows.T @ r[count * (k + 1) :]
+        return self.stiffness.supports.basis.reduced(full)
 
     def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
-        """(R with RᵀR = K, the centre of each row's triangle); the last n rows, which are zero, left out."""
+        """(R with RᵀR = K, the centre of each row's triangle or its place); the n rows that are zero left out."""
         space, roots = self.stiffness.energy.space, self.stiffness.energy.roots
         R = space.differences.all_rows(roots, np.arange(len(roots))) @ self.stiffness.supports.basis.matrix
-        return sparse.csr_array(R), np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0)
+        places, springs = (
+            np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0),
+            self.stiffness.springs,
+        )
+        if springs is not None:
+            R = sparse.vstack([R, springs.rows @ self.stiffness.supports.basis.matrix])
+            places = np.concatenate([places, springs.places])
+        return sparse.csr_array(R), places
 
     def rounding(self, z: FloatArray) -> float:
         """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³."""

@@ -169,12 +169,16 @@ def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scale
 
 def cell_stress(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
     """φI − σ⁰ at the quadrature points of the cells (cells, g, 3), dimensionless; None without either of them."""
-    cells, found = np.arange(problem.mesh.cell_count), None
+    loaded, strained = has_body_force(problem), is_strained(problem)
+    if not loaded and not strained:
+        return None
+    cells = np.arange(problem.mesh.cell_count)
     points = space.points(cells, space.cell_points)
-    if has_body_force(problem):
-        found = potential_at(problem, scales, points)[..., None] * np.array([1.0, 1.0, 0.0])
-    if is_strained(problem):
-        found = (0.0 if found is None else found) - scaled_stress_at_rest(problem, scales, cells, points)
+    found = np.zeros((*points.shape[:2], 3))
+    if loaded:
+        found[..., :2] = potential_at(problem, scales, points)[..., None]
+    if strained:
+        found -= scaled_stress_at_rest(problem, scales, cells, points)
     return found
 
 

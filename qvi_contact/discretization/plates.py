@@ -73,8 +73,10 @@ class PlateRows:
 
     Attributes
     ----------
-    A, b : (p, n) sparse array and (p,) array
-        Independent rows.
+    resultants : Resultants
+        Where the rows A are from.
+    b : (p,) array
+        Their right-hand sides.
     rows : tuple of PlateRow
         What they are.
     determined : tuple of PlateRow
@@ -83,7 +85,7 @@ class PlateRows:
 
     """
 
-    A: sparse.csc_array
+    resultants: Resultants
     b: FloatArray
     rows: tuple[PlateRow, ...]
     determined: tuple[PlateRow, ...]
@@ -123,7 +125,7 @@ def plate_rows(
             rows.append(PlateRow(contact.name, name, given, size, motion))
             driven.append(_Driven(contact.points, name, reference, divisor))
             values.append(reduced / size)
-    resultants = _Resultants.on(supports, problem, scales, driven)
+    resultants = Resultants.on(supports, problem, scales, driven)
     b = np.array(values)
     if particular.any():
         b = b - resultants.full @ particular
@@ -131,7 +133,7 @@ def plate_rows(
         b = b - [_of_potential(problem, scales, each) for each in driven]
     kept = resultants.checked(b, rows)
     determined = tuple(row for index, row in enumerate(rows) if index not in kept)
-    return PlateRows(resultants.A, b[kept], tuple(rows[index] for index in kept), determined)
+    return PlateRows(resultants, b[kept], tuple(rows[index] for index in kept), determined)
 
 
 def centre_of(problem: ContactProblem, scales: Scales, contact: ContactRows) -> tuple[float, float]:
@@ -165,7 +167,7 @@ def _of_potential(problem: ContactProblem, scales: Scales, driven: _Driven) -> f
 
 
 @dataclass(frozen=True, eq=False)
-class _Resultants:
+class Resultants:
     """Resultants of driven plates as rows, the same whatever they are.
 
     Attributes
@@ -187,26 +189,26 @@ class _Resultants:
     A: sparse.csc_array
 
     @classmethod
-    def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, driven: Sequence[_Driven]) -> _Resultants:
+    def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, driven: Sequence[_Driven]) -> Resultants:
         """Those of supports, made once."""
+        edges = [each.points.edges for each in driven]
         key = (
-            cls,
-            *((each.points.edges.first.tobytes(), each.points.edges.second.tobytes(), *each[1:]) for each in driven),
+            supports,
+            *((e.first.tobytes(), e.second.tobytes(), *each[1:]) for e, each in zip(edges, driven, strict=True)),
         )
-        if key not in supports.kept:
+
+        def made() -> Resultants:
             full: FloatArray = np.zeros((len(driven), supports.space.size))
             for row, each in zip(full, driven, strict=True):
                 points = each.points.for_resultants()
                 row += points.traction_load(each.factors(problem, scales, points), points.weights) / each.divisor
-            supports.kept[key] = cls._reduced(
-                full,
-                np.array([supports.basis.reduced(row) for row in full]).reshape(len(full), len(supports.basis.kept)),
-            )
-        found: _Resultants = supports.kept[key]
-        return found
+            reduced = [supports.basis.reduced(row) for row in full]
+            return cls._reduced(full, np.array(reduced).reshape(len(full), len(supports.basis.kept)))
+
+        return problem.mesh.kept(cls, key, made)
 
     @classmethod
-    def _reduced(cls, full: FloatArray, A: FloatArray) -> _Resultants:
+    def _reduced(cls, full: FloatArray, A: FloatArray) -> Resultants:
         kept, combinations = list[int](), dict[int, FloatArray]()
         for index, row in enumerate(A):
             combination = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)

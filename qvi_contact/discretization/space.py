@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -309,7 +309,7 @@ class Differences:
 
 @dataclass(frozen=True, eq=False)
 class StressSpace(PicklesFields):
-    """The C1 functions of one degree on a mesh of triangles, dimensionless; `on` gives the one that a mesh keeps.
+    """The C1 functions of one degree on a mesh of triangles, dimensionless.
 
     What depends on mesh and degree alone is computed once for all problems that are discretised there.
 
@@ -324,18 +324,6 @@ class StressSpace(PicklesFields):
 
     mesh: TriangleMesh
     degree: int
-
-    @classmethod
-    def on(cls, mesh: TriangleMesh, degree: int) -> StressSpace:
-        """The space of a mesh, made when it is first asked for and kept as long as the mesh."""
-        found = mesh.kept.setdefault((cls, degree), cls(mesh, degree))
-        assert isinstance(found, cls)
-        return found
-
-    @cached_property
-    def kept(self) -> dict[object, Any]:
-        """What is made of this space alone, such as `Supports`, and serves every problem on it."""
-        return {}
 
     @cached_property
     def element(self) -> HsiehCloughTocher:
@@ -656,6 +644,7 @@ class StressSpace(PicklesFields):
         return points, np.concatenate([pieces + part * len(flat) for part in range(3)])
 
 
+@cache
 def split_points(degree: int) -> tuple[FloatArray, FloatArray]:
     """Such points for functions that are polynomials of a degree on each of the three parts of a triangle."""
     points, weights = quadrature(degree)

@@ -32,6 +32,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.kept import Kept
 from qvi_contact.discretization.curved import resultant_shapes
 from qvi_contact.discretization.space import EdgeFunctionals, Rows, StressSpace, frame
 from qvi_contact.element import legendre
@@ -161,19 +162,11 @@ class Supports(PicklesFields):
     components: tuple[Component, ...]
 
     @classmethod
-    def on(cls, space: StressSpace, given: Sequence[PrescribedTraction]) -> Supports:
+    def on(cls, space: StressSpace, given: Sequence[PrescribedTraction], kept: Kept) -> Supports:
         """Those of a space for such components, made once."""
         parts = [(p.edges, p.direction, p.turns and p.edges.curved) for p in given]
-        key = (cls, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
-        if key not in space.kept:
-            space.kept[key] = cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given))
-        found: Supports = space.kept[key]
-        return found
-
-    @cached_property
-    def kept(self) -> dict[object, Any]:
-        """What is made of these supports alone, and serves every problem that has them."""
-        return {}
+        key = (space, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
+        return kept(cls, key, lambda: cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given)))
 
     @property
     def basis(self) -> Basis:
@@ -542,8 +535,8 @@ class Elimination:
             left = max(map(abs, terms.values()), default=0.0)
             if left <= _DEPENDENT * max(map(abs, given.values()), default=0.0):
                 continue
-            worthy = [column for column, factor in terms.items() if abs(factor) >= _WORTHY * left]
-            pivot = max(worthy, key=lambda column: (ages[column], abs(terms[column]), -column))
+            sizes = zip(terms, map(abs, terms.values()), strict=True)
+            pivot = -max([(ages[column], size, -column) for column, size in sizes if size >= _WORTHY * left])[2]
             factor = -1.0 / terms.pop(pivot)
             solved[pivot] = {column: factor * value for column, value in terms.items()}
             rows[pivot] = row
@@ -573,13 +566,13 @@ class Elimination:
 def _reduced(terms: dict[int, float], solved: dict[int, dict[int, float]]) -> dict[int, float]:
     """Σ factor u with everything replaced that is solved for, until nothing is left to replace."""
     result, pending = dict[int, float](), list(terms.items())
-    while pending:
-        column, factor = pending.pop()
-        inner = solved.get(column)
-        if inner is None:
-            result[column] = result.get(column, 0.0) + factor
+    for column, factor in pending:  # which grows meanwhile
+        if column in solved:
+            pending += [(other, factor * value) for other, value in solved[column].items()]
+        elif column in result:
+            result[column] += factor
         else:
-            pending += [(other, factor * value) for other, value in inner.items()]
+            result[column] = factor
     return {column: factor for column, factor in result.items() if factor != 0.0}
 
 

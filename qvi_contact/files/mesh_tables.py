@@ -5,11 +5,12 @@ Each table is declared by its keys, and makes its part of the mesh. Errors have 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from qvi_contact.basics.schema import (
     Tables,
     Whole,
     check_keys,
-    key,
     keys_of,
     located,
     quoted,
@@ -201,13 +201,14 @@ def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smalles
 
 
 @dataclass(frozen=True, kw_only=True)
-class RingTable:
-    """A closed line: corners, or a circle."""
+class LineTable:
+    """A line of an outline by its corners, or a circle: a hole, a joint, or the border of a region."""
 
     name: Name = ""
-    """Name of the line, of a circle or a region: `name = "bore"`."""
+    """What joints and regions are called, which need it, and the edges of a round hole: `name = "bore"`."""
     corners: Annotated[tuple[Corner, ...], Tables(Corner, None)] | None = None
-    """Corners in order: `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`."""
+    """Corners in order; a joint is closed if the first one is repeated at its end, or an arc begins at the last one:
+    `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`."""
     centre: Point | None = None
     """Centre of a circle: `centre = [1.0, 1.0]`."""
     radius: float | None = None
@@ -222,47 +223,22 @@ class RingTable:
         for name, value in (circle | {"size": self.size}).items():
             if self.corners is not None and value is not None:
                 raise InputError(name, value, "this belongs to a circle, which has no corners: leave it out")
-        for name, value in circle.items():
-            if self.corners is None and value is None:
+            if self.corners is None and value is None and name != "size":
                 raise InputError(name, None, ADD)
 
-    def line(self, name: str = "") -> Sequence[Corner]:
-        """Its corners; the edges of a circle get the name."""
+    def line(self, kind: str, taken: Iterable[str]) -> Sequence[Corner]:
+        """The corners of a hole, joint or region."""
+        if kind == "holes" and self.corners is not None and self.name:
+            raise InputError("name", self.name, "give the names to the corners where the lines begin")
+        if kind != "holes" and not self.name:
+            raise InputError("name", Missing(), ADD)
+        if kind != "holes" and self.name in taken:
+            raise InputError("name", self.name, "this name is taken: choose another one")
         if self.corners is not None:
             return self.corners
         assert self.centre is not None  # checked above
         assert self.radius is not None
-        with located("", keys_of(RingTable)):
-            return Corner.circle(self.centre, self.radius, name, self.size)
-
-
-@dataclass(frozen=True, kw_only=True)
-class HoleTable(RingTable):
-    """A hole; a name is that of its edges, where it is a circle."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.corners is not None and self.name:
-            raise InputError("name", self.name, "give the names to the corners where the lines begin")
-
-
-@dataclass(frozen=True, kw_only=True)
-class InnerRegionTable(RingTable):
-    """A region of an outline."""
-
-    name: Name = field(metadata=key(needed=True))
-    """Name of the region: `name = "inclusion"`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class InnerLineTable:
-    """A joint of an outline."""
-
-    name: Name
-    """Name of the joint: `name = "joint"`."""
-    corners: Annotated[tuple[Corner, ...], Tables(Corner, None)]
-    """Corners of the line, which is closed if the first one is repeated at its end, or an arc begins at the last
-    one: `corners = [{ at = [0.0, 0.5] }, { at = [1.0, 0.5] }]`."""
+        return Corner.circle(self.centre, self.radius, self.name if kind == "holes" else "", self.size)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,12 +260,12 @@ class OutlineTable:
     corners: Annotated[tuple[Corner, ...], Tables(Corner, None)]
     """Corners of the body, see `[[mesh.outline.corners]]`: `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, {
     at = [0.0, 1.0] }]`."""
-    holes: tuple[HoleTable, ...] = ()
+    holes: tuple[LineTable, ...] = ()
     """Holes, by corners or as circles: `holes = [{ centre = [1.0, 1.0], radius = 0.4 }]`."""
-    joints: tuple[InnerLineTable, ...] = ()
+    joints: tuple[LineTable, ...] = ()
     """Lines inside the body, open or closed: `joints = [{ name = "joint", corners = [{ at = [0.0, 0.5] }, { at =
     [1.0, 0.5] }] }]`."""
-    regions: tuple[InnerRegionTable, ...] = ()
+    regions: tuple[LineTable, ...] = ()
     """Regions of another material: `regions = [{ name = "inclusion", centre = [1.0, 1.0], radius = 0.2 }]`."""
     sizes: tuple[SizeTable, ...] = ()
     """Places where triangles have another size: `sizes = [{ at = [1.0, 0.5], size = 0.05 }]`."""
@@ -297,19 +273,13 @@ class OutlineTable:
     def mesh(self) -> TriangleMesh:
         """The body divided into triangles."""
         lines: dict[str, list[Any]] = {"holes": [], "joints": [], "regions": []}
+        names: dict[str, list[str]] = {kind: [] for kind in lines}
         for kind, found in lines.items():
-            taken: list[str] = []
             for index, table in enumerate(getattr(self, kind)):
-                with located(f"{kind}[{index}]", ("name", "centre", "radius", "size")):
-                    if kind != "holes" and table.name in taken:
-                        raise InputError("name", table.name, "this name is taken: choose another one")
-                    taken.append(table.name)
-                    own = table.name if kind == "holes" else ""
-                    found.append(table.corners if kind == "joints" else table.line(own))
-        named = {
-            kind: dict(zip([table.name for table in getattr(self, kind)], lines[kind], strict=True))
-            for kind in ("joints", "regions")
-        }
+                with located(f"{kind}[{index}]", keys_of(LineTable)):
+                    found.append(table.line(kind, names[kind]))
+                names[kind].append(table.name)
+        named = {kind: dict(zip(names[kind], lines[kind], strict=True)) for kind in ("joints", "regions")}
         sizes = {entry.at: entry.size for entry in self.sizes}
         try:
             return TriangleMesh.outline(self.corners, self.size, holes=lines["holes"], sizes=sizes, **named)
@@ -464,26 +434,38 @@ class MeshTable:
 class _Place:
     """Edges that are given in one way: by a line of a grid, or by a segment or box of any mesh."""
 
+    ways: ClassVar[tuple[str, ...]]
+    """Keys of these, that of a grid first."""
     name: str
     start: float | None
     stop: float | None
     at: float | None
     segment: tuple[Point, Point] | None
 
-    def check_one(self, on_grid: str, names: Sequence[str]) -> None:
-        """Refuse none and several, and ranges that belong to a grid."""
-        given = [name for name in names if getattr(self, name) is not None]
+    def __post_init__(self) -> None:
+        given = [name for name in self.ways if getattr(self, name) is not None]
         if len(given) != 1:
-            raise InputError(given[-1] if given else names[0], None, f"give one of {', '.join(names)}")
+            raise InputError(given[-1] if given else self.ways[0], None, f"give one of {', '.join(self.ways)}")
         for name in ("start", "stop", "at"):
-            if getattr(self, name) is not None and given != [on_grid]:
-                raise InputError(name, getattr(self, name), f"this belongs to {on_grid}, on a grid: leave it out")
+            if getattr(self, name) is not None and given != [self.ways[0]]:
+                remedy = f"this belongs to {self.ways[0]}, on a grid: leave it out"
+                raise InputError(name, getattr(self, name), remedy)
 
-    def on_line(self, mesh: TriangleMesh, lines: Lines | None, axis: int, pairs: IntArray, facing: object) -> IntArray:
-        """Those of some edges (k, 2) along an axis that are in range."""
-        assert lines is not None
+    def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
+        """The edges (k, 2) by their vertices; `lines` are those of a grid."""
+        inside, box, facing = isinstance(self, JointTable), getattr(self, "box", None), getattr(self, self.ways[0])
+        if self.segment is not None:
+            return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=inside)
+        if box is not None:
+            return edges_in_box(mesh.vertices, mesh.topology, box.x, box.y)
+        if lines is None:
+            ways = "a segment between two points" if inside else "a segment between two points, or a box"
+            remedy = f"sides and directions are for grids: on triangles give {ways}"
+            raise InputError("segment", None, remedy)
+        axis = 0 if facing in ("bottom", "top", "horizontal") else 1
+        pairs = mesh.topology.ends[~mesh.topology.boundary] if inside else mesh.pairs(facing)
+        keep = np.ptp(mesh.vertices[pairs][:, :, 1 - axis], axis=1) == 0.0
         middle = mesh.vertices[pairs].mean(axis=1)
-        keep = np.ones(len(pairs), dtype=bool)
         if self.start is not None:
             keep &= middle[:, axis] > on_line("start", self.start, lines[axis])
         if self.stop is not None:
@@ -491,8 +473,7 @@ class _Place:
         if self.at is not None:
             keep &= middle[:, 1 - axis] == on_line("at", self.at, lines[1 - axis])
         if not keep.any():
-            where = "boundary" if isinstance(self, EdgesTable) else "interior"
-            given = (facing, self.start, self.stop, self.at)
+            where, given = "interior" if inside else "boundary", (facing, self.start, self.stop, self.at)
             raise InputError(self.name, given, f"no {where} edge lies there: check side and range")
         return np.asarray(pairs[keep])
 
@@ -516,20 +497,7 @@ class EdgesTable(_Place):
     box: Rectangle | None = None
     """What lies inside a box: `box = { y = [0.9, 1.1] }`."""
 
-    def __post_init__(self) -> None:
-        self.check_one("side", ("side", "segment", "box"))
-
-    def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
-        """The edges (k, 2) by their vertices; `lines` are those of a grid."""
-        if self.segment is not None:
-            return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=False)
-        if self.box is not None:
-            return edges_in_box(mesh.vertices, mesh.topology, self.box.x, self.box.y)
-        if lines is None:
-            remedy = "sides and directions are for grids: on triangles give a segment between two points, or a box"
-            raise InputError("segment", None, remedy)
-        axis = 0 if self.side in ("bottom", "top") else 1
-        return self.on_line(mesh, lines, axis, mesh.pairs(self.side or ""), self.side)
+    ways = ("side", "segment", "box")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -549,22 +517,12 @@ class JointTable(_Place):
     segment: tuple[Point, Point] | None = None
     """The line between two points: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
 
+    ways = ("direction", "segment")
+
     def __post_init__(self) -> None:
-        self.check_one("direction", ("direction", "segment"))
+        super().__post_init__()
         if self.direction is not None and self.at is None:
             raise InputError("at", None, ADD)
-
-    def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
-        """The edges (k, 2) by their vertices; `lines` are those of a grid."""
-        if self.segment is not None:
-            return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=True)
-        if lines is None:
-            remedy = "sides and directions are for grids: on triangles give a segment between two points"
-            raise InputError("segment", None, remedy)
-        axis = 0 if self.direction == "horizontal" else 1
-        pairs = mesh.topology.ends[~mesh.topology.boundary]
-        pairs = pairs[np.ptp(mesh.vertices[pairs][:, :, 1 - axis], axis=1) == 0.0]
-        return self.on_line(mesh, lines, axis, pairs, self.direction)
 
 
 @dataclass(frozen=True)
@@ -581,40 +539,45 @@ class RegionTable(Region):
         return Region(material, x, y, self.name or None, self.temperature)
 
 
-@dataclass(frozen=True)
-class Parts:
-    """What a file names in its mesh: [[edges]], [[joints]] and [[regions]] with ranges and a name."""
+def _named(
+    edges: Sequence[EdgesTable],
+    joints: Sequence[JointTable],
+    tables: Sequence[RegionTable],
+    arcs: Sequence[ArcTable],
+    mesh: TriangleMesh,
+    lines: Lines | None,
+) -> TriangleMesh:
+    """The mesh with named parts: [[regions]] with ranges and a name; and edges on arcs. `lines` are those of a grid."""
+    sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
+    for kind, parts in (("edges", edges), ("joints", joints)):
+        for index, part in enumerate(parts):
+            with located(f"{kind}[{index}]", ("name", "start", "stop", "at", "segment", "box")):
+                if part.name in sets:
+                    raise InputError("name", part.name, "this edge set exists already: choose another name")
+                sets[part.name] = part.pairs(mesh, lines)
+    for index, region in enumerate(tables):
+        if region.name is not None and (region.x is not None or region.y is not None):
+            with located(f"regions[{index}]", keys_of(RegionTable)):
+                if region.name in regions:
+                    remedy = "this region exists already: choose another name, or no ranges"
+                    raise InputError("name", region.name, remedy)
+                regions[region.name] = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
+    mesh = replace(mesh, edge_sets=sets, regions=regions)
+    for index, arc in enumerate(arcs):
+        with located(f"mesh.arcs[{index}]", keys_of(ArcTable)):
+            mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
+    return mesh
 
-    edges: Sequence[EdgesTable]
-    joints: Sequence[JointTable]
-    regions: Sequence[RegionTable]
 
-    def named(self, mesh: TriangleMesh, arcs: Sequence[ArcTable], lines: Lines | None) -> TriangleMesh:
-        """The mesh with these parts, and edges on arcs; `lines` are those of a grid."""
-        sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
-        for kind in ("edges", "joints"):
-            for index, part in enumerate(getattr(self, kind)):
-                with located(f"{kind}[{index}]", ("name", "start", "stop", "at", "segment", "box")):
-                    if part.name in sets:
-                        raise InputError("name", part.name, "this edge set exists already: choose another name")
-                    sets[part.name] = part.pairs(mesh, lines)
-        for index, region in enumerate(self.regions):
-            if region.name is not None and (region.x is not None or region.y is not None):
-                with located(f"regions[{index}]", keys_of(RegionTable)):
-                    if region.name in regions:
-                        remedy = "this region exists already: choose another name, or no ranges"
-                        raise InputError("name", region.name, remedy)
-                    regions[region.name] = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
-        mesh = replace(mesh, edge_sets=sets, regions=regions)
-        for index, arc in enumerate(arcs):
-            with located(f"mesh.arcs[{index}]", keys_of(ArcTable)):
-                mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
-        return mesh
-
-
-def built_mesh(table: MeshTable, parts: Parts, folder: Path | None) -> TriangleMesh:
+def built_mesh(
+    table: MeshTable,
+    edges: Sequence[EdgesTable],
+    joints: Sequence[JointTable],
+    regions: Sequence[RegionTable],
+    folder: Path | None,
+) -> TriangleMesh:
     """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
-    lines = None
+    lines, named = None, partial(_named, edges, joints, regions, table.arcs)
     with within("mesh"):
         if table.file is not None:
             if folder is None:
@@ -633,11 +596,11 @@ def built_mesh(table: MeshTable, parts: Parts, folder: Path | None) -> TriangleM
         else:
             lines = table.x, table.y
             mesh = table.grid(lines)
-    mesh = parts.named(mesh, table.arcs, lines)
+    mesh = named(mesh, lines)
     if table.refine is None or lines is None:
         return mesh
     with within("mesh"):
         with within("refine"):
             lines = table.refine.lines(mesh, table.body(lines), lines)
         mesh = table.grid(lines)
-    return parts.named(mesh, table.arcs, lines)
+    return named(mesh, lines)

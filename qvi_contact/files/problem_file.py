@@ -46,7 +46,7 @@ from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.mesh_tables import EdgesTable, JointTable, MeshTable, Parts, RegionTable, built_mesh
+from qvi_contact.files.mesh_tables import EdgesTable, JointTable, MeshTable, RegionTable, built_mesh
 from qvi_contact.files.options import RefineOptions, SolveOptions
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
@@ -543,8 +543,7 @@ def _from_tables(
     document = reader.document()
     assert document.mesh is not None  # it is needed
     if mesh is None:
-        parts = Parts(document.edges, document.joints, document.regions)
-        mesh = built_mesh(document.mesh, parts, reader.folder)
+        mesh = built_mesh(document.mesh, document.edges, document.joints, document.regions, reader.folder)
     found = ProblemFile(
         problem=document.problem(mesh, data),
         title=document.title,

@@ -17,6 +17,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import STORE, Archive, answer_from_archive, solution_arrays, write_archive
+from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 
@@ -38,6 +39,8 @@ class StepStore(Sequence[ContactResult]):
         Digest of the problems and options.
     planned : int
         Number of steps.
+    restore : function
+        Makes the problem of a step again.
 
     Attributes
     ----------
@@ -52,9 +55,9 @@ class StepStore(Sequence[ContactResult]):
 
     """
 
-    def __init__(self, folder: str | Path, fingerprint: str, planned: int) -> None:
+    def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
         self._folder, self._fingerprint = writable_folder(folder, "store"), fingerprint
-        self._restore: Restore | None = None
+        self._restore = restore
         self._end: ContactResult | None = None  # a step that is not done, and in no file
         self._near: tuple[int, ContactResult] | None = None
         self._part: range | None = None  # numbers of steps, where only some are meant
@@ -83,11 +86,6 @@ class StepStore(Sequence[ContactResult]):
             except (InputError, ValueError):
                 break
 
-    def begun(self, restore: Restore) -> StepStore:
-        """The steps there are, whose problems are restored so."""
-        self._restore = restore
-        return self
-
     def __len__(self) -> int:
         return len(self._numbers)
 
@@ -102,23 +100,18 @@ class StepStore(Sequence[ContactResult]):
             some = copy(self)
             some._part = self._numbers[index]
             return some
-        number, restore = self._numbers[index], self._restore
+        number = self._numbers[index]
         if number == len(self.statuses) and self._end is not None:
             return self._end
         if self._near is None or self._near[0] != number:
-            assert restore is not None  # `begun` has been called
             archive = self._archive(number)
-            self._near = number, answer_from_archive(archive, lambda scales: restore(number, scales))
+            self._near = number, answer_from_archive(archive, lambda scales: self._restore(number, scales))
         return self._near[1]
 
-    def first(self, count: int) -> Sequence[ContactResult]:
-        """The first steps."""
-        return self if count == len(self) else self[:count]
-
-    def add(self, result: ContactResult, *, done: bool) -> None:
-        """One more step: written if it is done, else at hand only, as the end."""
+    def append(self, result: ContactResult) -> None:
+        """One more step: written if another may follow, else at hand only, as the end."""
         number = len(self.statuses) + 1
-        if done:
+        if result.status in CONTINUES:
             write_archive(self._path(number), solution_arrays(result, tried=False) | {STORE: self._fingerprint})
             self._near = number, result
         else:

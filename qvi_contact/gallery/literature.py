@@ -70,24 +70,14 @@ def compressed_plate(
 
 
 def sliding_block(
-    cells: tuple[int, int] = (3, 2),
-    width: float = 2.0,
-    height: float = 1.0,
-    young: float = 1000.0,
-    poisson: float = 0.3,
-    plane: Plane = "stress",
-    friction: float = 0.3,
-    pressure: float = 100.0,
-    side_stress: float = -20.0,
-    translation: float = 0.5,
-    grading: float = 1.0,
+    cells: tuple[int, int] = (3, 2), plane: Plane = "stress", translation: float = 0.5, grading: float = 1.0
 ) -> tuple[ContactProblem, ExactState]:
     """A block that slips on its whole base in a uniform stress state, with the exact answer.
 
-    On [0, width] × [0, height] the stress is σ_xx = q, σ_yy = −p, σ_xy = μp. The base y = 0 is the contact "base" with
-    g = w = 0; top and left side carry the tractions of the state; the right side gets its displacement
-    u_x = γ y + U₀ + ε_xx (x − width), u_y = ε_yy y, with γ = c33 μp. The base slips by U₀ + ε_xx (x − width), and
-    U₀ must be large enough to keep that positive.
+    On [0, 2] × [0, 1] the stress is σ_xx = −20, σ_yy = −p = −100, σ_xy = μp, with μ = 0.3, E = 1000, ν = 0.3. The base
+    y = 0 is the contact "base" with g = w = 0; top and left side carry the tractions of the state; the right side gets
+    its displacement u_x = γ y + U₀ + ε_xx (x − 2), u_y = ε_yy y, with γ = c33 μp. The base slips by U₀ + ε_xx (x − 2),
+    and the `translation` U₀ must be large enough to keep that positive.
 
     Raises
     ------
@@ -95,7 +85,8 @@ def sliding_block(
         If `translation` leaves part of the base without slip.
 
     """
-    material = Material(young, poisson, plane)
+    width, friction, pressure, side_stress = 2.0, 0.3, 100.0, -20.0
+    material = Material(1000.0, 0.3, plane)
     strain = material.compliance @ np.array([side_stress, -pressure, friction * pressure])
     least = max(0.0, float(strain[0]) * width)
     if translation <= least:
@@ -106,13 +97,13 @@ def sliding_block(
 
     stress = uniform(material, side_stress, -pressure, friction * pressure).stress
     state = ExactState(stress, displacement)
-    mesh = TriangleMesh.rectangle(cells, width, height, grading=grading)
+    mesh = TriangleMesh.rectangle(cells, width, 1.0, grading=grading)
     sides = {"bottom": "cc", "right": "uu", "top": "tt", "left": "tt"}
     base = Contact("bottom", friction=friction, name="base")
     return problem_from_state(state, mesh, material, sides, (base,)), state
 
 
-def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0, grading: float = 1.0) -> ContactProblem:
+def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0) -> ContactProblem:
     """A square plate pressed against a rigid plane that opens, slips and sticks: Code_Aster's test SSNV128.
 
     The body is [0, 0.04 m]² in plane strain with E = 1.3e11 Pa, ν = 0.2. A pressure of 5e7 Pa acts on the top and one
@@ -133,11 +124,9 @@ def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0, grading: f
         Cells along x and y.
     friction : float or function of (x, y)
         Coefficient of friction μ; the source has 1.
-    grading : float
-        Ratio of each cell to the one before it, in both directions.
 
     """
-    mesh = TriangleMesh.rectangle(cells, 0.04, 0.04, grading=grading)
+    mesh = TriangleMesh.rectangle(cells, 0.04, 0.04)
     conditions: list[Condition] = [
         Contact("bottom", friction=friction, name="base"),
         Symmetry("right"),

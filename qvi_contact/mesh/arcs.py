@@ -42,17 +42,9 @@ def stretches(bend: FloatArray) -> FloatArray:
 
 
 def arc_offsets(chords: FloatArray, bend: FloatArray, t: FloatArray) -> FloatArray:
-    """From the first ends of edges to their points, shape (n, q, 2).
+    """From the first ends of edges with chords (n, 2) and bends (n, k) to their points, shape (n, q, 2).
 
-    Parameters
-    ----------
-    chords : (n, 2) array
-        From the first ends to the second ones.
-    bend : (n, k) array
-        Their bends c.
-    t : (q,) or (n, q) array
-        Shares of their lengths.
-
+    Points are at shares t of the lengths, (q,) or (n, q).
     """
     count = len(chords)
     shares = np.concatenate([np.broadcast_to(t, (count, np.shape(t)[-1])), np.ones((count, 1))], axis=1)
@@ -133,17 +125,9 @@ _STEPS: Final = 8  # of Newton's method for τ; it doubles the digits each time
 
 
 def barycentric_of(corners: FloatArray, bends: FloatArray, t: FloatArray) -> FloatArray:
-    """Barycentric coordinates λ (n, q, 3) of reference points.
+    """Barycentric coordinates λ (n, q, 3) of reference points t, (q, 3) or (n, q, 3), of triangles (n, 3, 2).
 
-    Parameters
-    ----------
-    corners : (n, 3, 2) array
-        Corners of the triangles.
-    bends : (n, 3, k) array
-        How their sides bend from the corner of lower number to that of higher one, see `mesh.arcs`.
-    t : (q, 3) or (n, q, 3) array
-        Reference coordinates.
-
+    Sides bend so (n, 3, k) from the corner of lower number to that of higher one.
     """
     t = np.broadcast_to(t, (len(corners), *np.shape(t)[-2:]))
     found, part = np.array(t), np.argmin(t, axis=-1)

@@ -269,26 +269,11 @@ def ellipse(centre: tuple[float, float], axes: tuple[float, float], angle: float
 def fitted(
     name: str, function: CurveFunction, start: float, stop: float, edges: IntArray, vertices: FloatArray
 ) -> Curve:
-    """The bends of edges (k, 2) whose vertices are on a curve.
+    """The bends of edges (k, 2) whose vertices (v, 2) are on a curve, from its points (n, 2) at parameters (n,).
 
-    Parameters
-    ----------
-    name : str
-        What messages call the curve.
-    function : callable
-        Points (n, 2) [length] at parameters (n,).
-    start, stop : float
-        First and last parameter. If both points are the same, the curve is closed.
-    edges : (k, 2) int array
-        The edges; each follows the shorter way between its vertices where the curve is closed.
-    vertices : (v, 2) array
-        Coordinates [length].
-
-    Raises
-    ------
-    InputError
-        If the function is none, or fails, a vertex is off the curve, or the curve is not smooth along an edge.
-
+    The curve is closed if first and last parameter have the same point; then each edge follows the shorter way between
+    its vertices. `InputError` about the name of the curve if the function is none, or fails, a vertex is off the curve,
+    or the curve is not smooth along an edge.
     """
     if not callable(function):
         raise InputError(name, function, "give a function of an array (n,) that returns points (n, 2)")

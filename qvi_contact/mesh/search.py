@@ -18,21 +18,10 @@ _TOGETHER: Final = 256  # points that are looked for in all triangles at a time
 
 @dataclass(frozen=True, eq=False)
 class PointSearch:
-    """Points in the triangles of a mesh.
+    """Points in triangles (m,), whose sides bend so (m, 3, k).
 
-    Attributes
-    ----------
-    cells : (m, 3) int array
-        Vertices of the triangles.
-    corners : (m, 3, 2) array
-        Coordinates of these [length].
-    sides : (m, 3, k) array
-        How their sides bend, see `mesh.arcs`.
-    curved : (m,) bool array
-        Whether any of them bends.
-    reach : (m,) array
-        Radii of circles at the centres of the corners that hold the triangles, arcs included [length].
-
+    `curved` tells which of them bend, `reach` the radii [length] of circles at the centres of the corners that hold
+    them.
     """
 
     cells: IntArray

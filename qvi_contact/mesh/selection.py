@@ -112,29 +112,9 @@ def selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], po
 def edges_on_segment(
     vertices: FloatArray, topology: Topology, start: Point, stop: Point, *, inside: bool = False
 ) -> IntArray:
-    """Edges of the boundary, or inside the body, that lie on a straight line between two points.
+    """Edges (k, 2) of the boundary, or inside the body, that lie between two points (x, y) [length], their vertices.
 
-    Parameters
-    ----------
-    vertices : (n, 2) array
-        Coordinates [length].
-    topology : Topology
-        The edges of the mesh.
-    start, stop : (x, y)
-        The points [length], which must be vertices of these edges.
-    inside : bool
-        Whether edges between two triangles are meant rather than those of the boundary.
-
-    Returns
-    -------
-    (k, 2) int array
-        The edges by their vertices.
-
-    Raises
-    ------
-    InputError
-        If no edge lies there, or the line ends elsewhere than they do.
-
+    `InputError` if no edge lies there, or the line ends elsewhere than they do.
     """
     ends = np.array([start, stop], dtype=float)
     length = float(np.hypot(*(ends[1] - ends[0])))

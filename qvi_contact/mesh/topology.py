@@ -66,19 +66,10 @@ class Topology:
 
 
 def chains(ends: IntArray) -> list[IntArray]:
-    """Edges ordered along the lines they make up, each line as indices into `ends`.
+    """Edges ordered along the lines they make up, each line as indices into `ends` (k, 2), their vertices.
 
-    Parameters
-    ----------
-    ends : (k, 2) int array
-        The two vertices of each edge.
-
-    Returns
-    -------
-    list of int arrays
-        A line starts at a vertex of one edge only if it has such a vertex, that of lowest number, else at the lowest
-        of all; where more than two edges meet lines end.
-
+    A line starts at a vertex of one edge only if it has such a vertex, that of lowest number, else at the lowest of
+    all; where more than two edges meet lines end.
     """
     at: dict[int, list[int]] = {}
     for edge, pair in enumerate(ends.tolist()):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
+from qvi_contact.basics.kept import Kept
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import barycentric_of, stretches
 from qvi_contact.mesh.bisection import bisected, divided_at_arcs, fanned
@@ -301,9 +302,17 @@ class TriangleMesh(PicklesFields):
         return Topology.of(self.cells, len(self.vertices))
 
     @cached_property
-    def kept(self) -> dict[object, object]:
-        """What is made of this mesh alone and serves every problem on it, by who made it; it goes with the mesh."""
-        return {}
+    def kept(self) -> Kept:
+        """What is made of this mesh alone, for every problem on it; it goes with the mesh, and refers to `bare`."""
+        return Kept()
+
+    @property
+    def bare(self) -> TriangleMesh:
+        """The same mesh, with all that was computed of it but `kept`."""
+        _ = self.topology, self.boundary, self.sides, self.curved
+        mesh = object.__new__(TriangleMesh)
+        vars(mesh).update({name: value for name, value in vars(self).items() if name != "kept"})
+        return mesh
 
     @cached_property
     def bends(self) -> FloatArray:

@@ -292,6 +292,9 @@ class Contact:
     pore_pressure : float or function of (x, y)
         Pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It is given, not computed, and
         acts whether the contact is open or closed. A tied contact takes none: `pore_pressure = "0.01 * (40 - y)"`.
+    normal_stiffness, tangential_stiffness : float or function of (x, y), optional
+        Stiffness k_N or k_T of springs along the edges [stress/length], such as a bed or a compliant joint. The law
+        holds for u_N + σ_N/k_N and u_T + σ_T/k_T, of which gap and slip are: `normal_stiffness = 50.0`.
 
     """
 
@@ -307,6 +310,8 @@ class Contact:
     law: Law = "unilateral"
     plate: RigidPlate | None = None
     pore_pressure: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="p_w", unit="stress"))
+    normal_stiffness: Field | None = field(default=None, metadata=key(kind=Varying(0.0), symbol="k_N"))
+    tangential_stiffness: Field | None = field(default=None, metadata=key(kind=Varying(0.0), symbol="k_T"))
 
     in_files: ClassVar[dict[str, Key]] = {"pin": Key(Table(Pin), needed=False)}
     """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""
@@ -321,6 +326,9 @@ class Contact:
                 and (callable(value) or value != defaults_of(Contact).get(name, 0.0))
             ):
                 raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
+            if name.endswith("_stiffness") and not callable(value) and value == 0.0:
+                remedy = "give a positive number, a free side instead of the contact, or leave it out if it is rigid"
+                raise InputError(f"Contact.{name}", value, remedy)
 
     @classmethod
     def from_file(cls, *, pin: Pin | None = None, **values: Any) -> Contact:
@@ -336,6 +344,11 @@ class Contact:
             drives = {name: getattr(pin, name) for pair in DRIVES.items() for name in pair}
             values |= {"gap": disc_gap(pin.centre, pin.radius), "plate": RigidPlate(**drives, pivot=pin.centre)}
         return cls(**values)
+
+    @property
+    def has_springs(self) -> bool:
+        """Whether it is compliant."""
+        return self.normal_stiffness is not None or self.tangential_stiffness is not None
 
     @property
     def has_fluid(self) -> bool:

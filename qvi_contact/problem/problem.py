@@ -106,14 +106,9 @@ class ContactProblem(PicklesFields):
             raise InputError("ContactProblem.mesh", self.mesh, "give a TriangleMesh")
         if not isinstance(self.material, Material):
             raise InputError("ContactProblem.material", self.material, "give a Material")
-        object.__setattr__(self, "conditions", _checked_conditions(self.conditions))
         check_field("ContactProblem.body_potential", self.body_potential)
         check_field("ContactProblem.temperature", self.temperature)
-        object.__setattr__(self, "regions", _checked_regions(self.regions, self.material))
-        names = [contact.name for contact in self.contacts]
-        for name in names:
-            if names.count(name) > 1:
-                raise InputError("Contact.name", name, "give each contact a name of its own")
+        _check_parts(self)
         _check_joints(self)
         _check_complete(self)
         _ = self.cell_materials  # refuses regions that cut triangles
@@ -237,20 +232,21 @@ class ContactProblem(PicklesFields):
 
     @cached_property
     def _prescribed(self) -> dict[type[Traction] | type[Displacement], tuple[Prescribed, ...]]:
-        return {kind: tuple(self._given(kind)) for kind in (Traction, Displacement)}
-
-    def _given(self, kind: type[Traction] | type[Displacement]) -> Iterator[Prescribed]:
+        found: dict[type[Traction] | type[Displacement], list[Prescribed]] = {Traction: [], Displacement: []}
         for condition in self.conditions:
             if isinstance(condition, Contact):
                 continue
             index, edges = self.mesh.edge_set(condition.edges), self.mesh.edges(condition.edges)
-            if isinstance(condition, kind):
-                for name, value in components(condition).items():
-                    direction = direction_of(name, edges)
-                    yield Prescribed(f"{kind.__name__}.{name}", index, edges, direction, name in LOCAL, value)
-            elif isinstance(condition, Symmetry):
-                name = "tangential" if kind is Traction else "normal"
-                yield Prescribed(f"Symmetry.{name}", index, edges, direction_of(name, edges), True, 0.0)
+            if isinstance(condition, Symmetry):
+                for kind, name in ((Traction, "tangential"), (Displacement, "normal")):
+                    given = Prescribed(f"Symmetry.{name}", index, edges, direction_of(name, edges), True, 0.0)
+                    found[kind].append(given)
+                continue
+            kind = type(condition)
+            for name, value in components(condition).items():
+                turns, direction = name in LOCAL, direction_of(name, edges)
+                found[kind].append(Prescribed(f"{kind.__name__}.{name}", index, edges, direction, turns, value))
+        return {kind: tuple(each) for kind, each in found.items()}
 
 
 def direction_of(name: str, edges: Edges) -> FloatArray:
@@ -278,25 +274,28 @@ def opposite(value: Field) -> Field:
     return (lambda x, y: -np.asarray(value(x, y))) if callable(value) else -value
 
 
-def _checked_regions(regions: object, material: Material) -> tuple[Region, ...]:
-    if not isinstance(regions, Sequence) or not all(isinstance(region, Region) for region in regions):
-        raise InputError("ContactProblem.regions", regions, "give a list of Region")
-    for region in regions:
-        if region.material.plane != material.plane:
-            raise InputError(
-                "Region.material", region.material, f"give a material in plane {material.plane}, as the body"
-            )
-    return tuple(regions)
-
-
-def _checked_conditions(conditions: object) -> tuple[Condition, ...]:
+def _check_parts(problem: ContactProblem) -> None:
+    """Conditions and regions are lists of such, and are kept as tuples; contacts have names of their own."""
+    conditions: Any = problem.conditions
+    regions: Any = problem.regions
     if not isinstance(conditions, Sequence) or isinstance(conditions, str):
         raise InputError("ContactProblem.conditions", conditions, "give a list of boundary conditions")
     for condition in conditions:
         if not isinstance(condition, (Traction, Displacement, Symmetry, Contact)):
             remedy = "each entry must be a Traction, Displacement, Symmetry or Contact"
             raise InputError("ContactProblem.conditions", condition, remedy)
-    return tuple(conditions)
+    if not isinstance(regions, Sequence) or not all(isinstance(region, Region) for region in regions):
+        raise InputError("ContactProblem.regions", regions, "give a list of Region")
+    for material in (region.material for region in regions):
+        if material.plane != problem.material.plane:
+            remedy = f"give a material in plane {problem.material.plane}, as the body"
+            raise InputError("Region.material", material, remedy)
+    object.__setattr__(problem, "conditions", tuple(conditions))
+    object.__setattr__(problem, "regions", tuple(regions))
+    names = [contact.name for contact in problem.contacts]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError("Contact.name", twice[0], "give each contact a name of its own")
 
 
 def _edges_of(mesh: TriangleMesh, condition: Condition) -> IntArray:

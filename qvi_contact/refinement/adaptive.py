@@ -25,7 +25,7 @@ from qvi_contact.refinement.outcome import (
 from qvi_contact.refinement.rounds import Round, Settings, StopError, in_rounds
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.solver import check_options
+from qvi_contact.solution.settings import Settings as SolveSettings
 from qvi_contact.version import __version__
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.progress import Log, deadline
@@ -37,7 +37,6 @@ _COLUMNS = {
 
 _ROUNDS: Final = 60
 _THINNEST: Final = 1e-9
-_OF_SPACES = ("degree", "law_on")  # options that are not the solver's
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
 """Called with the record of a round."""
@@ -139,8 +138,8 @@ def refine(
     verbose : bool
         Print a header, a line a round, and a footer with status and time.
     **options
-        As for `solve`: method, inner, tolerance and the method's own, ``degree``, 5 by default, at most 11, and
-        ``law_on``. For a limit load only ``degree``, 4 by default, and ``law_on``.
+        Fields of `Settings` and options of the method; ``degree`` is 5 by default, at most 11. For a limit load only
+        ``degree``, 4 by default, and ``law_on``.
 
     Returns
     -------
@@ -207,7 +206,7 @@ def refine(
             name = f"limit load factor of {', '.join(strategy.names)}"
             found = LimitRefinement(limit=limit, problem=limits[-1].problem, **_said(name, settings, limits, stop))
         else:
-            check_options({name: value for name, value in options.items() if name not in _OF_SPACES})
+            _ = SolveSettings.of(None, options)
             measure = Measure.of(problem, quantity)
             first, rounds, stop = in_rounds(TriangleRefinement(settings, measure), problem, result, told)
             last = rounds[-1].answer if rounds else first

@@ -1,8 +1,8 @@
 """Derivatives of forces and motions with respect to the data of a problem, see `ContactResult.derivative`.
 
 All data that are offered enter (D2) as sums: a second problem, in which the datum is larger by a step, has the
-direction in which loads, bounds and energies change (`solvers.derivative`). Young's modulus is one over a factor of the
-compliance, which does.
+direction in which loads, bounds and energies change (`solvers.derivative`). Moduli and stiffnesses are one over a
+factor of a compliance, which does.
 
 In `docs/theory.md`: (D34).
 """
@@ -93,18 +93,37 @@ def _parameters(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, 
     """All of them by name."""
     for number, condition in enumerate(problem.conditions):
         if isinstance(condition, Contact):
-            for name in _LAWS:
-                if getattr(condition, name) is not None and (condition.law != "tied" or name in ("gap", "offset")):
-                    yield f"{condition.name}.{name}", _of_condition(problem, scales, number, name)
-            for name in ("x", "y", "rotation", "force_x", "force_y", "moment"):
-                if getattr(condition.plate, name, None) is not None:
-                    yield f"{condition.name}.{name}", _of_condition(problem, scales, number, name, of_plate=True)
+            yield from _of_contact(problem, scales, number, condition)
         elif isinstance(condition, Displacement):
             for name in components(condition):
                 yield f"{condition.edges}.{name}", _of_condition(problem, scales, number, name)
     for name in loads_of(problem):
         yield f"load.{name}", _Parameter(partial(multiplied, problem, [name], 2.0), 1.0)
     yield from _of_body(problem, scales)
+
+
+def _of_contact(
+    problem: ContactProblem, scales: Scales, number: int, contact: Contact
+) -> Iterator[tuple[str, _Parameter]]:
+    """Law, place, springs and plate of one contact."""
+    for name in _LAWS:
+        if getattr(contact, name) is not None and (contact.law != "tied" or name in ("gap", "offset")):
+            yield f"{contact.name}.{name}", _of_condition(problem, scales, number, name)
+    for name in ("normal_stiffness", "tangential_stiffness"):
+        stiffness = getattr(contact, name)
+        if stiffness is not None and not callable(stiffness):
+            softer = _changed(problem, number, **{name: stiffness / 2.0})
+            yield f"{contact.name}.{name}", _Parameter(softer, -1.0 / stiffness)
+    for name in ("x", "y", "rotation", "force_x", "force_y", "moment"):
+        if getattr(contact.plate, name, None) is not None:
+            yield f"{contact.name}.{name}", _of_condition(problem, scales, number, name, of_plate=True)
+
+
+def _changed(problem: ContactProblem, number: int, **changes: Any) -> Callable[[], ContactProblem]:
+    """The problem with other fields of one condition."""
+    conditions = list(problem.conditions)
+    conditions[number] = replace(conditions[number], **changes)
+    return partial(replace, problem, conditions=conditions)
 
 
 def _of_condition(
@@ -114,17 +133,12 @@ def _of_condition(
     units = {"friction": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress}
     units |= {"rotation": scales.displacement / scales.length, "moment": scales.stress * scales.length**2}
     units |= dict.fromkeys(("force_x", "force_y"), scales.stress * scales.length)
-    step = units.get(name, scales.displacement)
-
-    def moved() -> ContactProblem:
-        condition: Any = problem.conditions[number]
-        part = condition.plate if of_plate else condition
-        part = replace(part, **{name: _plus(getattr(part, name), step)})
-        conditions = list(problem.conditions)
-        conditions[number] = replace(condition, plate=part) if of_plate else part
-        return replace(problem, conditions=conditions)
-
-    return _Parameter(moved, 1.0 / step)
+    step, condition = units.get(name, scales.displacement), problem.conditions[number]
+    part: Any = condition.plate if of_plate and isinstance(condition, Contact) else condition
+    changes = {name: _plus(getattr(part, name), step)}
+    if of_plate:
+        changes = {"plate": replace(part, **changes)}
+    return _Parameter(_changed(problem, number, **changes), 1.0 / step)
 
 
 def _of_body(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Parameter]]:

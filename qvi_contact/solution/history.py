@@ -13,10 +13,10 @@ it ended in.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -26,14 +26,14 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
-from qvi_contact.solution.solver import check_options, rows_for, solve
+from qvi_contact.solution.settings import Settings
+from qvi_contact.solution.solver import solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
@@ -46,12 +46,11 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _PARALLEL = 1e-9  # sine of the angle between edges that face one way
-_CONTINUES = (Status.SOLVED, Status.INACCURATE)
+CONTINUES = (Status.SOLVED, Status.INACCURATE)
+"""How a step ends after which the next one is solved."""
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
 _NAME_ONE = "name a contact, or an edge set with a prescribed displacement"
-
-_Discretized: TypeAlias = Callable[[int, Scales], Discretization]
 
 
 @dataclass(frozen=True)
@@ -269,14 +268,11 @@ def loop_area(displacement: FloatArray, force: FloatArray) -> float:
 def solve_history(
     problems: Iterable[ContactProblem],
     callback: Callable[[int, ContactResult], object] | None = None,
+    settings: Settings | None = None,
     *,
     store: str | Path | None = None,
-    time_limit: float | None = None,
-    degree: int | None = None,
-    law_on: LawOn | None = None,
     warm_start: bool = True,
-    verbose: bool = False,
-    **options: Any,  # checked by solve
+    **changes: Any,
 ) -> History:
     """Solve a list of load steps with friction that remembers where it has slipped.
 
@@ -288,25 +284,20 @@ def solve_history(
         store a sequence is read twice, step by step, and nothing of it is kept; what is no sequence becomes a list.
     callback : callable, optional
         Called with the number of each step, from 1, and its result.
+    settings : Settings, optional
+        How to discretise and solve all of them.
     store : str or Path, optional
         A folder that keeps each step as soon as it is done, and takes it out of memory. The same call again goes on
         where the last one stopped, whatever stopped it; steps already there are not told to `callback`.
-    time_limit : float, optional
-        Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
-        unless its certificate passes.
-    degree, law_on
-        Degree of the element, and what bounds tractions, see `discretize`.
     warm_start : bool
         Whether methods that take a start begin at the state of the step before.
-    verbose : bool
-        Print a header, a line a step, and a footer with status and time.
-    **options
-        As for `solve`.
+    **changes
+        Fields of `Settings`, and options of the method.
 
     Returns
     -------
     History
-        It ends with the first step whose status is neither solved nor inaccurate.
+        It ends with the first step whose status is neither solved nor inaccurate, or with the time limit.
 
     Raises
     ------
@@ -316,85 +307,60 @@ def solve_history(
     """
     function_or_none("callback", callback)
     warm_start = true_or_false("warm_start", warm_start)
-    settings = check_options(options)
+    settings = Settings.of(settings, changes)
     title = f"qvi_contact {__version__}: solve_history"
-    with deadline(time_limit), Log(title, verbose, _COLUMNS, iterations=False) as log:
-        steps = _given(problems, kept=store is None)
-        survey = _surveyed(steps)
-        law_on = rows_for(options.get("method"), law_on)
-        if law_on is None and survey.laws_vary:
-            law_on = "points"  # in all steps, as slip is handed on from one to the next
-        space = {"degree": degree, "law_on": law_on}
+    with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
+        steps, scales, vary = _surveyed(problems, kept=store is None)
+        if settings.law is None and vary:
+            settings = replace(settings, law_on="points")  # in all steps, as slip is handed on from one to the next
         log.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
+        made: list[Discretization] = []
 
-        def told(number: int, result: ContactResult) -> None:
-            solution = result.solution
-            log.line(number, str(result.status), solution.iterations, result.certificate.accuracy, log.seconds)
+        def discretized(number: int, own: Scales) -> Discretization:
+            """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
+            if not made:
+                made.append(discretize(steps[0], degree=settings.degree, law_on=settings.law, scales=scales))
+            return made[0] if number == 1 and own == scales else made[0].with_data(steps[number - 1], own)
+
+        results: Any = list[ContactResult]()
+        if store is not None:
+            fingerprint = run_digest(steps, {**settings.stated, "warm_start": warm_start})
+            results = load("qvi_contact.files.step_store").StepStore(store, fingerprint, len(steps), discretized)
+        warm = warm_start and settings.how.takes_state
+        for number in range(len(results) + 1, len(steps) + 1):
+            before = results[number - 2] if number > 1 else None
+            if before is None:
+                discretization = discretized(1, scales)
+            elif deadline.over:
+                break
+            else:
+                discretization = before.discretization.with_data(steps[number - 1], scales)
+                discretization = discretization.slipped(_slip_after(before))
+            result = solved(discretization, settings, before if warm else None)
+            results.append(result)
+            accuracy = result.certificate.accuracy
+            log.line(number, str(result.status), result.solution.iterations, accuracy, log.seconds)
             if callback is not None:
                 callback(number, result)
-
-        keeper = _keeper(store, steps, {**space, **options, "warm_start": warm_start})
-        warm = warm_start and settings.takes_state
-        history = _history(_Run(steps, survey.scales, space, told, options, warm), keeper)
+            if result.status not in CONTINUES:
+                break
+        statuses = () if store is None else tuple(results.statuses)
+        history = History(tuple(results) if store is None else results, len(steps), statuses)
         log.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
 
-class _Steps(Protocol):
-    """The results so far."""
+def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[ContactProblem], Scales, bool]:
+    """The steps, which must have mesh and contacts of the first, their units, and whether any law varies along an edge.
 
-    statuses: list[Status]
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, index: int, /) -> ContactResult: ...
-
-    def add(self, result: ContactResult, *, done: bool) -> None: ...
-
-    def first(self, count: int) -> Sequence[ContactResult]: ...
-
-
-class _InMemory:
-    """Steps of which nothing but the memory knows."""
-
-    def __init__(self) -> None:
-        self._results: list[ContactResult] = []
-        self.statuses: list[Status] = []
-
-    def __len__(self) -> int:
-        return len(self._results)
-
-    def __getitem__(self, index: int, /) -> ContactResult:
-        return self._results[index]
-
-    def add(self, result: ContactResult, *, done: bool) -> None:  # noqa: ARG002  # all are kept
-        self._results.append(result)
-        self.statuses.append(result.status)
-
-    def first(self, count: int) -> Sequence[ContactResult]:
-        return tuple(self._results[:count])
-
-
-@dataclass(frozen=True)
-class _Survey:
-    """What all steps have in common: units, and whether the law varies along an edge in any of them."""
-
-    scales: Scales
-    laws_vary: bool
-
-
-def _given(problems: Iterable[ContactProblem], kept: bool) -> Sequence[ContactProblem]:
-    """The steps, which a sequence may make anew each time it is asked, unless they are kept."""
+    A sequence may make steps anew each time it is asked, unless they are kept: so each is looked at once.
+    """
+    remedy = "give a list of at least one ContactProblem"
     if not isinstance(problems, Iterable):
-        raise InputError("problems", problems, "give a list of at least one ContactProblem")
+        raise InputError("problems", problems, remedy)
     steps = list(problems) if kept or not isinstance(problems, Sequence) else problems
     if not len(steps):
-        raise InputError("problems", problems, "give a list of at least one ContactProblem")
-    return steps
-
-
-def _surveyed(steps: Sequence[ContactProblem]) -> _Survey:
-    """One look at every step, which must have the mesh and the contacts of the first."""
+        raise InputError("problems", problems, remedy)
     first, vary, known = steps[0], False, list[Scales]()
     for number in range(len(steps)):
         problem = steps[number]
@@ -407,77 +373,7 @@ def _surveyed(steps: Sequence[ContactProblem]) -> _Survey:
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
         known.append(Scales.of(problem))
         vary = vary or laws_vary(problem)
-    return _Survey(max(known, key=lambda scales: (scales.loaded, scales.stress)), vary)
-
-
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """A history to be solved."""
-
-    steps: Sequence[ContactProblem]
-    scales: Scales
-    space: dict[str, Any]
-    callback: Callable[[int, ContactResult], object]
-    options: dict[str, Any]
-    warm: bool
-
-    def discretized(self) -> _Discretized:
-        """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
-        made: list[Discretization] = []
-
-        def discretized(number: int, scales: Scales) -> Discretization:
-            if not made:
-                made.append(discretize(self.steps[0], scales=self.scales, **self.space))
-            if number == 1 and scales == self.scales:
-                return made[0]
-            return made[0].with_data(self.steps[number - 1], scales)
-
-        return discretized
-
-
-class _Keeper(Protocol):
-    """Where results are kept."""
-
-    def begun(self, discretized: _Discretized) -> _Steps: ...
-
-
-class _Memory:
-    """Nowhere but in memory."""
-
-    def begun(self, discretized: _Discretized) -> _Steps:  # noqa: ARG002
-        return _InMemory()
-
-
-def _keeper(store: str | Path | None, steps: Sequence[ContactProblem], options: dict[str, Any]) -> _Keeper:
-    """Memory, or the store, which is for this history only: for its mesh, problems and options."""
-    if store is None:
-        return _Memory()
-    fingerprint = run_digest(steps, options)
-    keeper: _Keeper = load("qvi_contact.files.step_store").StepStore(store, fingerprint, len(steps))
-    return keeper
-
-
-def _history(run: _Run, keeper: _Keeper) -> History:
-    """All steps, up to one without an answer."""
-    discretized = run.discretized()
-    results = keeper.begun(discretized)
-    for number in range(len(results) + 1, len(run.steps) + 1):
-        before = results[number - 2] if number > 1 else None
-        if before is None:
-            discretization = discretized(1, run.scales)
-        elif deadline.over:
-            break
-        else:
-            discretization = before.discretization.with_data(run.steps[number - 1], run.scales)
-            discretization = discretization.slipped(_slip_after(before))
-        initial = {"initial": before} if before is not None and run.warm else {}
-        result = solve(discretization, **{**run.options, **initial})
-        done = result.status in _CONTINUES
-        results.add(result, done=done)
-        run.callback(number, result)
-        if not done:
-            break
-    return History(results.first(len(results)), len(run.steps), tuple(results.statuses))
+    return steps, max(known, key=lambda scales: (scales.loaded, scales.stress)), vary
 
 
 def _frame(contact: Contact) -> tuple[str, str, str]:

@@ -83,7 +83,7 @@ class Energies:
     Attributes
     ----------
     strain : float
-        ½∫ cσ:σ dx, strain energy of the body.
+        ½∫ cσ:σ dx, strain energy of the body, and that of springs along contacts.
     load : float
         ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
         strains.
@@ -402,6 +402,9 @@ class ContactResult(PicklesFields, Attached):
         scales, problem = self.discretization.scales, self.problem
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
+        springs = self.discretization.root.stiffness.springs
+        if springs is not None:
+            strain += 0.5 * float(np.square(springs.rows @ self.dofs + springs.constant).sum()) * scales.energy
         load = support_work(self.discretization, self.dofs)
         if is_strained(problem):
             points, cells = self._gauss()[0], np.arange(problem.mesh.cell_count)
@@ -427,10 +430,10 @@ class ContactResult(PicklesFields, Attached):
             "NAME.normal_force" or "NAME.tangential_force" of a contact; "NAME.force_x", "NAME.force_y", "NAME.moment",
             "NAME.x", "NAME.y" or "NAME.rotation" of a plate.
         parameter : str
-            "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap" or "NAME.offset" of a contact, and what is
-            given of its plate; "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor of a load as
-            in `limit_load_factor`; "temperature", "material.young", or those of a region, "NAME.young". A function
-            counts as larger by the same number everywhere. Of a load step earlier slip is held as it is.
+            "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap", "NAME.offset" or a stiffness of a contact,
+            and what is given of its plate; "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor
+            of a load as in `limit_load_factor`; "temperature", "material.young", or those of a region, "NAME.young". A
+            function counts as larger by the same number everywhere. Of a load step earlier slip is held as it is.
         side : "above" or "below", optional
             Needed where a point of a contact changes its state at this value of the parameter, so that the derivatives
             from both sides differ.

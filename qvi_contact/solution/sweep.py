@@ -23,7 +23,6 @@ import numpy as np
 from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Condition, Contact
@@ -32,7 +31,8 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
-from qvi_contact.solution.solver import check_options, discretized, solve
+from qvi_contact.solution.settings import Settings
+from qvi_contact.solution.solver import discretized, solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none
@@ -166,12 +166,11 @@ def solve_sweep(
     values: Sequence[float],
     of: Sequence[str] | None = None,
     callback: Callable[[int, ContactResult], object] | None = None,
+    settings: Settings | None = None,
     *,
     store: None = None,
-    time_limit: float | None = None,
     warm_start: bool = True,
-    verbose: bool = False,
-    **options: Any,
+    **changes: Any,
 ) -> Sweep: ...
 
 
@@ -182,14 +181,13 @@ def solve_sweep(
     values: Sequence[float],
     of: Sequence[str] | None = None,
     callback: Callable[[int, SweepRow], object] | None = None,
+    settings: Settings | None = None,
     *,
     store: str | Path,
     workers: int = 1,
     dask: str | None = None,
-    time_limit: float | None = None,
     warm_start: bool = True,
-    verbose: bool = False,
-    **options: Any,
+    **changes: Any,
 ) -> StoredSweep: ...
 
 
@@ -199,14 +197,13 @@ def solve_sweep(
     values: Sequence[float],
     of: Sequence[str] | None = None,
     callback: Callable[[int, Any], object] | None = None,
+    settings: Settings | None = None,
     *,
     store: str | Path | None = None,
     workers: int = 1,
     dask: str | None = None,
-    time_limit: float | None = None,
     warm_start: bool = True,
-    verbose: bool = False,
-    **options: Any,  # checked by solve
+    **changes: Any,
 ) -> Sweep | StoredSweep:
     """Solve a problem for several values of one of its data.
 
@@ -233,6 +230,8 @@ def solve_sweep(
     callback : callable, optional
         Called with the number of each value, from 1, and its result; with a store its `SweepRow`, if it was not in the
         file before.
+    settings : Settings, optional
+        How to discretise and solve all of them.
     store : str or Path, optional
         An SQLite file, made if it is missing.
     workers : int
@@ -242,14 +241,10 @@ def solve_sweep(
         dies twice gets the status "backend_failed" or "out_of_memory", and the others go on.
     dask : str, optional
         Address of the scheduler of a Dask cluster that does so instead, as tcp://host:8786.
-    time_limit : float, optional
-        Seconds for all values together. Those done until then are kept.
     warm_start : bool
         Whether methods that take a start begin at the state of the value before.
-    verbose : bool
-        Print a header, a line a value, and a footer with status and time.
-    **options
-        As for `solve`.
+    **changes
+        Fields of `Settings`, and options of the method.
 
     Returns
     -------
@@ -269,8 +264,9 @@ def solve_sweep(
         name, given = ("workers", workers) if dask is None else ("dask", dask)
         raise InputError(name, given, "several processes share the values of a sweep with a store: give store=")
     title = f"qvi_contact {__version__}: solve_sweep"
-    with deadline(time_limit), Log(title, verbose, _COLUMNS, iterations=False) as log:
-        task = SweepTask.of(problem, parameter, of, warm_start=warm_start, **options)
+    settings = Settings.of(settings, changes)
+    with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
+        task = SweepTask.of(problem, parameter, of, settings, warm_start=warm_start)
         numbers = _checked_values(parameter, values)
         log.begin({"values": len(numbers), "parameter": parameter, "cells": task.problem.mesh.cell_count})
 
@@ -289,7 +285,7 @@ def solve_sweep(
         else:
             kept = load("qvi_contact.files.sweep_store")
             asked = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
-            fingerprint = run_digest([task.problem], {**task.space, **task.options, **asked})
+            fingerprint = run_digest([task.problem], {**settings.stated, **asked})
             with (
                 kept.writing(store, fingerprint, parameter, numbers) as opened,
                 closing(_rows(task, opened.pending(), shared)) as found,
@@ -315,8 +311,8 @@ class SweepTask:
         What changes.
     names : tuple of str
         The contacts or loads that are changed.
-    space, options
-        Arguments of `discretized` and `solve`.
+    settings : Settings
+        How to solve it.
     warm : bool
         Whether to start from the value before.
 
@@ -325,8 +321,7 @@ class SweepTask:
     problem: ContactProblem
     parameter: Parameter
     names: tuple[str, ...]
-    space: dict[str, Any] = field(default_factory=dict)
-    options: dict[str, Any] = field(default_factory=dict)
+    settings: Settings = field(default_factory=Settings)
     warm: bool = False
 
     @classmethod
@@ -335,21 +330,17 @@ class SweepTask:
         problem: ContactProblem,
         parameter: Parameter,
         names: Sequence[str] | None,
+        settings: Settings,
         *,
-        degree: int | None = None,
-        law_on: LawOn | None = None,
         warm_start: bool = True,
-        **options: Any,
     ) -> SweepTask:
         """The task of checked arguments of `solve_sweep`."""
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
-        space = {"degree": degree, "law_on": law_on}
-        settings = check_options(options)
         chosen = _checked_names(problem, parameter, names)
-        warm = true_or_false("warm_start", warm_start) and settings.takes_state
-        return cls(problem, parameter, chosen, space, options, warm)
+        warm = true_or_false("warm_start", warm_start) and settings.how.takes_state
+        return cls(problem, parameter, chosen, settings, warm)
 
     def changed(self, value: float) -> ContactProblem:
         """The problem with this value."""
@@ -382,11 +373,11 @@ class _Run:
                 return
             began, task = time.perf_counter(), self._task
             if self._before is None or task.parameter != "friction":
-                self._before = discretized(task.changed(value), before=self._before, **task.space, **task.options)
+                self._before = discretized(task.changed(value), task.settings, before=self._before)
             else:
                 self._before = self._before.with_law(task.changed(value))
             begins = task.warm and self._state is not None and not self._left
-            found = solve(self._before, **{**task.options, **({"initial": self._state} if begins else {})})
+            found = solved(self._before, task.settings, self._state if begins else None)
             near = found.solution.near
             if near is None:
                 self._left = max(self._left - 1, 0)
@@ -436,7 +427,8 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
     seconds, end = deadline.left, time.time() + deadline.left
     limits = Limits(seconds + _GRACE if seconds < math.inf else None)
     try:
-        job = pickle.dumps(partial(_opened, replace(task, options={"threads": 1, **task.options})))
+        settings = replace(task.settings, threads=task.settings.threads or 1)
+        job = pickle.dumps(partial(_opened, replace(task, settings=settings)))
     except Exception as error:  # PicklingError, AttributeError or TypeError, by what it is
         raise _not_sent(task, str(error)) from error
     try:

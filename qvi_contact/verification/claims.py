@@ -75,9 +75,16 @@ def rediscretized(result: ContactResult) -> Discretization:
 
 def recompute(result: ContactResult, fresh: Discretization, tolerance: float) -> Recomputed:
     """Evaluate and certify again; nothing but unknowns and multipliers of the result is taken over."""
-    solution, scales = result.solution, fresh.scales
-    qvi = fresh.qvi
-    certificate = _certified(qvi, result, tolerance)
+    solution, scales, qvi = result.solution, fresh.scales, fresh.qvi
+    if solution.factorisation.startswith(ORTHOGONAL):  # as another problem with this K had needed it
+        qvi.stiffness.use_root()
+    multipliers = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
+    try:
+        certificate = certify(qvi, solution.z, *multipliers, tolerance=tolerance)
+    except InputError:
+        raise
+    except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError: nothing passes
+        certificate = Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
     again = ContactResult(fresh, replace(solution, problem=qvi, certificate=certificate))
     units = certificate.scales
     z = np.abs(solution.z) if result.has_state else np.zeros(qvi.n)
@@ -89,25 +96,6 @@ def recompute(result: ContactResult, fresh: Discretization, tolerance: float) ->
         units.get("body_energy", 1.0) * scales.energy,
         _ROUNDING * rounding * scales.stress,
     )
-
-
-def _certified(qvi: FrictionQVI, result: ContactResult, tolerance: float) -> Certificate:
-    """The certificate; nothing passes where the linear system cannot be solved."""
-    solution = result.solution
-    parts = (
-        solution.z,
-        solution.normal_multiplier,
-        solution.tangential_multiplier,
-        solution.equality_multiplier,
-    )
-    if solution.factorisation.startswith(ORTHOGONAL):  # as another problem with this K had needed it
-        qvi.stiffness.use_root()
-    try:
-        return certify(qvi, *parts, tolerance=tolerance)
-    except InputError:
-        raise
-    except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
-        return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
 
 
 def difference(claimed: ArrayLike, computed: ArrayLike, unit: float = 0.0, rounding: float = 0.0) -> float:

@@ -9,7 +9,7 @@ says of itself counts, and nothing that a back end said.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -147,18 +147,14 @@ class Verification:
 
     def table(self, failures_only: bool = False) -> str:
         """All rows as text, or those that failed, with what they mean, and the summary as the last line."""
-        return "\n".join(self._lines(self.failures if failures_only else self.rows))
-
-    def _lines(self, rows: Sequence[Check]) -> Iterator[str]:
-        if rows:
-            width = max(len(row.name) for row in rows)
-            yield f"{'check':<{width}}  {'value':>8}  {'limit':>8}"
+        rows = self.failures if failures_only else self.rows
+        width = max((len(row.name) for row in rows), default=0)
+        lines = [f"{'check':<{width}}  {'value':>8}  {'limit':>8}"] if rows else []
         for row in rows:
-            yield row.line(width)
-            yield f"    {row.meaning}"
+            lines += [row.line(width), f"    {row.meaning}"]
             if row in self.failures and row.worry:
-                yield f"    {row.worry}"
-        yield self.summary()
+                lines.append(f"    {row.worry}")
+        return "\n".join([*lines, self.summary()])
 
     def document(self) -> dict[str, Any]:
         """The same as a document that JSON can hold; numbers that are not finite are None."""
@@ -254,23 +250,19 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
     """
     archive = Archive(path)
     with np.errstate(all="ignore"):  # what is absurd fails by its numbers
-        return _verified(archive, tolerance)
-
-
-def _verified(archive: Archive, tolerance: float | None) -> Verification:
-    result = result_from_archive(archive)
-    chosen = _tolerance(result, tolerance)
-    intact = Check(
-        "digest", "fits" if archive.intact else "does not", None, archive.intact,
-        "SHA-256 of all entries: unchanged since the file was written.",
-        "The file was changed after it was written. The other checks show whether the result still holds.",
-    )  # fmt: skip
-    found = recompute(result, result.discretization, chosen)  # which was made from the file just now
-    claims = None  # of stored steps
-    if STORE not in archive.arrays:
-        others = OWN | solution_names(result)
-        claims = {name: archive.array(name) for name in (*found.fields, *archive.arrays) if name not in others}
-    rows = (intact, *_rows(result, claims, found, _accepted(chosen, tolerance)))
+        result = result_from_archive(archive)
+        chosen = _tolerance(result, tolerance)
+        intact = Check(
+            "digest", "fits" if archive.intact else "does not", None, archive.intact,
+            "SHA-256 of all entries: unchanged since the file was written.",
+            "The file was changed after it was written. The other checks show whether the result still holds.",
+        )  # fmt: skip
+        found = recompute(result, result.discretization, chosen)  # which was made from the file just now
+        claims = None  # of stored steps
+        if STORE not in archive.arrays:
+            others = OWN | solution_names(result)
+            claims = {name: archive.array(name) for name in (*found.fields, *archive.arrays) if name not in others}
+        rows = (intact, *_rows(result, claims, found, _accepted(chosen, tolerance)))
     return Verification(rows, result.status, chosen)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,7 +19,6 @@ from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import absolute_product, checked_matrix, checked_vector, for_products
 
-_MANY = 10_000  # unknowns from which on factors are worth a look for others that nobody needs
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 
 
@@ -181,8 +179,6 @@ class Stiffness(PicklesFields):
 
     def _factorised(self, interface: IntVector) -> Factorisation:
         made = self._made
-        if self.K.shape[0] >= _MANY:  # what meshes keep refers to them: it is freed by the garbage collector alone
-            gc.collect()
         if not made.rooted:
             try:
                 return make(self.K, interface, made.request, self.places)

@@ -1,7 +1,6 @@
 """What only the outside world can do: pictures without the time it takes to lay them out, and packages that miss."""
 
 import html
-import sys
 from contextlib import contextmanager
 
 import numpy as np
@@ -43,9 +42,3 @@ def outlined():
     pytest.importorskip("matplotlib")
     with outlines():
         yield
-
-
-@pytest.fixture
-def without(monkeypatch):
-    """A function that hides a package, as where it is not installed."""
-    return lambda package: monkeypatch.setitem(sys.modules, package, None)

@@ -11,7 +11,7 @@ import pytest
 
 from comparisons.cli import group
 from comparisons.lab.studies import Row, plain, read_csv
-from qvi_contact.basics.terminal import run
+from qvi_contact.basics import run
 
 REPORTS = Path(__file__).parents[2] / "comparisons" / "reports"
 ENVIRONMENT = {"machine": None, "versions": {}, "threads": 1, "timeout_seconds": None, "memory_mib": None}

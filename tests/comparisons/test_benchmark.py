@@ -11,9 +11,8 @@ from comparisons.benchmark import report as room
 from comparisons.benchmark import study
 from comparisons.lab.studies import Study
 from qvi_contact import solve
-from qvi_contact.gallery import compressed_plate
 from solvers.factorisation import available_backends
-from tests.comparisons.parts import row, rows_of
+from tests.comparisons.parts import rows_of
 
 TASK = "comparisons.benchmark.study"
 
@@ -33,23 +32,6 @@ def studies():
 @pytest.fixture(scope="module")
 def solves(studies):
     return room.solves_of(studies[0])
-
-
-def made_up(cells, status="solved", power=1.2):
-    """Rows whose times are those of a power of the unknowns; plain factorisations take a third."""
-    rows = []
-    for case in study.whole(cells, (0.2,), "superlu").cases:
-        unknowns = 12 * case["cells"] ** 2
-        times = [factor * 3.0 * unknowns**power for factor in (0.5, 1.0, 1.1)]
-        known = {"status": status, "message": "", "unknowns": unknowns, "iterations": 9, "half_force": 214.0}
-        solves = [
-            {"friction": mu, **known, "library": "pardiso, mkl", "seconds": dict.fromkeys(room.PARTS, times)}
-            for mu in case["friction"]
-        ]
-        plain = [{"backend": name, "status": "done", "seconds": {"plain": [factor * unknowns**power]}}
-                 for name, factor in (("pardiso", 1.0), ("superlu", 4.0))]  # fmt: skip
-        rows.append(row(case, {"solves": solves, "plain": plain, "peak": 2**27, "imports": 2**26}))
-    return rows
 
 
 class TestRun:
@@ -89,17 +71,6 @@ class TestRun:
         assert (chains.solved == chains.planned).all()
         assert not (chains.force > 1e-8).any()
 
-    @pytest.mark.usefixtures("outlined")
-    def test_the_report_is_made_of_them(self, studies):
-        assert room.report(*studies).findings[0].startswith("On 8² cells (768 unknowns)")
-
-    def test_the_loop_in_cvxpy_finds_the_same(self):
-        found = study.solve_loops({"cells": 4, "friction": 0.2, "loop": "naive loop, cvxpy"})
-        assert (found["status"], found["unknowns"]) == ("solved", 192)
-        other = solve(compressed_plate(0.2, cells=(4, 4)), law_on="points").contacts["plate"]
-        assert found["half_force"] == pytest.approx(other.normal_force, rel=1e-8)
-        assert len(found["seconds"]) == 3
-
     def test_an_error_is_a_record(self):
         case = {"cells": 4, "friction": [0.2], "sparse": "nothing"}
         (found,) = rows_of(Study("wrong", 1, f"{TASK}:solve_whole", [case]))
@@ -118,24 +89,6 @@ class TestNumbers:
         found = room.growth_of(DataFrame(lines), "load", "cells", "size", ["time"])
         assert found[["from", "to"]].to_numpy().tolist() == [[1, 2], [2, 3], [3, 4], [1, 4]]
         assert found.time.fillna(-1.0).tolist() == pytest.approx([1.25, -1.0, -1.0, 1.25])
-
-    def test_rows_have_medians_and_ratios_of_medians(self):
-        for each in room.solves_of(made_up((16, 32, 64))).itertuples():
-            assert each.solve == pytest.approx(3.0 * each.unknowns**1.2)
-            assert each.spread == pytest.approx(0.6)
-            assert each.ratio_own == pytest.approx(3.0 / 4.0)
-            assert (each.fastest, each.ratio_fastest) == ("pardiso", pytest.approx(3.0))
-            assert each.half_force_error == pytest.approx(abs(214.0 / 214.23323205 - 1.0))
-            assert each.more == pytest.approx(2**26 / each.unknowns)
-
-    @pytest.mark.usefixtures("outlined")
-    def test_a_failed_solve_and_a_case_that_died_are_rows_without_a_ratio(self):
-        failed, found = room.solves_of(made_up((8,), "stalled")), made_up((4, 8))
-        assert failed[["ratio_own", "ratio_fastest"]].isna().all(axis=None)
-        lost = [replace(found[0], status="memory", reason="out of memory", result={}), found[1]]
-        told = room.solves_of(lost)[["status", "message"]].to_numpy().tolist()
-        assert told == [["memory", "out of memory"], ["solved", ""]]
-        assert "1 of 2 problems on the plate are solved" in room.report(lost, (), (), ()).text
 
 
 class TestStudies:

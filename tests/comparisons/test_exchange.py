@@ -1,10 +1,6 @@
 """Problems of meshes as files of other programs: the same solutions come back, and their own commands run them."""
 
-import csv
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,18 +12,14 @@ from comparisons.exchange import (
     local_problem,
     programs_of,
     read_fclib,
-    solve_local,
-    state_of,
     write_fclib,
 )
 from qvi_contact import discretize, load_problem, solve
 from qvi_contact.gallery import compressed_plate
-from solvers import solve_qvi
 from tests.comparisons.parts import command, refused
 
 pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
 
-QPBENCHMARK = shutil.which("qpbenchmark", path=str(Path(sys.executable).parent))
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 TINY = """
@@ -73,17 +65,6 @@ def tiny(tmp_path):
     return path
 
 
-def test_strongly_graded_meshes_keep_force_and_energy():
-    """The compliance has none of the rounding inside K (1e-6 in the force here), since R is factorised instead."""
-    qvi = discretize(plate(16, friction=0.1, grading=0.6)).rescaled().qvi
-    solution, local = solve_qvi(qvi), local_problem(qvi)
-    state, found = solve_local(local)
-    assert solution.solved
-    assert found.solved
-    assert state.r[0::2].sum() == pytest.approx(-qvi.resultant(solution.z), rel=1e-9)
-    assert local.energy(state.r) == pytest.approx(local.energy(state_of(local, solution).r), rel=1e-9)
-
-
 @pytest.mark.parametrize("form", ["full", "condensed"])
 def test_a_converged_quadratic_program_has_the_solution_of_the_contact_problem(form):
     """The minimiser for the friction bound of the solution is the solution; for the cold bound it is not."""
@@ -103,49 +84,6 @@ def test_a_converged_quadratic_program_has_the_solution_of_the_contact_problem(f
         errors.append(float(np.abs(rows + np.concatenate([n0, t0]) - wanted).max() / np.abs(wanted).max()))
     assert errors[0] < 1e-5
     assert errors[1] > 1e-3
-
-
-@pytest.mark.skipif(QPBENCHMARK is None, reason="qpbenchmark is not installed")
-def test_qpbenchmark_runs_the_exported_test_set(tmp_path, tiny):
-    """Its own command finds the solutions of all problems with one solver, of the sparse ones with another."""
-    folder, results = tmp_path / "set", tmp_path / "results.csv"
-    status, out, _ = command("export", "qpbenchmark", folder, tiny)
-    assert status == 0
-    runs = {"friction_contact": "quadprog", "friction_contact_sparse": "clarabel"}
-    assert all(f"qpbenchmark {folder / name}.py" in out for name in runs)
-    qpbenchmark(
-        *(
-            (f"{folder / name}.py", "--results-path", results, "run", "--solver", solver, "--author", "me")
-            for name, solver in runs.items()
-        )
-    )
-    with results.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    full = {"tiny_full_cold", "tiny_full_converged"}
-    assert {row["problem"] for row in rows if row["solver"] == "clarabel"} == full
-    assert {row["problem"] for row in rows if row["solver"] == "quadprog"} > full
-    assert len(rows) == 4 * (4 + 2)  # settings × problems
-    assert {row["found"] for row in rows} == {"True"}
-    for name in ("primal_residual", "dual_residual", "duality_gap"):
-        assert max(float(row[name]) for row in rows if row["settings"] == "high_accuracy") < 1e-7
-
-
-def qpbenchmark(*commands: tuple[object, ...]) -> None:
-    """Their command with these arguments one after the other, in one process, which must succeed.
-
-    The processor is not looked at, and nothing is drawn: that takes longer than all the rest.
-    """
-    script = f"""
-import sys
-from types import ModuleType
-sys.modules |= {{name: ModuleType(name) for name in ("matplotlib", "matplotlib.pyplot", "cpuinfo")}}
-sys.modules["cpuinfo"].get_cpu_info = lambda: {{"brand_raw": "a processor"}}
-from qpbenchmark.benchmark import main
-for sys.argv[1:] in {[[str(word) for word in words] for words in commands]}:
-    assert not main()
-"""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
 
 
 def test_export_and_import_commands(tmp_path, tiny):

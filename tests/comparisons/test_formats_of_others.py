@@ -1,8 +1,6 @@
 """Files of problems: nothing is lost, nothing broken is read, and foreign measures agree with ours."""
 
 import doctest
-import io
-import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 import comparisons.exchange
 from comparisons.exchange import (
@@ -26,7 +24,6 @@ from comparisons.exchange import (
     state_of,
     write_fclib,
 )
-from qvi_contact.basics.files import LARGEST
 from solvers import FrictionQVI, InputError, Status, TractionFactor, certify, solve_qvi
 from solvers.inequality import Compliance
 from tests.solvers.conftest import dragged_block, two_contacts
@@ -89,8 +86,8 @@ def refused(call) -> str:
     return f"{caught.value.field}|{message}"
 
 
-def test_the_example_of_the_documentation_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("in_tmp_path")
+def test_the_example_of_the_documentation_runs():
     result = doctest.testmod(comparisons.exchange)
     assert result.attempted >= 10
     assert result.failed == 0
@@ -149,30 +146,6 @@ def test_three_solutions_through_a_file(tmp_path):
     assert min(np.abs(here.r - r).max() for r in found) < 1e-9
 
 
-@pytest.mark.parametrize("storage", ["rows", "triplets"])
-def test_other_storage_is_read(tmp_path, storage):
-    """Matrices of others, by rows with room to spare or as triplets, not symmetric ones too."""
-    problem = local_problem(random_qvi(1, n=8))
-    write_fclib(tmp_path / "a.hdf5", problem)
-    with h5py.File(tmp_path / "a.hdf5", "a") as file:
-        for name in ("W", "V"):
-            group, dense = file["fclib_local"][name], getattr(problem, name)
-            for key in ("p", "i", "x", "nz"):
-                del group[key]
-            if storage == "rows":
-                rows = csr_matrix(dense)
-                parts = rows.indptr, np.append(rows.indices, 7), np.append(rows.data, 9.0), -2
-            else:
-                triplets = coo_matrix(dense)
-                parts = triplets.col, triplets.row, triplets.data, triplets.nnz
-            group["p"], group["i"], group["x"], group["nz"] = *parts[:3], np.array([parts[3]], dtype=np.int32)
-    read = read_fclib(tmp_path / "a.hdf5").problem
-    assert all(np.array_equal(getattr(read, name), getattr(problem, name)) for name in ("W", "V", "s", "q"))
-    with h5py.File(tmp_path / "a.hdf5", "a") as file:
-        file["fclib_local/R/x"][...] = 1.0
-    assert "R" in refused(lambda: read_fclib(tmp_path / "a.hdf5"))
-
-
 @few
 @given(st.integers(0, 10**6), st.sampled_from([6, 8, 12, 20]), st.integers(0, 2))
 def test_condensed_and_original_have_the_same_solutions(seed, n, equalities):
@@ -216,17 +189,6 @@ def test_hyperstatic_problems_are_solved(scale):
     assert siconos_error(own, own_state.r) < 1e-9
     assert problem.certify(state).accuracy < 1e-6  # displacements are measured by the added compliance
     assert random_local(0).regularisation == 0.0
-
-
-def test_penalised_problems_approach_the_mixed_one():
-    problem = local_problem(random_qvi(2, n=8))
-    exact = solve_local(problem)[0].r
-    errors = []
-    for factor in (1e3, 1e5):
-        plain = problem.penalised(factor)
-        assert len(plain.s) == 0
-        errors.append(float(np.abs(solve_local(plain)[0].r - exact).max()))
-    assert 30.0 < errors[0] / errors[1] < 300.0
 
 
 def test_every_law_survives_an_archive(tmp_path):
@@ -321,15 +283,10 @@ def test_what_has_no_place_or_does_not_fit_is_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "value", "word"),
-    [("", None, "fclib_local"), ("/spacedim", np.array([3]), "plane"), ("/spacedim", np.array([2, 2]), "shape (2,)"),
-     ("/W", None, "/W"), ("/W/nz", np.array([-3]), "nz"), ("/W/i", np.array([0, 1, 0, 99]), "W"),
-     ("/W/p", np.array([0, 3]), "W"), ("/W/p", np.array([0, 5, 4]), "W"), ("/W/p", np.array([0.5, 2.0, 4.0]), "whole"),
+    [("", None, "fclib_local"), ("/spacedim", np.array([3]), "plane"), ("/W", None, "/W"),
+     ("/W/nz", np.array([-3]), "nz"), ("/W/i", np.array([0, 1, 0, 99]), "W"), ("/W/p", np.array([0, 5, 4]), "W"),
      ("/W/m", np.array([10**9]), "at most"), ("/W/x", np.array([1.0, np.nan, np.nan, 1.0]), "NaN"),
-     ("/W/x", np.array([b"a", b"b"]), "real"), ("/W/x", np.array([1.0]), "W"), ("/vectors/q", np.ones(3), "q"),
-     ("/vectors/q", None, "vectors/q"), ("/vectors/mu", np.array([-1.0]), "mu"), ("/V", np.ones(2), "V and R"),
-     ("/W", np.ones((2, 2)), "read"), ("", np.ones(2), "spacedim"), ("/spacedim/m", 1, "read"),
-     ("../qvi_contact/weights", np.ones(3), "weights"), ("../solution/r", np.array([np.inf, 0.0]), "infinity"),
-     ("../solution/u", np.ones(4), "shape (4,)")],
+     ("/vectors/mu", np.array([-1.0]), "mu"), ("../solution/u", np.ones(4), "shape (4,)")],
 )  # fmt: skip
 def test_broken_fclib_files(tmp_path, name, value, word):
     path = tmp_path / "a.hdf5"
@@ -337,8 +294,6 @@ def test_broken_fclib_files(tmp_path, name, value, word):
     write_fclib(path, THREE, state)
     name = name.removeprefix("../") if name.startswith("../") else f"fclib_local{name}"
     with h5py.File(path, "a") as file:
-        if name.endswith("/m") and "spacedim" in name:  # a group in the place of a number
-            del file["fclib_local/spacedim"]
         if name in file:
             del file[name]
         if value is not None:
@@ -346,34 +301,12 @@ def test_broken_fclib_files(tmp_path, name, value, word):
     assert word in refused(lambda: read_fclib(path))
 
 
-def test_other_truncated_and_large_hdf5_files(tmp_path):
-    path = tmp_path / "a.hdf5"
-    write_fclib(path, THREE)
-    content = path.read_bytes()
-    with h5py.File(path, "a") as file:  # zeros that are not there take nothing in a file
-        del file["fclib_local/vectors/q"]
-        file.create_dataset("fclib_local/vectors/q", shape=(LARGEST,), chunks=(1_000_000,), dtype="f8")
-    assert f"{8 * LARGEST} bytes" in refused(lambda: read_fclib(path))
-    for broken in (*(content[: int(share * len(content))] for share in (0.0, 0.01, 0.3, 0.7, 0.95)), b"no HDF5" * 100):
-        path.write_bytes(broken)
-        assert "FCLIB" in refused(lambda: read_fclib(path))
-    for place in (tmp_path, tmp_path / "missing"):
-        refused(lambda place=place: read_fclib(place))
-    with h5py.File(path, "w") as file:
-        file.create_group("fclib_global")
-    assert "global" in refused(lambda: read_fclib(path))
-
-
 @pytest.mark.parametrize(
     ("changes", "word"),
-    [({"format": np.array("another")}, "another"), ({"format": None}, "format"), ({"f": None}, "f"),
-     ({"version": np.array(2)}, "version 2"), ({"version": np.array("x")}, "version"),
-     ({"f": np.array([np.nan] * 12)}, "NaN"), ({"f": np.ones(3)}, "shape (3,)"),
-     ({"mu": np.full(5, -1.0)}, "mu"), ({"mu": np.array(["a"] * 5)}, "mu"),
-     ({"K_indices": np.full(144, 99)}, "K"), ({"K_shape": np.array([12])}, "K"), ({"N_data": None}, "N_data"),
-     ({"K_indptr": np.array([0, 200, *[144] * 11])}, "K"), ({"bilateral": np.ones(5)}, "bilateral"),
-     ({"solution_record": np.array("{")}, "save_qvi"), ({"solution_z": np.ones(3)}, "shape (3,)"),
-     ({"solution_record": np.array('{"status": "solved"}')}, "save_qvi"), ({"solution_z": None}, "solution_z")],
+    [({"format": np.array("another")}, "another"), ({"f": None}, "f"), ({"version": np.array(2)}, "version 2"),
+     ({"f": np.array([np.nan] * 12)}, "NaN"), ({"mu": np.full(5, -1.0)}, "mu"),
+     ({"K_indices": np.full(144, 99)}, "K"), ({"solution_record": np.array("{")}, "save_qvi"),
+     ({"solution_z": np.ones(3)}, "shape (3,)")],
 )  # fmt: skip
 def test_broken_archives(tmp_path, changes, word):
     path, qvi = tmp_path / "a.npz", random_qvi(0)
@@ -382,21 +315,3 @@ def test_broken_archives(tmp_path, changes, word):
         content = {name: archive[name] for name in archive.files} | changes
     np.savez(path, **{name: value for name, value in content.items() if value is not None})
     assert word in refused(lambda: load_qvi(path))
-
-
-def test_truncated_pickled_and_other_archives(tmp_path):
-    path = tmp_path / "a.npz"
-    save_qvi(path, random_qvi(0))
-    content = path.read_bytes()
-    spoilt = bytearray(content)
-    spoilt[len(content) // 2] ^= 0xFF  # the checksum of one array does not fit any more
-    pickled, single, other = io.BytesIO(), io.BytesIO(), io.BytesIO()
-    np.savez(pickled, format=np.array([{"code": 1}], dtype=object))
-    np.save(single, np.ones(3))
-    with zipfile.ZipFile(other, "w") as archive:
-        archive.writestr("readme.txt", "hello")
-    cut = [content[: int(share * len(content))] for share in (0.0, 0.01, 0.5, 0.99)]
-    for broken in (*cut, bytes(spoilt), *(stream.getvalue() for stream in (pickled, single, other))):
-        path.write_bytes(broken)
-        assert "save_qvi" in refused(lambda: load_qvi(path))
-    refused(lambda: load_qvi(tmp_path / "missing.npz"))

@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from comparisons.wild import estimates, generator, judge, practical, report
+from comparisons.wild import bodies, estimates, generator, judge, practical, report
 from comparisons.wild import study as wild
-from comparisons.wild.bodies import Dice
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -63,27 +61,8 @@ class TestGenerator:
         assert len(set(first)) == 4
 
     def test_dice_do_not_depend_on_versions(self):
-        dice = Dice("thin", 3)
+        dice = bodies.Dice("thin", 3)
         assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
-
-    def test_families_are_as_wild_as_they_say(self):
-        numbers = {"thin": 36, "units": 12, "friction": 10, "idle": 30}
-        problems = {family: made(family, range(each)) for family, each in numbers.items()}
-        sizes = [np.ptp(each.mesh.vertices, axis=0) for each in problems["thin"]]
-        aspects = [height / width for width, height in sizes]
-        assert min(aspects) < 3e-3
-        assert max(aspects) > 300.0
-        lengths = [each.mesh.length for each in problems["units"]]
-        assert min(lengths) < 1e-7
-        assert max(lengths) > 1e10
-        frictions = [c.friction for each in problems["friction"] for c in each.contacts if not callable(c.friction)]
-        assert min(frictions) == 0.0
-        assert max(frictions) == 1e3
-        assert any(each.mesh.arcs for each in made("arcs", range(4)))  # some as polygons of their chords
-        assert all("joint" in each.mesh.joint_names for each in made("bodies", range(8)))
-        assert any(callable(c.pore_pressure) for each in made("fluids", range(20)) for c in each.contacts)
-        assert all(m.incompressible for each in made("incompressible", range(20)) for m in each.materials)
-        assert not any(c.x or c.y for each in problems["idle"] for c in each.conditions if isinstance(c, Traction))
 
 
 def made(family, numbers):
@@ -226,7 +205,7 @@ def test_an_exception_that_is_not_the_packages_own_is_foreign():
     assert wild.solve_case({"family": {}, "number": 0})["outcome"] == wild.FOREIGN
 
 
-QUICK = [2, 24, 30, 40][: examples(3)]  # problems that are refined in a second
+QUICK = [24, 30, 2, 40][: examples(3)]  # problems that are refined in a second
 
 
 class TestEstimates:
@@ -251,36 +230,8 @@ class TestEstimates:
         """The committed rows."""
         return committed("estimates")
 
-    def test_numbers_of_the_findings(self, runs):
-        reached = [each.result for each in runs if each.result.get("status") == "reached"]
-        judged = [each for each in reached if each.get("off") is not None]
-        doubts = [each for each in judged if each["doubt"] > max(0.2 * max(abs(each["off"]), each["error"]), 1e-9)]
-        guessed = [each for each in judged if each["certainty"] == "estimate"]
-        held = [each for each in judged if abs(each["off"]) <= max(each["error"], 1e-9)]
-        values = estimates.values_of(estimates.runs_of(runs))
-        assert (values["runs"], values["reached"]) == (len(runs), len(reached))
-        assert values["doubtful"] == len(doubts)
-        assert values["least"] == len([each for each in held if each in guessed and each not in doubts])
-        assert (values["estimates"], values["bounds"]) == (len(guessed), len(judged) - len(guessed))
-        assert values["held"] + values["bounds_held"] == len(held)
-        assert values["bounds_held"] == values["bounds"]
-        ratios = [each["error"] / abs(each["off"]) for each in guessed if abs(each["off"]) > 1e-9]
-        assert [values["worst"], values["q50"]] == pytest.approx([min(ratios), np.median(ratios)])
-        assert values["plain"] == pytest.approx(np.mean(np.array(ratios) >= 1.5))
-
     def test_estimates_hold_in_95_per_cent_of_the_runs(self, runs):
         values = estimates.values_of(estimates.runs_of(runs))
         assert values["estimates"] >= 100
         assert values["share"] >= 0.95
         assert values["q95"] < 3.0
-
-    def test_answers_that_are_worse_count(self, runs):
-        first = next(each for each in runs if each.result.get("certainty") == "estimate" and each.result.get("off"))
-        worse = {**first.result, "off": 2.0 * first.result["error"], "doubt": 0.0}
-        doubtful = {**worse, "doubt": worse["off"]}
-        before = estimates.values_of(estimates.runs_of(runs))
-        for result, doubts in ((worse, 0), (doubtful, 1)):
-            changed = [replace(each, result=result) if each is first else each for each in runs]
-            after = estimates.values_of(estimates.runs_of(changed))
-            assert after["estimates"] - after["held"] == before["estimates"] - before["held"] + 1
-            assert after["doubtful"] == before["doubtful"] + doubts

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from comparisons import paper as room
-from solvers import Status, available
+from solvers import available
 from tests.comparisons.conftest import outlines
 from tests.comparisons.parts import command
 
@@ -148,13 +148,9 @@ class TestNumbers:
 class TestVerdict:
     """How far a back end agrees, and what is said of it."""
 
-    @pytest.mark.parametrize(
-        ("factor", "verdict"),
-        [(1.0, "≤ 1e-07"), (1 + 1e-6, "≤ 1e-05 only"), (1 - 1e-6, "≤ 1e-05 only"), (1.01, "falls short")],
-    )
-    @pytest.mark.parametrize("friction", [0.0, 0.3])
-    def test_the_worst_problem_counts(self, paper, factor, verdict, friction):
-        found = ends(with_back_end(paper, "qp:quadprog", friction, factor))
+    @pytest.mark.parametrize(("factor", "verdict"), [(1 - 1e-6, "≤ 1e-05 only"), (1.01, "falls short")])
+    def test_the_worst_problem_counts(self, paper, factor, verdict):
+        found = ends(with_back_end(paper, "qp:quadprog", 0.3, factor))
         assert found["qp:quadprog"]["verdict"] == verdict
         assert found["qp:quadprog"]["half_force_difference"] == pytest.approx(abs(factor - 1), rel=1e-3, abs=1e-10)
         assert found["qp:clarabel"]["verdict"] == "≤ 1e-07"
@@ -163,10 +159,6 @@ class TestVerdict:
         assert room.verdict(1e-9, 1e-6) == "≤ 1e-07"
         assert "≤ 1e-07" not in (room.verdict(1e-9, 1e-3), room.verdict(1e-9, np.nan))
         assert room.verdict(np.nan, 1e-9) == "falls short"
-
-    def test_uzawa_is_judged_like_the_back_ends(self, paper):
-        wrong = doctored(paper, 0.2, uzawa_converged=altered(paper.row(0.2).uzawa_converged, 1.001))
-        assert ends(wrong)["uzawa"]["verdict"] == "falls short"
 
 
 class TestFindings:
@@ -182,32 +174,6 @@ class TestFindings:
         assert (values["shrinking"], values["exact"]) == (pytest.approx(209.0, abs=1e-6), pytest.approx(209.0))
         assert (values["excess_at"], f"{values['excess']:.4f}") == (0.1, "0.0120")
 
-    def test_other_results_make_other_numbers(self, paper):
-        missed = doctored(paper, 0.05, uzawa=altered(paper.row(0.05).uzawa, 1.0001))
-        assert room.values_of(missed)["digits"] == 6
-        right = doctored(paper, 0.0, uzawa_printed_rule=paper.row(0.0).uzawa)
-        assert room.values_of(right)["deviations"] == []
-        wrong = doctored(paper, 0.3, uzawa_printed_rule=paper.row(0.2).uzawa)
-        assert [row["friction"] for row in room.values_of(wrong)["deviations"]] == [0.0, 0.3]
-        values = room.values_of(doctored(paper, 0.25, printed=100.0))
-        off = 1.0 - 100.0 / paper.row(0.25).half_force(paper.row(0.25).reference)
-        assert (values["off_at"], values["off"]) == (0.25, pytest.approx(off))
-        moved = doctored(paper, 0.0, uzawa_converged=altered(paper.row(0.0).uzawa_converged, 1.001))
-        assert room.values_of(moved)["shrinking"] == pytest.approx(209.209)
-
-    def test_back_ends_that_fall_short_or_have_no_certificate_are_named(self, paper):
-        values = room.values_of(paper)
-        assert values["solvers"] == len(available()) + 1
-        assert {name.split(" ")[0] for name in values["short"]} <= LIMITED
-        wrong = room.values_of(with_back_end(paper, "qp:osqp", 0.15, 1.01))
-        assert set(wrong["short"]) == {*values["short"], "qp:osqp (falls short)"}
-        doubtful = with_back_end(paper, "qp:osqp", 0.15, 1.0, status=Status.INACCURATE, message="only nearly.")
-        assert set(room.values_of(doubtful)["doubtful"]) - set(values["doubtful"]) == {"qp:osqp (6/7)"}
-        assert ends(doubtful)["qp:osqp"]["remark"] == "only nearly."
-        broken = ends(with_back_end(paper, "qp:osqp", 0.1, np.nan, status=Status.BACKEND_FAILED))["qp:osqp"]
-        assert (broken["verdict"], broken["certified"]) == ("falls short", 6)
-        assert np.isnan([broken["half_force_difference"], broken["traction_difference"]]).all()
-
 
 @pytest.fixture
 def known(monkeypatch, paper):
@@ -218,9 +184,9 @@ def known(monkeypatch, paper):
 class TestFiles:
     """The report's files, and its tables in the terminal."""
 
+    @pytest.mark.usefixtures("in_tmp_path")
     @pytest.mark.usefixtures("known", "outlined")
-    def test_terminal_and_the_default_folder(self, paper, tmp_path, monkeypatch):
-        monkeypatch.chdir(tmp_path)
+    def test_terminal_and_the_default_folder(self, paper, tmp_path):
         ended = command("paper")
         assert (ended.status, ended.err) == (0, "")
         assert len(list((tmp_path / "results" / "paper").iterdir())) == 9
@@ -245,15 +211,6 @@ class TestFiles:
 
 class TestPictures:
     """What the pictures show is computed."""
-
-    def test_titles_of_the_stress_maps(self, paper):
-        titles = [axes.get_title() for axes in room.principal_stresses(paper).axes]
-        for title, (number, (mu, stress)) in zip(titles[:4], FIGURES.items(), strict=True):
-            assert title == f"Fig. {number}, μ = {mu:g}, Uzawa 30\nmax {stress}, printed {stress} MPa"
-        for title, row in zip(titles[4:], room.figure_rows(paper), strict=True):
-            assert title == f"converged, μ = {row['friction']:g}\nmax {row['converged']:.2f} MPa"
-        wrong = doctored(paper, 0.1, uzawa=altered(paper.row(0.1).uzawa, 2.0))
-        assert "max 474.3" in room.principal_stresses(wrong).axes[1].get_title()
 
     def test_tractions_stay_below_the_bound(self, paper):
         axes = room.contact_tractions(paper).axes

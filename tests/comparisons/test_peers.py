@@ -15,20 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comparisons import LIMITS, SETTLED, UNCERTAINTY
+from comparisons import LIMITS, SETTLED
 from comparisons import peers as room
-from comparisons.lab.studies import Study, run_study
-from comparisons.peers import pin_report, plate
 from qvi_contact import InputError, TriangleMesh, graded_lines, solve
-from qvi_contact.bracket import BracketKind
 from qvi_contact.gallery import compressed_plate
-from tests.comparisons.conftest import texts_of
 from tests.comparisons.parts import committed, row
 
 CODES_FOLDER = Path(import_module("comparisons.peers.codes").__file__).parent
 LIMIT = {friction: value for friction, (value, _) in LIMITS.items()}
 CHOSEN = ("triangles, p = 3, bisected", "NGSolve, p = 2, symmetric, uniform")
-FLOOR = LIMITS[0.2][1] / LIMIT[0.2]
 MOVED = {0.0: 0.758518, 0.1: 0.738677}
 """u_x [mm] of the sheet on the axis, by NGSolve with degree 4 on twice as many edges."""
 
@@ -42,7 +37,7 @@ def solved(code, case, **options):
 
 
 def nitsche(friction, number, order=2, variant="symmetric", mesh="uniform"):
-    return solved("ngsolve", plate(friction, mesh, number), order=order, variant=variant)
+    return solved("ngsolve", room.plate(friction, mesh, number), order=order, variant=variant)
 
 
 @with_ngsolve
@@ -56,22 +51,11 @@ class TestNitsche:
         assert found["half_force"] == pytest.approx(expected, abs=6e-6)
         assert found["unknowns"] == 2 * (2 * cells + 1) ** 2 - 2 * (2 * cells + 1)
 
-    @pytest.mark.parametrize("variant", ["symmetric", "incomplete", "skew"])
-    @pytest.mark.parametrize("order", [2, 3])
-    def test_variants_settle_on_the_same_value(self, variant, order):
-        coarse, fine = (nitsche(0.2, cells, order, variant)["half_force"] - SETTLED[0.2] for cells in (4, 8))
-        assert abs(fine) < min({2: 6e-3, 3: 5e-4}[order], abs(coarse) / 2.0)
-        assert nitsche(0.0, 3, order, variant, "graded")["half_force"] == pytest.approx(209.0, rel=1e-10)
-
     def test_graded_meshes(self):
         """Full stick; and slip, in so few steps of Newton's method as only its line search lets it take."""
         assert nitsche(1.0, 12, 3, mesh="graded")["half_force"] == pytest.approx(SETTLED[1.0], abs=1e-4)
         found = nitsche(0.2, 12, mesh="graded")
         assert (found["status"], found["residual"] <= 1e-8, found["iterations"] <= 15) == ("solved", True, True)
-
-    def test_each_solve_starts_from_zero(self):
-        solve = import_module("comparisons.peers.codes.with_ngsolve").plate(plate(0.2, "uniform", 4))
-        assert solve() == solve()
 
 
 @cache
@@ -89,9 +73,9 @@ def python_with_getfem():
 @pytest.mark.parametrize(
     ("family", "cells", "expected"), [("uniform", 8, 214.23508), ("uniform", 16, 214.23389), ("graded", 24, None)]
 )
-def test_getfem(family, cells, expected, monkeypatch):
+def test_getfem(family, cells, expected, environ):
     """A mesh whose nodes it merges is not solved."""
-    monkeypatch.setenv(room.GETFEM, python_with_getfem())
+    environ(**{room.GETFEM: python_with_getfem()})
     answer = room.run({"friction": 0.2, "repetitions": 1, "model": f"GetFEM, Q2, {family}", "number": cells})
     if expected is None:
         assert (answer["status"], "4732 of 4802" in answer["message"]) == ("error", True)
@@ -104,7 +88,7 @@ class TestOwnModels:
     """What this package's own codes answer."""
 
     def test_the_bracket_on_triangles_bounds_the_force_under_friction(self):
-        case = plate(0.1, "bisected", 0)
+        case = room.plate(0.1, "bisected", 0)
         found = solved(room.BRACKET, case, degree=4, bracket=4)
         assert (found["status"], found["guaranteed"], found["kind"]) == ("solved", True, "COULOMB")
         assert found["lower"] < LIMIT[0.1] < found["upper"]
@@ -115,11 +99,11 @@ class TestOwnModels:
 
     @pytest.mark.parametrize(("number", "width"), [(0, 10.0**-2.5), (1, 1e-3)])
     def test_adaptive_meshes_give_bounds_as_close_as_their_number_asks_for(self, number, width):
-        found = solved(room.BRACKET, plate(0.05, "adaptive", number), degree=5, adaptive=True)
+        found = solved(room.BRACKET, room.plate(0.05, "adaptive", number), degree=5, adaptive=True)
         assert (found["status"], found["guaranteed"]) == ("solved", True)
         assert found["lower"] < LIMIT[0.05] < found["upper"]
         assert 0.0 < found["width"] <= width
-        assert len(plate(0.05, "adaptive", number)["cells"]) == 2
+        assert len(room.plate(0.05, "adaptive", number)["cells"]) == 2
 
 
 def on_the_mesh(case):
@@ -139,7 +123,7 @@ def test_rows_are_certified_solves_with_times_a_memory_and_an_error_of_their_own
     ]
     runs = room.runs_of([row(case, room.run(case)) for case in cases])
     own = runs[runs.code == room.TRIANGLES].iloc[0]
-    expected = solve(on_the_mesh(plate(1.0, "bisected", 0)), degree=3)
+    expected = solve(on_the_mesh(room.plate(1.0, "bisected", 0)), degree=3)
     assert own.half_force == pytest.approx(expected.contacts["plate"].normal_force, rel=1e-10)
     assert own.unknowns == expected.solution.problem.n
     assert own.residual < 1e-8
@@ -161,15 +145,6 @@ def other_python(folder, does):
     return str(path)
 
 
-def commands_with(folder):
-    """Commands of the running processes that name a folder, as far as /proc tells."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        with suppress(OSError):
-            found.append(path.read_bytes())
-    return [command for command in found if bytes(folder) in command]
-
-
 class TestFailures:
     """Codes that crash, hang, or talk nonsense are rows with the reason."""
 
@@ -186,23 +161,11 @@ class TestFailures:
             ('[ -n "$PYTHONPATH" ] && echo "finds this project" >&2; exit 1', "status 1: no message"),
         ],
     )
-    def test_the_reason_is_told(self, tmp_path, monkeypatch, does, reason):
-        monkeypatch.setenv(room.GETFEM, other_python(tmp_path, does))
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    def test_the_reason_is_told(self, tmp_path, environ, does, reason):
+        environ(**{room.GETFEM: other_python(tmp_path, does), "PYTHONPATH": tmp_path})
         with pytest.raises((room.ProcessError, ValueError), match=reason) as caught:
             room.run(self.CASE)
         assert str(tmp_path) not in str(caught.value)
-
-    @posix
-    def test_a_code_that_hangs_is_a_row_and_ended(self, tmp_path, monkeypatch):
-        monkeypatch.setenv(room.GETFEM, other_python(tmp_path, "sleep 60"))
-        study = Study("peers", 2, "comparisons.peers.study:run", [self.CASE])
-        rows = run_study(study, tmp_path / "a.sqlite", timeout=0.5)
-        (found,) = room.runs_of(rows).itertuples()
-        assert (found.status, found.message, np.isnan(found.half_force)) == ("timeout", "more than 0.5 s", True)
-        made = room.report.report(rows)
-        assert ("timeout" in made.text, str(tmp_path) in made.text, made.pictures) == (True, False, {})
-        assert not commands_with(tmp_path)
 
     @pytest.mark.parametrize("code", ["ngsolve", room.TRIANGLES])
     def test_exceptions_are_told(self, code):
@@ -212,16 +175,12 @@ class TestFailures:
         assert found["status"] == "error"
         assert found["message"].startswith("KeyError: ") or find_spec("ngsolve") is None
 
-    def test_what_a_library_prints_is_not_the_answer(self):
-        found = room.answer_of({"module": "this", "problem": "__doc__", **self.EMPTY}, "own")  # it prints when imported
-        assert (found["status"], found["message"].split(":")[0]) == ("error", "TypeError")
-
     @posix
-    def test_another_python_without_the_library_is_refused(self, tmp_path, monkeypatch):
+    def test_another_python_without_the_library_is_refused(self, tmp_path, environ):
         path = tmp_path / "python"
         path.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
         path.chmod(0o755)
-        monkeypatch.setenv(room.GETFEM, str(path))
+        environ(**{room.GETFEM: path})
         with pytest.raises(InputError) as caught:
             room.missing_codes()
         assert caught.value.field == "getfem"
@@ -258,7 +217,7 @@ class TestMeshes:
         assert max(near.max(), lengths[-1]) < lengths.max() / 4.0
 
     def test_all_codes_get_the_plate_of_the_gallery(self):
-        lines, case = graded_lines(0.0, 1.0, 6, room.ratio(6)).tolist(), plate(0.2, "graded", 6)
+        lines, case = graded_lines(0.0, 1.0, 6, room.ratio(6)).tolist(), room.plate(0.2, "graded", 6)
         assert case["lines"] == [lines, lines]
         assert len(case["vertices"]) == 49
         assert len(case["cells"]) == 36
@@ -277,20 +236,6 @@ class TestStudy:
         )
         words = [sys.executable, "-I", "-c", look, str(CODES_FOLDER)]
         assert subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip() == "[]"
-
-    def test_it_has_all_models_whose_code_is_installed(self, monkeypatch, without):
-        monkeypatch.delenv(room.GETFEM, raising=False)
-        without("ngsolve")
-        without("getfem")
-        assert room.missing_codes() == ("ngsolve", "getfem")
-        cases = room.peers_study((1.0, 0.2, 1.0), (16, 8), 3, levels=2).cases
-        assert {room.MODELS[case["model"]].code for case in cases} == {room.TRIANGLES, room.BRACKET}
-        models = dict.fromkeys(case["model"] for case in cases)
-        for model in models:
-            numbers = {case["number"] for case in cases if case["model"] == model}
-            assert numbers == ({8, 16} if room.MODELS[model].family.counted else {0, 1})
-        assert len(cases) == 2 * 2 * len(models)
-        assert [case["friction"] for case in cases[:: len(cases) - 1]] == [1.0, 0.2]
 
     def test_the_committed_rows_of_the_pin_are_those_of_the_study(self):
         study = room.pin_study((0.0, 0.1), (6, 12), ())
@@ -333,202 +278,6 @@ class TestPin:
         for friction, moved in MOVED.items():
             assert found["NGSolve, p = 4", friction] == pytest.approx(moved, rel=3e-6)
             assert found[room.OWN, friction] == pytest.approx(found["NGSolve, p = 4", friction], rel=1.1e-5)
-
-    def test_a_run_that_ends_without_numbers_is_shown_and_not_compared(self):
-        """The one of this package: without it there is nothing to compare with."""
-        late = {"status": "timeout", "reason": "more than 1 s", "result": {}}
-        rows = [
-            replace(row, **late) if row.case["model"] == room.OWN and row.case["friction"] == 0.1 else row
-            for row in committed("peers-pin")
-        ]
-        made = pin_report(rows)
-        assert made.text.count("more than 1 s") == 2
-        assert ("At μ = 0 the sheet" in made.text, "At μ = 0.1 the sheet" in made.text) == (True, False)
-
-
-SQUARES = "triangles, p = 4, cut squares"
-
-
-def row_made(model, number, friction=0.2, status="done", reason="", result=None):
-    """A row of the study, made up."""
-    case = {"friction": friction, "model": model, "number": number, "repetitions": 1}
-    return row(case, result or {}, status, reason)
-
-
-def solution(model, number, half_force, seconds, friction=0.2, **more):
-    """A row with a solution, made up; unknowns are the square of the mesh's number."""
-    costs = {"unknowns": number**2, "setup": [0.0], "solve": [seconds], "before": 2**26, "peak": 2**27}
-    answer = {"status": "solved", "message": "", "half_force": half_force, "residual": 1e-9, "iterations": 1}
-    return row_made(model, number, friction, result={**answer, **costs, **more})
-
-
-def bracketed(lower, upper, friction=1.0, guaranteed=True, cells=8):
-    """A row with a bracket, made up."""
-    kind = BracketKind.PROBLEM if guaranteed else BracketKind.GIVEN_BOUND
-    bounds = {"lower": lower, "upper": upper}  # numbers that are no bounds must not be taken for such
-    more = {"width": (upper - lower) / (upper + lower), "strain_error": 0.01, "guaranteed": guaranteed}
-    return solution("bracket, p = 5, bisected", cells, None, 0.1, friction, kind=kind.name, **bounds, **more)
-
-
-def costs(*rows):
-    return room.costs_of(room.runs_of(rows))
-
-
-def told(*rows):
-    """The numbers of the findings."""
-    runs = room.runs_of(rows)
-    return room.values_of(runs, room.costs_of(runs))
-
-
-def tabled(name, *rows, columns):
-    """These columns of a table of the report as texts."""
-    runs = room.runs_of(rows)
-    found = room.tables_of(runs, room.costs_of(runs))[name]
-    return [tuple(room.FORMS.get(column, str)(line[column]) for column in columns) for _, line in found.iterrows()]
-
-
-OURS, THEIRS, OTHERS = "triangles, p = 4, bisected", "NGSolve, p = 3, symmetric, bisected", "GetFEM, Q2, uniform"
-
-
-def near(model, number, error, seconds=0.1):
-    """A run whose force has this error."""
-    return solution(model, number, LIMIT[0.2] * (1.0 + error), seconds)
-
-
-class TestCosts:
-    """What an error costs each code; what no finer mesh confirms is chance."""
-
-    def test_the_quickest_and_the_smallest_of_each_code(self):
-        rows = [near(OURS, 3, 2e-6, 0.02), near(OURS, 4, 1e-7, 0.01), near(THEIRS, 5, 2e-6, 0.04)]
-        found = costs(*rows, near(OTHERS, 4, 2e-6, 0.05))
-        ours = found[found.code == room.TRIANGLES].set_index("target")
-        assert ours.loc[3e-6, ["quickest", "smallest"]].tolist() == 2 * [f"{OURS}, level 3"]  # it is confirmed
-        assert set(ours.index) == set(room.TARGETS[:4])
-        compared = room.compared_of(found).set_index("target")
-        assert compared.loc[3e-6, ["code", "smallest_code"]].tolist() == ["ngsolve", "getfem"]
-        assert compared.loc[3e-6, ["time_ratio", "unknowns_ratio"]].tolist() == pytest.approx([2.0, 16 / 9])
-        assert 1e-7 not in compared.index
-
-    def test_an_error_counts_with_the_uncertainty_of_the_reference_and_as_far_as_finer_meshes_have_it(self):
-        for share, there in ((0.98, True), (1.02, False)):
-            assert (1e-8 in set(costs(near(OTHERS, 8, 1e-8 * share - FLOOR)).target)) == there
-        rows = [near(OTHERS, 4, 1e-7), near(OTHERS, 8, 1e-5)]
-        first, last = room.runs_of(rows).itertuples()
-        assert first.lasting == last.error == last.lasting > first.error
-        assert costs(*rows).target.tolist() == [1e-4, 2e-5]
-        assert costs(rows[0], near(OTHERS, 8, 1e-3)).empty
-        hidden = tabled("rows-mu-0_2", near(SQUARES, 8, 5e-10), columns=("shown",))
-        assert hidden == [("≤ 1.4e-9",)]  # with the uncertainty of the value itself
-
-    def test_what_is_confirmed_comes_first_and_a_finer_mesh_that_fails_confirms_nothing(self):
-        graded = [near("GetFEM, Q2, graded", 8, 8e-8, 0.01)]
-        uniform = [near(OTHERS, cells, 8e-8, 0.05) for cells in (8, 16)]
-        assert set(costs(*graded, *uniform).quickest) == {f"{OTHERS}, 8² cells"}
-        graded += [row_made("GetFEM, Q2, graded", 16, status="crashed", reason="signal 11")]
-        assert not costs(*graded).sure.any()
-        assert told(*graded)["chance"] == ["GetFEM, Q2, graded, 8² cells"]
-        graded += [near("GetFEM, Q2, graded", 32, 8e-8, 5.0)]
-        assert costs(*graded).sure.all()
-        assert told(*graded)["chance"] == []
-
-
-class TestBounds:
-    """Intervals, what errors are relative to, and failures."""
-
-    NONE = room.runs_of([solution("GetFEM, Q2, uniform", 8, 214.4, 0.1)])
-
-    def test_the_narrowest_interval_and_what_is_outside(self):
-        rows = [bracketed(214.3676, 214.3677), bracketed(214.36, 214.38)]
-        rows += [solution("GetFEM, Q2, uniform", n, force, 0.1, 1.0) for n, force in ((8, 214.36765), (16, 214.3679))]
-        rows += [row_made("GetFEM, Q2, uniform", 32, 1.0, status="crashed", reason="signal 11")]
-        (found,) = room.intervals_of(room.runs_of(rows)).itertuples()
-        assert (found.low, found.high) == pytest.approx((214.3676, 214.3677), abs=5e-6)
-        assert (found.getfem, found.ngsolve) == ("1 of 2", "0 of 0")
-        assert room.intervals_of(room.runs_of(rows[2:])).empty
-        indicator = bracketed(214.1, 214.3, 0.2, guaranteed=False)
-        assert told(indicator, solution(SQUARES, 8, 214.2, 0.1))["bounds"] == []
-        (wide,) = told(bracketed(214.3677, 214.3678), bracketed(214.2, 214.4))["bounds"]
-        assert (wide["low"], wide["high"]) == pytest.approx((214.3676979, 214.3678021), abs=5e-8)  # what solves hold to
-
-    def test_bounds_that_contradict_each_other_are_not_used(self):
-        runs = room.runs_of([bracketed(214.367650, 214.367655), bracketed(214.367670, 214.367675)])
-        assert room.contradictory(runs)
-        assert room.reference(runs, 1.0).value == LIMIT[1.0]
-        values = room.values_of(runs, room.costs_of(runs))
-        assert (values["bounds"], values["doubtful"]) == ([], [{"friction": 1.0, "count": 2}])
-
-    def test_failures_are_counted_and_told(self, without):
-        without("matplotlib")
-        result = {"status": "not converged", "message": "residual 1e-3", "half_force": 214.2, "residual": float("inf")}
-        rows = [row_made("GetFEM, Q2, strips", n, result=result) for n in (1, 2)]
-        rows += [row_made("GetFEM, Q2, strips", 3, status="crashed", reason="signal 11")]
-        rows += [solution(SQUARES, 8, 214.2, 0.1)]
-        runs, values, lines = room.runs_of(rows), told(*rows), tabled("failures", *rows, columns=("status", "message"))
-        assert (values["runs"], values["solved"], values["failing"]) == (4, 1, "3 of GetFEM")
-        assert lines[1:] == [("not converged", "residual 1e-3"), ("crashed", "signal 11")]
-        assert runs.error[~runs.solved].isna().all()
-        assert set(room.report.report(rows).pictures) == set()
-
-    def test_references(self):
-        assert all(abs(value - SETTLED[friction]) < UNCERTAINTY for friction, value in LIMIT.items())
-        assert room.reference(self.NONE, 0.2)[:2] == LIMITS[0.2]
-        assert room.reference(self.NONE, 0.4).value == LIMIT[1.0]
-        assert room.reference(self.NONE, 0.15)[:2] == (SETTLED[0.15], UNCERTAINTY)
-        assert room.reference(self.NONE, 0.12) is None
-        assert "No value of P/2 is known" in room.report.report([solution(OTHERS, 8, 214.4, 0.1, 0.12)]).text
-        wide, narrow = bracketed(214.3, 214.4, 0.12), bracketed(214.36765, 214.36766, 0.12)
-        known = room.reference(room.runs_of([wide, narrow]), 0.12)
-        assert known.value == pytest.approx(214.367655, abs=1e-9)
-        assert known.uncertainty == pytest.approx(5e-6 + room.RESOLUTION * known.value)
-        assert "guaranteed bounds of bracket, p = 5, bisected, level 8" in known.source
-        assert room.reference(room.runs_of([bracketed(214.2, 214.21, 0.12, False)]), 0.12) is None
-        assert room.reference(room.runs_of([bracketed(214.36765, 214.36766)]), 1.0).value == LIMIT[1.0]
-
-    @pytest.mark.parametrize("guaranteed", [True, False])
-    def test_inverted_bounds_are_a_failure_unless_it_is_rounding(self, guaranteed):
-        rows = [bracketed(214.3678, 214.3677, 1.0, guaranteed), bracketed(214.3, 214.4, 1.0, guaranteed)]
-        runs = room.runs_of(rows)
-        inverted, right = runs.itertuples()
-        assert (inverted.status, inverted.solved, right.solved) == ("inverted", False, True)
-        assert "half width -2.3e-7" in inverted.message
-        assert room.reference(runs, 1.0).value == LIMIT[1.0]
-        assert told(*rows)["failing"] == "1 of the bracket"
-        assert tabled("brackets-mu-1", *rows, columns=("status",))[0] == ("inverted",)
-        assert room.runs_of([bracketed(209.0 + 1e-6, 209.0, 0.0, guaranteed)]).solved.all()
-
-
-class TestPictures:
-    """The best of each code, and intervals where there are any."""
-
-    DRAWN = (
-        solution(SQUARES, 8, 214.365, 0.1, 1.0),
-        solution("GetFEM, Q2, strips", 3, 214.347, 0.1, 1.0),
-        row_made("GetFEM, Q2, graded", 8, 1.0, status="crashed", reason="signal 11"),
-        bracketed(214.365, 214.368),
-        bracketed(214.1, 214.3, 0.2, guaranteed=False),
-        solution(SQUARES, 8, 214.2, 0.1),
-    )
-
-    def test_codes_are_curves_and_an_indicator_is_no_interval(self):
-        pytest.importorskip("matplotlib")
-        runs = room.runs_of(self.DRAWN)
-        texts = {name: texts_of(draw()) for name, draw in room.figures_of(runs, room.known_of(runs)).items()}
-        best = {f"best-{cost}-mu-{mu}" for cost in ("unknowns", "time") for mu in ("1", "0_2")}
-        assert set(texts) == {"intervals-mu-1"} | best
-        names = [code.name for code in room.CODES.values()]
-        assert [name for name in names if name in texts["best-unknowns-mu-1"]] == ["this package", "GetFEM"]
-        assert "guaranteed interval" in texts["intervals-mu-1"]
-
-    @pytest.mark.parametrize("last", [(213.9, 214.5), (214.36, 214.37)])
-    def test_all_bars_and_marks_are_inside_the_picture(self, last):
-        pytest.importorskip("matplotlib")
-        runs = room.runs_of([bracketed(*last), *self.DRAWN[:4]])
-        known = room.reference(runs, 1.0)
-        (axes,) = room.figures_of(runs, {1.0: known})["intervals-mu-1"]().axes
-        bottom, top = axes.get_ylim()
-        ends = [end / known.value - 1.0 for end in (*last, 214.365, 214.368)]
-        assert bottom < min(ends) < max(ends) < top
-        assert bottom <= min(axes.get_yticks()) < 0.0 < max(axes.get_yticks()) <= top
 
 
 def least(rows, friction, value, uncertainty, code):

@@ -233,7 +233,7 @@ def test_a_template_that_forgets_or_repeats_is_refused(changes, message):
 
 @pytest.mark.parametrize("tables", [True, False])
 def test_the_terminal_has_what_is_not_folded_and_the_files(folder, capsys, tables):
-    sample().show([folder / "sample.html", folder / "sample.md"], tables=tables)
+    Report.read(folder / "sample.md").show([folder / "sample.html", folder / "sample.md"], tables=tables)
     out = capsys.readouterr().out
     assert "\x1b" not in out
     assert out.index("Clarabel takes 12.3 ms") < out.index("Written to")

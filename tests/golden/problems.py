@@ -55,7 +55,7 @@ EXAMPLES: Final = ROOT / "examples"
 FILES: Final = Path(__file__).parent / "files"
 TOLERANCE: Final = 1e-8
 POINTS: Final = 1  # inside the body at which stresses are kept
-SLOW: Final = ("arch", "jointed_slope", "masonry_wall")  # whose brackets take seconds
+SLOW: Final = ("arch", "jointed_slope", "masonry_wall", "preloaded_joint")  # whose brackets take seconds, or are none
 CONTACTS: Final = 3  # of a problem whose forces are kept
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import TriangleMesh, limit_load_factor, solve
+from qvi_contact import TriangleMesh, solve
 from qvi_contact.companion import solve_companion
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import places
@@ -132,21 +132,6 @@ def test_smooth_arcs_have_no_corners():
     assert len(places(problem, mesh, solve(problem, degree=3)).corners) == 4
 
 
-def test_a_ring_turns_on_its_shaft():
-    """Shear around a ring that a shaft holds by cohesion alone: limit and mechanism are those of the moment."""
-    mesh, cohesion, shear = quarter(1, 3), 0.3, 0.05
-    free = [Traction(name, normal=0.0, tangential=0.0) for name in ("bottom", "left")]
-    load = Traction("outer", normal=0.0, tangential=shear)
-    held = Contact("inner", 0.0, law="bilateral", cohesion=cohesion)
-    limit = limit_load_factor(ContactProblem(mesh, Material(1.0, NU), [held, load, *free]), ["outer"])
-    exact = cohesion * INNER**2 / (shear * OUTER**2)
-    assert [limit.lower, limit.upper] == pytest.approx([exact, exact], rel=1e-9)
-    bare = Contact("inner", 0.0, law="bilateral")
-    (motion,) = solve(ContactProblem(mesh, Material(1.0, NU), [bare, load, *free])).mechanism.motions
-    x, y = motion.centre
-    np.testing.assert_allclose([motion.x, motion.y], motion.rotation * np.array([-y, x]), atol=1e-9)  # of its middle
-
-
 def test_high_degrees_where_much_is_open():
     """Multipliers on both sides of an open point's shear are large, and must not cost the digits of the tractions."""
     mesh = quarter(1, 4)
@@ -212,21 +197,3 @@ def test_an_offset_along_tangents_that_turn_back_jumps():
     (reason,) = solve_companion(held_ring(Contact.tied("hole", offset=0.1))).reasons
     assert "0.2" in reason
     assert solve_companion(held_ring(Contact.tied("hole", gap=0.1))).reasons == ()
-
-
-def test_a_ring_turns_in_a_rough_ring():
-    """A joint changes its sides where its tangents turn back: slip is the same there, and all of it bears friction."""
-    bound, radius = 0.01, np.sqrt(3.0)
-    mesh = polygon(12, 2, outer=3.0)
-    mesh = replace(mesh, vertices=mesh.vertices @ turn(10.0).T)
-    mesh = mesh.with_joint("fit", lambda x, y: abs(np.hypot(x, y) - radius * np.cos(np.pi / 12.0)) < 1e-9)
-    for name, r in (("hole", 1.0), ("fit", radius), ("outside", 3.0)):
-        mesh = mesh.with_arc(name, (0.0, 0.0), r)
-    turned = Displacement("hole", x=lambda _, y: -0.1 * y, y=lambda x, _: 0.1 * x)
-    fit = Contact("fit", 0.3, law="bilateral")
-    problem = ContactProblem(mesh, Material(1.0, NU), [turned, fit, Displacement("outside", x=0.0, y=0.0)])
-    companion = solve_companion(problem, degree=4, bounds={"fit": np.full((12, 1), bound)})
-    slip = radius * (0.1 - 8.0 / 9.0 * (1.0 + NU) * bound * radius**2)  # both rings are twisted by friction
-    np.testing.assert_allclose(companion.trace("fit", np.linspace(0.0, 1.0, 5))[1], -slip, rtol=1e-3)
-    assert companion.contacts["fit"].tangential_force == pytest.approx(2.0 * np.pi * radius * bound, rel=1e-9)
-    assert companion.parts.friction == pytest.approx(2.0 * np.pi * radius * bound * slip, rel=1e-3)

@@ -58,13 +58,9 @@ def _raised(_):
 BROKEN = {
     "x is None": _part("x", lambda _: None),
     "x is NaN": _part("x", lambda x: None if x is None else np.full(len(x), np.nan)),
-    "x is infinite": _part("x", lambda x: None if x is None else np.full(len(x), np.inf)),
     "x is short": _part("x", lambda x: None if x is None else x[:1]),
-    "x is text": _part("x", lambda _: "text"),
-    "status is None": _part("status", lambda _: None),
     "no marginals": _marginals(lambda _: None),
     "marginals are NaN": _marginals(lambda found: optimize.OptimizeResult(marginals=np.nan * found.marginals)),
-    "nothing": lambda _: None,
     "raises": _raised,
 }
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh, discretize, solve
+from qvi_contact.basics import Kept
 from qvi_contact.discretization import Elimination, Rows, walk
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import (
@@ -196,20 +197,31 @@ def test_one_factorisation_and_one_schur_complement_serve_the_sequence():
     assert shared.contacts["ground"].normal_stress == pytest.approx(alone.contacts["ground"].normal_stress, abs=1e-10)
 
 
-def test_factors_of_a_mesh_that_is_gone_are_freed_before_large_ones_are_made():
-    """A mesh keeps what refers to it, and Python may leave that for long: memory of refinements would add up."""
+def test_factors_of_a_mesh_that_is_gone_are_freed():
+    """At once, with the mesh: what it keeps does not refer to it. Memory of refinements would add up."""
     gc.disable()
     try:
-        first = discretize(compressed_plate(0.2, (30, 30)))
-        _ = first.qvi.bonded
-        factor = ref(first.qvi.stiffness.factor)
-        del first
-        second = discretize(compressed_plate(0.2, (31, 31)))
-        _ = second.qvi.bonded
-        assert second.qvi.n > 10_000
-        assert factor() is None
+        result = solve(block())
+        factor, mesh = ref(result.discretization.qvi.stiffness.factor), ref(result.problem.mesh)
+        assert result.contacts["ground"].normal_force > 0.0
+        del result
+        assert (factor(), mesh()) == (None, None)
     finally:
         gc.enable()
+
+
+def test_what_problems_share_cannot_be_written_to():
+    qvi = discretize(block()).qvi
+    for matrix in (qvi.K, qvi.N, qvi.T):
+        with pytest.raises(ValueError, match="read-only"):
+            matrix.data[0] = 1.0
+
+
+def test_of_one_kind_the_latest_few_are_kept():
+    kept, made = Kept(), []
+    for key in (1, 2, 3, 4, 1, 5, 1, 2):
+        kept(int, key, lambda key=key: made.append(key) or key)
+    assert made == [1, 2, 3, 4, 5, 2]
 
 
 def test_a_problem_on_another_mesh_is_refused():

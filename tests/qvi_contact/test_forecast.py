@@ -7,16 +7,14 @@ import pytest
 from scipy.sparse import csc_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
-from qvi_contact import discretize, solve
+from qvi_contact import discretize
 from qvi_contact.command import progress_line
 from qvi_contact.gallery import compressed_plate
-from solvers import Status
-from solvers.basics import Log, Progress, deadline, listening, report
+from solvers.basics import Progress, deadline, listening, report
 from solvers.factorisation import (
     FactorisationError,
     Forecast,
     Work,
-    available_backends,
     check_limits,
     factorise,
     machine_memory,
@@ -52,9 +50,8 @@ class TestWork:
         K = grid(30, 30)
         assert Work.counted(K, np.arange(450)).entries < 0.5 * Work.counted(K, NOTHING).entries
 
-    @pytest.mark.parametrize("degree", [3, 4, 5])
-    def test_the_law_is_near_what_is_counted(self, degree):
-        K = csc_array(discretize(compressed_plate(0.2, (50, 50)), degree=degree).qvi.K)
+    def test_the_law_is_near_what_is_counted(self):
+        K = csc_array(discretize(compressed_plate(0.2, (50, 50)), degree=4).qvi.K)
         law, counted = Work.by_law(K.shape[0], K.nnz), Work.counted(K, NOTHING)
         assert law.entries == pytest.approx(counted.entries, rel=0.35)
         assert 0.4 < law.operations / counted.operations < 2.5
@@ -148,25 +145,8 @@ class TestLimits:
         assert "PARDISO" in str(caught.value)
 
 
-@pytest.mark.usefixtures("clock")
-@pytest.mark.skipif("pardiso" not in available_backends(), reason="names the library that is missing")
-def test_a_solve_that_cannot_end_in_time_says_so_at_once():
-    plate = compressed_plate(0.2, (60, 60))
-    result = solve(plate, time_limit=0.05, factorisation="superlu")
-    assert (result.status, result.iterations) == (Status.TIME_LIMIT, 0)
-    assert "factorisation='pardiso'" in result.message
-    assert not result.has_state
-
-
 class TestProgress:
     """Off a terminal: plain lines, once work is large or long."""
-
-    def test_a_large_factorisation_has_a_line_before_it(self, capfd):
-        with progress_line.solving("plate"):
-            report(Progress("superlu", stage="factorising 500000 unknowns"))
-        out, err = capfd.readouterr()
-        assert out == ""
-        assert err.splitlines() == ["plate: superlu: factorising 500000 unknowns"]
 
     def test_long_work_has_a_line_now_and_then(self, capfd):
         with progress_line.solving("plate", silence=0.01):
@@ -175,8 +155,3 @@ class TestProgress:
             while err.count("\n") < 2:
                 err += capfd.readouterr().err
         assert all(line.startswith("plate: ") for line in err.splitlines())
-
-    def test_verbose_tells_it_on_standard_output(self, capsys):
-        with Log("large", verbose=True):
-            report(Progress("superlu", stage="factorising 500000 unknowns"))
-        assert capsys.readouterr().out.splitlines() == ["superlu: factorising 500000 unknowns"]

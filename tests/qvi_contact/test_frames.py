@@ -1,6 +1,5 @@
 """Results elsewhere: as pandas tables, beside claims that are compared with them, and in archives that are verified."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -92,8 +91,8 @@ def test_a_limit_load_is_a_row(dragged):
     assert rounds["value"].iloc[-1] == pytest.approx(limit.lower)
 
 
-def test_without_pandas_each_names_the_extra(plate_result, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
+def test_without_pandas_each_names_the_extra(plate_result, without):
+    without("pandas")
     for table in (plate_result.to_frame, plate_result.forces_frame, plate_result.solution.to_frame):
         with pytest.raises(InputError, match="pip install"):
             table()

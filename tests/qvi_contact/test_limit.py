@@ -1,6 +1,5 @@
 """Limit loads against closed forms, what solving says around them, and the linear programs behind them."""
 
-from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +12,6 @@ from qvi_contact.limit import limit_load, limit_load_factor
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction
 from solvers import Status
-from solvers.inner import solved as program_solved
 from tests.cases import thinned
 
 STEEL = Material(1000.0, 0.3)
@@ -212,32 +210,6 @@ def test_the_linear_program_gets_what_is_left(linprog):
     assert 0.0 < limits[-1] <= 20.0
 
 
-@pytest.mark.parametrize(
-    ("fine", "coarse", "simplex", "tried"),
-    [
-        (None, None, None, ["highs-ipm"]),
-        (4, None, None, ["highs-ipm"] * 2),
-        (1, 2, None, ["highs-ipm"] * 2 + ["highs"]),
-        (4, 4, 4, ["highs-ipm"] * 2 + ["highs"] * 2),
-    ],
-)
-def test_large_programs_take_the_interior_point_method_first(linprog, fine, coarse, simplex, tried):
-    """Where it finds no vertex less accuracy is asked for, of which only a solution counts; then simplex methods."""
-
-    def instead(method, options):
-        if method == "highs":
-            return simplex if options["presolve"] else None
-        return fine if options["primal_feasibility_tolerance"] < 1e-8 else coarse
-
-    linprog.instead = instead
-    angles = np.linspace(0.0, 2.0 * np.pi, 4500, endpoint=False)  # a polygon around the unit circle
-    rows = np.column_stack([np.cos(angles), np.sin(angles)])
-    answer = program_solved(np.array([-1.0, 0.0]), A_ub=rows, b_ub=np.ones(4500), bounds=[(None, None)] * 2)
-    assert answer.x[0] == pytest.approx(1.0, rel=1e-6)
-    assert [method for method, _, _ in linprog.calls] == tried
-    assert all(("maxiter" in options) == (method == "highs-ipm") for method, options, _ in linprog.calls)
-
-
 def test_programs_that_fail_decide_nothing(linprog):
     """The status of the mesh's proof is what is left then."""
     linprog.instead = lambda *_: 4
@@ -250,53 +222,3 @@ def test_programs_of_many_blocks_are_sparse(linprog):
     assert find_mechanism(masonry_wall(4, 6, ())) is None
     matrix = linprog.calls[0][2]
     assert matrix.nnz < 4 * matrix.shape[0]
-
-
-def _carried_by_rigid_blocks(friction, loads, named, heights):
-    """Largest factor on the named loads: resultants (N at both ends, T) of each joint of a column of rigid blocks.
-
-    `loads`: name → (force x, force y, application x, y); joint i at height heights[i] carries all loads above it.
-    """
-    count = len(heights)
-    rows, dead = [], []
-    for i, height in enumerate(heights):
-        above = {name: load for name, load in loads.items() if load[3] > height}
-        total = {True: np.zeros(3), False: np.zeros(3)}
-        for name, (fx, fy, x, y) in above.items():
-            total[name in named] += np.array([fx, fy, (x - 0.5) * fy - (y - height) * fx])
-        forces = np.zeros((3, 3 * count + 1))  # of the joint on what is above: N at x = 0 and 1, upwards, and T
-        forces[:, 3 * i : 3 * i + 3] = [[0.0, 0.0, 1.0], [1.0, 1.0, 0.0], [-0.5, 0.5, 0.0]]
-        forces[:, -1] = total[True]
-        rows.append(forces)
-        dead.append(-total[False])
-    sliding = np.zeros((2 * count, 3 * count + 1))
-    for i in range(count):
-        sliding[2 * i : 2 * i + 2, 3 * i : 3 * i + 3] = [[-friction, -friction, 1.0], [-friction, -friction, -1.0]]
-    ends = [(0.0, None), (0.0, None), (None, None)] * count + [(None, None)]
-    answer = optimize.linprog(
-        np.append(np.zeros(3 * count), -1.0), A_ub=sliding, b_ub=np.zeros(2 * count), A_eq=np.concatenate(rows),
-        b_eq=np.concatenate(dead), bounds=ends,
-    )  # fmt: skip
-    return {0: answer.x[-1] if answer.status == 0 else None, 2: -np.inf, 3: np.inf}[answer.status]
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_several_named_loads_of_a_column_against_its_resultants(seed):
-    """Loads of different sizes, some of which cancel in part: what blocks of a column carry by statics alone."""
-    rng = np.random.default_rng(seed)
-    heights, friction = [0.0, 1.0], float(rng.uniform(0.1, 0.8))
-    parts = product((("left", 0.0), ("right", 1.0)), (0, 1))
-    edges = {f"{side} {level}": ((at, level), (at, level + 1.0)) for (side, at), level in parts}
-    mesh = TriangleMesh.grid([0.0, 1.0], [0.0, 1.0, 2.0], edges=edges)
-    mesh = mesh.with_joint("joint", lambda _, y: np.isclose(y, 1.0))
-    forces = {"top": (rng.uniform(-3.0, 3.0), -10.0, 0.5, 2.0)}
-    for level in (0, 1):
-        push = rng.uniform(-4.0, 4.0)
-        forces[f"left {level}"] = (push, 0.0, 0.0, level + 0.5)
-        forces[f"right {level}"] = (-push * rng.choice([0.5, 1.0, 0.9]), 0.0, 1.0, level + 0.5)
-    conditions = [Traction(name, x=fx, y=fy) for name, (fx, fy, _, _) in forces.items()]
-    problem = ContactProblem(mesh, STEEL, [Contact("bottom", friction), Contact("joint", friction), *conditions])
-    named = [name for name in forces if name != "top"][: 2 + seed % 3]
-    limit = limit_load_factor(problem, named)
-    assert limit.upper == pytest.approx(_carried_by_rigid_blocks(friction, forces, named, heights), rel=1e-8)
-    assert limit.lower <= limit.upper * (1.0 + 1e-7)

@@ -1,13 +1,11 @@
 """Loads that jump inside an edge, whose integrals are exact everywhere, and fluids in contacts."""
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scipy.integrate import trapezoid
 
 from qvi_contact import InputError, TriangleMesh, limit_load_factor, solve, solve_history
 from qvi_contact.command import group
@@ -15,7 +13,6 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.element import adapted, constant
 from qvi_contact.export import summary, write_npz
 from qvi_contact.mechanism import upper_bound
-from qvi_contact.plots import result_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, RigidPlate, Traction
 from qvi_contact.verification import missed_tractions, verify_file
 from solvers import Status
@@ -332,18 +329,3 @@ def test_archive_and_summary(tmp_path):
 def test_bad_pressures_are_refused(value):
     with pytest.raises(InputError, match=r"Contact\.pore_pressure"):
         solve(dam(value))
-
-
-def test_the_panel_of_a_contact_names_and_draws_both_pressures():
-    result = solved(dam(falling()))
-    figure = result_figure(result)
-    axes, line = figure.axes[1], result.contacts["base"]
-    (answer,) = (text.get_text() for text in figure.texts if text.get_text().startswith("base"))
-    normal, effective, tangential = re.findall(r"[−\d.]+", answer)[:3]
-    assert float(normal) == pytest.approx(line.normal_force, rel=1e-3)
-    assert float(effective) == pytest.approx(line.effective_normal_force, rel=1e-3)
-    assert tangential.startswith("−")
-    sums = {curve.get_label(): trapezoid(curve.get_ydata(), curve.get_xdata()) for curve in axes.lines}
-    assert sums["pressure $-\\sigma_N$"] == pytest.approx(line.normal_force, rel=1e-2)
-    assert sums["effective pressure $-\\sigma_N'$"] == pytest.approx(line.effective_normal_force, rel=1e-2)
-    assert sums["fluid $p_w$"] == pytest.approx(UPLIFT, rel=1e-2)

@@ -1,9 +1,13 @@
-"""Names that nothing has: one kind of error, which lists the names that fit and first the closest one."""
+"""Names that nothing has are one kind of error, with the closest one; those there are may be anything."""
 
 import pickle
+import re
+from dataclasses import dataclass, replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from qvi_contact import (
     Contact,
@@ -20,12 +24,15 @@ from qvi_contact import (
     limit_load_factor,
     load_problem,
     refine,
+    save_problem,
     solve,
     solve_history,
     solve_sweep,
 )
-from qvi_contact.plots import result_figure
-from solvers.basics.names import closest, known_name
+from qvi_contact.export import write_contacts_vtu, write_vtu
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.plots import history_figure, problem_figure, result_figure
+from qvi_contact.units import Units
 
 
 def posed(contact="fit", base="bottom"):
@@ -130,25 +137,15 @@ edges = "jont"
         assert all(name in error.remedy for name in ("bottom", "left", "right", "top"))
 
 
-def test_all_names_are_listed_and_the_message_is_a_sentence():
-    error = refused(lambda: known_name("here", "c", {"apes": ("amber", "bo"), "bees": ()}))
-    assert str(error).startswith("here: 'c': ")
-    assert all(word in error.remedy for word in ("apes", "amber", "bo", "bees"))
+def test_all_names_are_listed_and_the_message_is_a_sentence(result):
+    error = refused(lambda: result.contacts["c"])
+    assert str(error).startswith("contacts: 'c': ")
+    assert "did you mean" not in error.remedy
+    assert all(word in error.remedy for word in ("fit", "seam"))
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again)) == (type(error), str(error))
-    for odd in (3, None, ["amber"]):
-        assert refused(lambda odd=odd: known_name("here", odd, {"apes": ("amber",)})).value == odd
-
-
-def test_the_closest_word_has_the_same_letters_but_for_a_few():
-    words = ("flank", "base", "Top")
-    assert [closest(word, words) for word in ("flnak", "BASE", "top", "other", 3)] == [
-        "flank",
-        "base",
-        "Top",
-        None,
-        None,
-    ]
+    for odd in (3, None, ("fit",)):
+        assert refused(lambda odd=odd: result.contacts[odd]).value == odd
 
 
 def test_a_region_that_the_mesh_has_not(result):
@@ -160,3 +157,77 @@ def test_a_region_that_the_mesh_has_not(result):
         )
     )  # fmt: skip
     assert "did you mean 'core'?" in error.remedy
+
+
+FORMULA = r"$\foo$"
+UNITS = Units(r"$\bar$", '<b & "c">\'')
+
+
+@pytest.fixture(scope="module")
+def odd():
+    plate = compressed_plate(0.2, (2, 2))
+    named = [replace(each, name=FORMULA) if isinstance(each, Contact) else each for each in plate.conditions]
+    return solve(replace(plate, conditions=named), degree=3)
+
+
+def shown(figure):
+    """The texts of a picture, laid out."""
+    figure.draw_without_rendering()
+    return [text.get_text() for text in figure.findobj(Text)]
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        lambda result: result_figure(result, UNITS),
+        lambda result: problem_figure(result.problem, UNITS),
+        lambda _: history_figure({FORMULA: ([0.0, 1.0], [0.0, 2.0])}, UNITS),
+    ],
+    ids=["result", "problem", "history"],
+)
+def test_pictures_show_dollar_signs(odd, drawn):
+    texts = shown(drawn(odd))
+    assert any(r"\$\bar\$" in text for text in texts)
+    assert not any(re.search(r"(?<!\\)\$\\(foo|bar)", text) for text in texts)
+
+
+def test_a_page_is_written_with_a_name_that_looks_like_a_formula(odd, shell, tmp_path):
+    save_problem(tmp_path / "odd.toml", odd.problem, title=FORMULA, units=UNITS)
+    page = tmp_path / "page.html"
+    assert shell("solve", tmp_path / "odd.toml", "--report", page)[0] == 0
+    assert FORMULA in page.read_text(encoding="utf-8")
+
+
+def test_names_of_fields_in_vtu_files_are_those_given(odd, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    for write in (write_vtu, write_contacts_vtu):
+        path = tmp_path / "fields.vtu"
+        write(path, odd, UNITS)
+        names = {array.get("Name") for array in ElementTree.parse(path).iter("DataArray")}
+        assert any(UNITS.stress in name for name in names)
+        assert any(UNITS.length in name for name in names)
+        assert set(meshio.read(path).point_data) <= names
+
+
+@dataclass
+class _Pair:
+    first: object
+    second: object
+
+
+@pytest.mark.parametrize("number", [np.float64(0.25), np.float32(0.25), np.int64(3), np.bool_(True)])
+def test_numbers_in_messages_are_plain(number):
+    def said(value):
+        return str(InputError("field", value, "remedy")).removeprefix("field: ").removesuffix(": remedy")
+
+    own = repr(number.item())
+    assert said(number) == own
+    assert said([number, (number,)]) == f"[{own}, ({own},)]"
+    assert said({"a": number}) == f"{{'a': {own}}}"
+    assert said(_Pair(number, 1)).endswith(f"first={own}, second=1)")
+    assert (said("np.float64(3)"), said(None)) == ("'np.float64(3)'", "None")
+
+
+def test_a_computed_number_is_refused_with_its_value():
+    with pytest.raises(InputError, match=r"Material\.young: -1\.0: "):
+        Material(np.float64(-1.0), 0.3)

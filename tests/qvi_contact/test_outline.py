@@ -3,7 +3,6 @@
 import math
 import signal
 import sys
-import threading
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from qvi_contact import Corner, InputError, TriangleMesh, load_problem, solve
-from qvi_contact.basics import handlers_kept
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.mesh import Topology, divided_corners, polygons
 from tests.cases import examples
@@ -264,52 +262,12 @@ class TestMeshes:
         with pytest.raises(InputError):
             TriangleMesh.outline(SQUARE, 0.5, **inside)
 
-    def test_the_same_outline_has_the_same_mesh_in_any_thread(self, arch):
-        found = []
-        threads = [
-            threading.Thread(target=lambda: found.append(TriangleMesh.outline(ARCH, 0.2, **INSIDE))) for _ in range(2)
-        ]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        assert [mesh.same_as(arch) for mesh in found] == [True, True]
-
     def test_nothing_is_left_behind(self, capfd):
         handler = signal.getsignal(signal.SIGINT)
         TriangleMesh.outline(SQUARE, 0.5)
         assert not gmsh.isInitialized()
         assert signal.getsignal(signal.SIGINT) is handler
         assert capfd.readouterr() == ("", "")
-
-    @pytest.mark.skipif(not STATUS.exists(), reason="reads what the kernel says of signals")
-    def test_signals_do_what_they_did(self):
-        """The start of gmsh puts eleven back; without SIGPIPE ignored a process ends where a pipe has no reader."""
-        before = signal.signal(signal.SIGTERM, lambda *_: None)
-        try:
-            state = signals()
-            assert state["SigIgn"] >> signal.SIGPIPE - 1 & 1
-            TriangleMesh.outline(SQUARE, 0.5)
-            assert signals() == state
-        finally:
-            signal.signal(signal.SIGTERM, before)
-
-    def test_a_session_of_the_caller_is_left_as_it_was(self):
-        with handlers_kept():
-            gmsh.initialize(interruptible=False)
-        try:
-            gmsh.option.setNumber("General.Terminal", 0)
-            gmsh.option.setNumber("Mesh.Algorithm", 5)
-            gmsh.model.add("own")
-            gmsh.model.occ.addPoint(0.0, 0.0, 0.0)
-            gmsh.model.occ.synchronize()
-            TriangleMesh.outline(SQUARE, 0.5)
-            assert gmsh.isInitialized()
-            assert gmsh.model.getCurrent() == "own"
-            assert gmsh.model.getEntities() == [(0, 1)]
-            assert gmsh.option.getNumber("Mesh.Algorithm") == 5
-        finally:
-            gmsh.finalize()
 
 
 FILE = (PROBLEMS / "outline.toml").read_text(encoding="utf-8")

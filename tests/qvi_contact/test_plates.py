@@ -218,24 +218,6 @@ class TestRedundantResultants:
         with pytest.raises(InputError, match=f"RigidPlate.{field}.*'plate'.*demands {needed}:"):
             solve(problem)
 
-    def test_two_plates_that_face_each_other(self):
-        """The second one's force follows from the first's; the other forces differ by weight."""
-
-        def press(lower):
-            conditions = [
-                Contact("bottom", 0.3, plate=RigidPlate(force_y=lower), name="lower"),
-                Symmetry("left"),
-                Traction("right", 0.0, 0.0),
-                Contact("top", 0.3, plate=RigidPlate(force_y=-30.0), name="upper"),
-            ]
-            return ContactProblem(MESH, STEEL, conditions, body_potential=lambda _, y: 4.0 * y)
-
-        result = solved(press(38.0), tolerance=1e-8)
-        assert result.resultant("lower").y == pytest.approx(38.0, rel=1e-9)
-        assert sum("not determined" in remark for remark in result.remarks) == 1
-        with pytest.raises(InputError, match=r"RigidPlate\.force_y"):
-            solve(press(30.0))
-
 
 class TestImpossible:
     """Forces that no contact carries end in a status with a reason."""

@@ -31,12 +31,9 @@ from qvi_contact import (
     save_problem,
     solve,
 )
-from qvi_contact.files import ELEMENT_OPTIONS, SolveOptions, problem_from_toml, problem_to_toml
+from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
-from solvers.condensed import CondensedOptions
-from solvers.fixed_point import FixedPointOptions
-from solvers.uzawa import UzawaOptions
 from tests.cases import examples
 from tests.qvi_contact.broken_files import PRINTED, RICH
 
@@ -305,14 +302,6 @@ def test_files_that_are_no_text_or_not_there(tmp_path):
 def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
     (tmp_path / "windows.toml").write_bytes(b"\xef\xbb\xbf" + SMALL.replace("\n", "\r\n").encode())
     assert load_problem(tmp_path / "windows.toml").problem.mesh.cell_count == 2
-
-
-def test_solve_takes_all_options_a_file_can_hold():
-    kinds = (CondensedOptions, FixedPointOptions, UzawaOptions)
-    options = {f.name for kind in kinds for f in dataclasses.fields(kind)}
-    general = {"method", "inner", "tolerance", "factorisation", "threads", "time_limit", *ELEMENT_OPTIONS}
-    not_stored = {"initial", "callback", "inner_options"}  # the last: settings of a back end, no part of a problem
-    assert {each.name for each in dataclasses.fields(SolveOptions)} - general == options - not_stored
 
 
 def test_a_joint_that_no_contact_uses_is_named():

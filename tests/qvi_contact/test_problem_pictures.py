@@ -227,46 +227,6 @@ def test_holes_and_every_kind_of_support():
     assert 0 <= box.y0 < box.y1 <= figure.bbox.height
 
 
-def test_names_stand_beside_their_edges():
-    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0).with_joint("seam", lambda x, y: np.abs(y - 0.5) + 0 * x < 1e-9)
-    mesh = mesh.with_edges("sides", lambda x, y: np.abs(x - 1.0) + 0 * y > 1.0 - 1e-9)
-    conditions = [Traction("sides", x=0.0, y=0.0), Traction("top", x=0.0, y=-1.0), Contact("bottom", friction=0.2)]
-    axes, _, _ = drawn(ContactProblem(mesh, Material(1.0, 0.3), [*conditions]))
-    places = {}
-    for text in axes.texts:
-        places.setdefault(text.get_text(), []).append(text.get_position())
-    assert {name: len(found) for name, found in places.items()} == {"sides": 2, "top": 1, "bottom": 1, "seam": 1}
-    assert sorted(x for x, _ in places["sides"]) == pytest.approx([0.03, 1.97])  # inside the body
-    assert places["top"][0] == pytest.approx((1.0, 0.97))
-    assert places["seam"][0][1] == pytest.approx(0.5)
-    legend = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert any("seam" in line and "without a contact" in line for line in legend)
-
-
-@pytest.mark.parametrize("side", ["top", "left"])
-def test_the_name_of_a_short_punch_stands_clear_of_its_force(side):
-    """The force is drawn in the middle of the contact, however short that is."""
-    along = 0 if side == "top" else 1
-
-    def under(x, y):
-        return (np.abs((x, y)[along] - 5.0) < 0.6) & ((y > 9.9, x < 0.1)[along])
-
-    mesh = TriangleMesh.rectangle((20, 20), 10.0, 10.0).with_edges("punch", under)
-    mesh = mesh.with_edges("free", lambda x, y: (y > 0.1) & ~under(x, y))
-    plate = RigidPlate(force_y=-1.0) if side == "top" else RigidPlate(force_x=1.0)
-    free, held = Traction("free", x=0.0, y=0.0), Displacement("bottom", x=0.0, y=0.0)
-    problem = ContactProblem(mesh, Material(1.0, 0.3), [Contact("punch", friction=0.2, plate=plate), free, held])
-    figure = problem_figure(problem)
-    figure.draw_without_rendering()
-    (axes,) = figure.axes
-    (name,) = (text for text in axes.texts if text.get_text() == "punch")
-    assert sum(isinstance(drawn, Quiver) for drawn in axes.collections) == 1
-    half = 0.5 * 4.0 * 0.012 * axes.bbox.width  # of the head of the arrow
-    middle = axes.transData.transform([(5.0, 10.0), (0.0, 5.0)][along])
-    box = name.get_window_extent()
-    assert box.max[along] + half < middle[along] or box.min[along] - half > middle[along]
-
-
 def test_rounding_in_functions_is_not_shown():
     for values, text in (([-8.0, 3e-16], "−8 … 0"), ([2e-9, 3e-9], "2e−09 … 3e−09")):
         assert value_range("gap", np.array(values), "mm").replace("\xa0", " ") == f"gap = {text} mm"

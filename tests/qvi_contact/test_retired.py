@@ -4,12 +4,11 @@ The files in `old` were written by version 0.1.
 """
 
 import importlib
-import shutil
 from pathlib import Path
 
 import pytest
 
-from qvi_contact import InputError, load_problem, load_result, read_sweep, solve, solve_history, solve_sweep
+from qvi_contact import InputError, load_problem, load_result, solve
 from qvi_contact.gallery import compressed_plate
 
 OLD = Path(__file__).parent / "old"
@@ -29,16 +28,6 @@ def test_names_that_were_imported(name, instead):
     found = refusal(lambda: getattr(importlib.import_module("qvi_contact"), name))
     assert found.value == name
     assert instead in found.remedy
-
-
-def test_names_that_were_called_or_given():
-    problem = compressed_plate(0.2)
-    assert "leave the call out" in refusal(lambda: problem.triangulated()).remedy
-    for use in (solve, lambda problem, **given: solve_history([problem], **given)):
-        found = refusal(lambda use=use: use(problem, element="bfs"))
-        assert (found.field, "leave" in found.remedy) == ("element", True)
-    with pytest.raises(AttributeError, match="'colour'"):
-        _ = problem.colour
 
 
 @pytest.mark.parametrize("name", ["rectangles.npz", "steps_of_rectangles/step-000001.npz"])
@@ -65,34 +54,6 @@ def test_problem_files():
     assert file.problem.mesh.cell_count == 10
     assert file.problem.mesh.edge_names[-2:] == ("roof", "step")
     assert file.problem.cell_materials.tolist() == [0] * 6 + [1] * 4
-
-
-def test_a_problem_file_may_still_name_the_element_there_is(tmp_path):
-    text = (OLD / "rectangles.toml").read_text(encoding="utf-8").replace('"bfs"', '"hct"')
-    (tmp_path / "hct.toml").write_text(text, encoding="utf-8")
-    assert dict(load_problem(tmp_path / "hct.toml").solve_options) == {}
-
-
-def test_stores(tmp_path):
-    """Rows of a sweep are numbers, and still read; neither store goes on with triangles."""
-    shutil.copytree(OLD / "steps_of_rectangles", tmp_path / "steps")
-    shutil.copy(OLD / "sweep_of_rectangles.db", tmp_path / "sweep.db")
-    problem = load_problem(OLD / "grid.toml").problem
-    rows = list(read_sweep(tmp_path / "sweep.db").rows())
-    assert [row.value for row in rows] == [0.1, 0.2]
-    for use in (
-        lambda: solve_history([problem, problem], store=tmp_path / "steps"),
-        lambda: solve_sweep(problem, "friction", [0.1, 0.2], store=tmp_path / "sweep.db"),
-    ):
-        assert "another" in str(refusal(use))
-
-
-@pytest.mark.parametrize("command", ["solve", "check", "refine", "bracket", "branches"])
-def test_the_option_of_commands(shell, command):
-    status, out, err = shell(command, OLD / "grid.toml", "--element", "bfs")
-    assert (status, out) == (2, "")
-    assert len(err.splitlines()) == 1
-    assert "--element was retired" in err
 
 
 def test_the_law_had_another_name(shell):

@@ -184,7 +184,7 @@ def condensed(friction, depth):
     return solve(with_friction(meshed(depth), friction), method="condensed")
 
 
-@pytest.mark.parametrize(("depth", "friction"), [(8, 1.0), (8, 20.0), (20, 20.0), (32, 20.0)])
+@pytest.mark.parametrize(("depth", "friction"), [(8, 1.0), (32, 20.0)])
 def test_full_stick_is_the_bonded_plate(depth, friction):
     result = condensed(friction, depth)
     assert result.status is Status.SOLVED, result.message

@@ -40,10 +40,10 @@ def done(job, orders, *terms, **more):
 
 
 @pytest.fixture
-def mark(monkeypatch):
+def mark(environ):
     """What all that is started has in its environment; in the end there is nothing."""
     found = uuid4().hex
-    monkeypatch.setenv(MARK, found)
+    environ(**{MARK: found})
     yield found
     if Path("/proc/self/environ").exists():
         assert eventually(lambda: not marked(found)), marked(found)
@@ -120,6 +120,34 @@ def test_closing_ends_what_is_under_way():
     assert time.monotonic() - began < 60.0
 
 
+WRITING = """
+import time, click
+from qvi_contact.basics import terminal
+from qvi_contact.basics.files import replacing
+
+@click.command()
+def write():
+    with replacing("a.txt") as temporary:
+        temporary.write_text("half")
+        print("writing", flush=True)
+        time.sleep(60.0)
+
+terminal.run(write, "tool")
+"""
+
+
+@processes
+def test_a_command_ended_by_sigterm_leaves_no_file(tmp_path):
+    with started() as start:
+        process = start("-c", WRITING, folder=tmp_path)
+        assert process.stdout.readline() == "writing\n"
+        assert len(list(tmp_path.glob(".*"))) == 1
+        process.terminate()
+        _, err = process.communicate(timeout=60)
+        assert (process.returncode, err) == (143, "tool: terminated\n")
+        assert list(tmp_path.iterdir()) == []
+
+
 ENDLESS = """
 import pickle, sys
 from collections import deque
@@ -132,14 +160,13 @@ with Workers(2).ready(pickle.dumps(opened), Limits()) as (_, outcomes):
 
 
 @processes
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_however_a_run_ends_no_process_is_left(number):
+def test_however_a_run_ends_no_process_is_left():
     """Neither of its workers, be it inside of C code, nor of what they have started."""
     with started() as start:
         process = start("-c", ENDLESS)
         assert eventually(lambda: sum("sleep" in line for line in marked(process.mark).values()) == 2)
         assert len(workers(process.mark)) == 2
-        process.send_signal(number)
+        process.kill()
         process.communicate(timeout=60)
         assert eventually(lambda: not marked(process.mark)), marked(process.mark)
 
@@ -266,7 +293,7 @@ class TestCluster:
         for address in ("tcp://x:1", "tls://[::1]:8786", "wss://x.org:8786", "inproc://10.0.0.1/2/3"):
             assert Workers(dask=address).dask == address
 
-    def test_no_dask(self, monkeypatch):
-        monkeypatch.setitem(sys.modules, "distributed", None)
+    def test_no_dask(self, without):
+        without("distributed")
         with pytest.raises(InputError, match="pip install distributed"):
             Workers(dask="tcp://127.0.0.1:1")

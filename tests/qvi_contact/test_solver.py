@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from comparisons.benchmark.calls import counted
+from comparisons.benchmark import calls
 from qvi_contact import InputError, SolveError, TriangleMesh, limit_load_factor, refine, solve, solve_history
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Material, Traction
@@ -139,5 +139,5 @@ def test_the_message_beyond_what_friction_carries_names_the_limit_analysis(drag,
 
 def test_a_small_solve_stays_short():
     """Calls of Python and built-in functions, 10 % above what they were last; fewer are welcome, and then the limit."""
-    assert counted().calls <= 10_900
-    assert counted(same_mesh=True).calls <= 5_750
+    assert calls.counted().calls <= 10_900
+    assert calls.counted(same_mesh=True).calls <= 5_750

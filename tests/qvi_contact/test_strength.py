@@ -118,24 +118,6 @@ def test_files_hold_strengths(strength):
     assert not body(None).yields
 
 
-@pytest.mark.parametrize(
-    ("strength", "field"),
-    [
-        ('{ law = "tresca" }', "material.strength.c"),
-        ('{ law = "tresca", c = 1.0, phi = 0.1 }', "material.strength.phi"),
-        ('{ law = "mohr-coulomb", c = 1.0, phi = "30 * pi / 18" }', "material.strength.phi"),
-        ('{ law = "mohr-coulomb", c = 1.0, phi = "x" }', "material.strength.phi"),
-        ('{ law = "mises", yield_stress = -1.0 }', "material.strength.yield_stress"),
-        ('{ law = "drucker" }', "material.strength.law"),
-    ],
-)
-def test_files_with_bad_strengths_say_where(strength, field):
-    text = problem_to_toml(body(None)).replace("[material]\n", f"[material]\nstrength = {strength}\n")
-    with pytest.raises(InputError) as caught:
-        problem_from_toml(text)
-    assert caught.value.field == field
-
-
 def test_an_angle_may_be_written_in_degrees():
     text = problem_to_toml(body(None)).replace(
         "[material]\n", '[material]\nstrength = { law = "mohr-coulomb", c = 1.0, phi = "30 * pi / 180" }\n'

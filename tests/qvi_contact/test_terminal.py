@@ -159,10 +159,9 @@ def at_once(monkeypatch):
     monkeypatch.setattr("threading.Timer.start", lambda timer: timer.function())
 
 
-def shown(monkeypatch, title, steps=1, **look):
+def shown(environ, title, steps=1, **look):
     """What a terminal shows of a method, a round, and another solve."""
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "160")
+    environ(FORCE_COLOR=1, COLUMNS=160)
     with redirect_stderr(io.StringIO()) as screen, solving(title, steps, **look) as advance:
         advance("216 unknowns")
         report(Progress("fixed-point", remark="the condensed method ended stalled"))
@@ -171,9 +170,9 @@ def shown(monkeypatch, title, steps=1, **look):
 
 
 @pytest.mark.usefixtures("at_once")
-def test_a_solve_under_way_is_shown_on_a_terminal(monkeypatch):
+def test_a_solve_under_way_is_shown_on_a_terminal(environ):
     """Method, iteration and residual beside the last round; that one method takes the place of another one stays."""
-    found = shown(monkeypatch, "[plate]", 3)
+    found = shown(environ, "[plate]", 3)
     assert "[plate]" in found
     assert "1/3" in found
     assert re.search(r"216 unknowns; condensed: iteration \d+, residual \d\.\de-", found)
@@ -189,8 +188,8 @@ def test_off_a_terminal_it_is_silent(capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_short_solve_is_not_shown_on_a_terminal(monkeypatch):
-    assert "iteration" not in shown(monkeypatch, "plate")
+def test_a_short_solve_is_not_shown_on_a_terminal(environ):
+    assert "iteration" not in shown(environ, "plate")
 
 
 SIGNALS = """

@@ -133,23 +133,6 @@ class TestPlate:
         found = oblique.stress(*turned(np.column_stack([x, y]), angle).T)
         assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max()
 
-    @pytest.mark.parametrize(
-        "options",
-        [
-            {"method": "fixed-point"},
-            {"inner": "socp:clarabel"},
-            {"method": "uzawa", "tolerance": 1e-6},
-            {"factorisation": "superlu"},
-            {"law_on": "points", "method": "fixed-point"},
-        ],
-        ids=str,
-    )
-    def test_every_method(self, options):
-        result = solved(compressed_plate(0.2, cells=(4, 4)), **{"tolerance": 1e-8, "degree": 4, **options})
-        at_points = options.get("method") == "uzawa" or "law_on" in options
-        reference = plate_result(4, 4, "points" if at_points else "edges").contacts["plate"].normal_force
-        assert result.contacts["plate"].normal_force == pytest.approx(reference, rel=1e-7)
-
 
 STATES = {
     "compression": (3, lambda material: exact.uniform(material, yy=-10.0)),

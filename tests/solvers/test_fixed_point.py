@@ -59,7 +59,7 @@ def test_anderson_where_plain_cycles(friction):
 
 
 @pytest.mark.parametrize("variant", ["plain", "damped", "anderson"])
-@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize("seed", range(1, 3))
 def test_variants_agree(variant, seed):
     qvi = random_problem(seed)
     reference = solve_qvi(qvi, inner=INNER, tolerance=1e-10)
@@ -81,7 +81,7 @@ def test_history_and_record():
 
 
 @pytest.mark.parametrize("inner", ["direct:clarabel", "qp:quadprog", "qp:cvxopt"])
-@pytest.mark.parametrize("shear", [0.3001, 0.5, -0.4])
+@pytest.mark.parametrize("shear", [0.3001, -0.4])
 def test_infeasible_with_proof(inner, shear):
     qvi = dragged_block(shear)
     solution = solve_qvi(qvi, inner=inner)

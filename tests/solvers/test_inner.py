@@ -15,7 +15,7 @@ import pytest
 from solvers import Status, available, check_feasibility, solve_qvi
 from solvers.basics import foreign_code
 from solvers.inner import Centre, InnerProblem, SOCPSolver, make_inner
-from tests.solvers.conftest import LIBRARIES, dragged_block, one_contact, random_problem
+from tests.solvers.conftest import LIBRARIES, dragged_block, random_problem
 
 
 def origin(qvi):
@@ -44,15 +44,6 @@ def test_inner_solution(name, seed, equalities):
     assert np.abs(residual).max() < 100 * limit
     assert result.m_N.min() > -limit
     assert (result.m_T * qvi.tangential(result.z)).min() > -limit
-
-
-@pytest.mark.parametrize("name", available())
-def test_fixed_point_with_every_back_end(name):
-    qvi = one_contact(0.5, (-1.0, -3.0))
-    solution = solve_qvi(qvi, inner=name)
-    assert solution.status in ((Status.SOLVED, Status.INACCURATE) if name in ACCURACY else (Status.SOLVED,))
-    p = 1 / 1.4
-    assert solution.z == pytest.approx([p, 0.5 * p], abs=ACCURACY.get(name, 1e-7))
 
 
 @pytest.mark.parametrize("name", [name for name in available() if name not in ("qp:highs", "qp:daqp", "qp:proxqp")])
@@ -134,8 +125,6 @@ def test_what_a_back_end_prints_does_not_reach_standard_output():
         "before", "from C before", "solved", "solved", "from C behind"
     ]  # fmt: skip
     assert done.stderr.count("noise") == 3 * others // 2 > 0
-    closed = ["sh", "-c", '"$0" -c "$1" >&-', sys.executable, NOISY]  # nor is standard output needed
-    assert subprocess.run(closed, capture_output=True, check=False).returncode == 0
 
 
 def test_foreign_code_sets_no_context_variable():
@@ -257,13 +246,13 @@ def broken_clarabel(request, monkeypatch):
 
     class Solver:
         def __init__(self, *arguments):
-            self._sound = sound(*arguments)
+            self.sound = sound(*arguments)
 
         def __getattr__(self, name):
-            return getattr(self._sound, name)
+            return getattr(self.sound, name)
 
         def solve(self):
-            found = self._sound.solve()
+            found = self.sound.solve()
             answer = {name: getattr(found, name) for name in ("x", "z", "s", "iterations", "obj_val", "obj_val_dual")}
             answer |= {"status": "Solved", "solve_time": 0.0, "r_prim": 0.0, "r_dual": 0.0}
             return SimpleNamespace(**{**answer, part: BROKEN[how](answer[part])})

@@ -78,7 +78,9 @@ def accurately(seed, equalities):
     return solve_qvi(mixed_problem(seed, equalities), inner="direct:clarabel", tolerance=1e-9)
 
 
-@pytest.mark.parametrize(("inner", "form", "problem"), every_pair(available(), ["full", "condensed"], [(0, 2), (3, 0)]))
+@pytest.mark.parametrize(
+    ("inner", "form", "problem"), thinned(every_pair(available(), ["full", "condensed"], [(0, 2), (3, 0)]), 32)
+)
 def test_every_inner_solver_agrees(inner, form, problem):
     """A problem by its seed and number of equalities."""
     qvi, reference = mixed_problem(*problem), accurately(*problem)
@@ -89,7 +91,7 @@ def test_every_inner_solver_agrees(inner, form, problem):
     assert solution.z == pytest.approx(reference.z, abs=LOOSE.get(inner, 1e-6))
 
 
-@pytest.mark.parametrize(("seed", "equalities"), [(0, 2), (1, 0), (3, 1)])
+@pytest.mark.parametrize(("seed", "equalities"), [(0, 2)])
 def test_uzawa_agrees(seed, equalities):
     """Without rows whose bound is zero: there Uzawa's step never shrinks."""
     qvi = mixed_problem(seed, equalities)
@@ -269,10 +271,10 @@ def silent_clarabel(monkeypatch):
 
     class Solver:
         def __init__(self, _P, q, _A, b, *_):
-            self._sizes = len(q), len(b)
+            self.sizes = len(q), len(b)
 
         def solve(self):
-            n, rows = self._sizes
+            n, rows = self.sizes
             return SimpleNamespace(status="NumericalError", x=np.zeros(n), z=np.zeros(rows), iterations=0)
 
     monkeypatch.setattr(clarabel, "DefaultSolver", Solver)

@@ -135,22 +135,6 @@ def test_wrong_options(name, value):
     assert caught.value.field == name
 
 
-@pytest.mark.parametrize(
-    ("given", "instead"),
-    [({"inner": "strict:clarabel"}, "direct:clarabel"), ({"inner": "strict-direct:clarabel"}, "direct:clarabel"),
-     ({"inner": "direct:osqp"}, "qp:osqp"), ({"factorisation": "cholmod"}, "superlu"),
-     ({"factorisation": "shared-subdomains"}, "factorisation"), ({"factorisation": "levels"}, "dense")],
-    ids=lambda each: next(iter(each.values())) if isinstance(each, dict) else "",
-)  # fmt: skip
-def test_retired_names_are_refused_with_what_takes_their_place(given, instead):
-    (field,) = given
-    with pytest.raises(SolverUnavailableError) as caught:
-        solve_qvi(random_problem(0), **given)
-    assert caught.value.field == field
-    assert "retired" in caught.value.remedy
-    assert instead in caught.value.remedy
-
-
 def test_options_of_other_methods_are_refused_and_names_listed():
     for options, field in (
         ({"method": "fixed-point", "omega_T": 0.1}, "omega_T"), ({"method": "uzawa", "memory": 3}, "memory"),

@@ -11,10 +11,7 @@ from qvi_contact import (
     ContactProblem,
     Displacement,
     Material,
-    QVIError,
-    Region,
     RigidPlate,
-    Symmetry,
     Traction,
     TriangleMesh,
     solve,
@@ -23,7 +20,7 @@ from qvi_contact.bracket import Bracket, bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.result import ContactResult
-from tests.cases import examples, thinned
+from tests.cases import thinned
 from tests.qvi_contact.builders import with_line
 
 SIDES = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
@@ -180,71 +177,11 @@ class TestWrongStresses:
     """Bounds of stresses that solve nothing hold as well, or are not called guaranteed."""
 
     @pytest.mark.parametrize("kind", ["driven", "tied"])
-    @pytest.mark.parametrize("size", [1e-3, 1.0])
-    def test_noise(self, kind, size):
+    def test_noise(self, kind):
         result = solved_block(kind)
         right = result.bracket
         assert right.guaranteed
-        assert_consistent(bracket(perturbed(result, size)), right)
-
-
-def generated(seed):
-    """A body with random laws, data of low degree, a joint, a region, a missing corner; None if it makes no sense."""
-    rng = np.random.default_rng(seed)
-    x, y = (np.append(0.0, np.cumsum(rng.uniform(0.2, 1.0, rng.integers(2, 4)))) for _ in range(2))
-    active = np.ones((len(y) - 1, len(x) - 1), dtype=bool)
-    active[1:, 1:] = rng.random() < 0.6
-    mesh = TriangleMesh.grid(x, y, active)
-    joints = ["joint"] if rng.random() < 0.5 else []
-    if joints:
-        mesh = mesh.with_joint("joint", lambda _, at: np.isclose(at, y[1]))
-
-    def contact(edges):
-        gap, offset = rng.choice([0.0, -1.0, 0.5], 2) * U
-        tilt = rng.choice([0.0, U])
-        position = (lambda x, y: gap + tilt * x * y) if tilt else float(gap)
-        kind = rng.integers(4)
-        if kind == 0:
-            return Contact.tied(edges, position, float(offset))
-        if kind == 1:
-            return Contact.frictionless(edges, position)
-        bound = float(rng.choice([0.05, 0.5]))
-        field = bound if rng.random() < 0.5 else lambda x, y: bound * (1.0 + x * y)
-        law = "bilateral" if kind == 3 and edges != "joint" else "unilateral"
-        return Contact(edges, 0.0, position, float(offset), cohesion=field, law=law)
-
-    right = Traction("right", float(rng.choice([0.0, 0.2, -0.3])), 0.0)
-    left = Symmetry("left") if rng.random() < 0.3 else Traction("left", 0.0, 0.0)
-    top = contact("top") if rng.random() < 0.4 else Traction("top", 0.0, -0.5)
-    material = Material(1e3, float(rng.choice([0.0, 0.3, 0.49])), str(rng.choice(["stress", "strain"])))
-    regions = [Region(replace(material, young=1e4), x=(0.0, x[1]))] if rng.random() < 0.4 else []
-    potential = (lambda _, y: 0.3 * y) if rng.random() < 0.3 else 0.0
-    conditions = [contact("bottom"), right, left, top, *map(contact, joints)]
-    try:
-        return ContactProblem(mesh, material, conditions, potential, regions)
-    except QVIError:
-        return None
-
-
-def bracket_by(problem, degree):
-    result = solve(problem)
-    return bracket(result, degree=degree) if result.has_state else None
-
-
-def test_meshes_and_degrees_agree():
-    """Random convex problems: mesh against finer mesh, degree against degree."""
-    compared = 0
-    for seed in range(examples(4)):
-        problem = generated(seed)
-        coarse = None if problem is None else bracket_by(problem, 2)
-        if coarse is None or not coarse.guaranteed:
-            continue
-        compared += 1
-        assert coarse.cells.sum() == pytest.approx(coarse.gap - coarse.slack, rel=1e-5, abs=1e-9 * coarse.strain)
-        assert min(coarse.parts.values()) >= -1e-8 * coarse.strain
-        for other in (bracket_by(problem, 3), bracket_by(halved(problem), 2)):
-            assert_consistent(coarse, other)
-    assert compared >= examples(2)
+        assert_consistent(bracket(perturbed(result, 1.0)), right)
 
 
 def test_shear_that_cannot_be():

@@ -136,9 +136,8 @@ def test_full_stick(degree, depth, unknowns, gap):
     assert 0.0 < found.gap <= gap * found.strain
 
 
-@pytest.mark.parametrize("friction", [0.2, 0.4])
-def test_turned_as_a_whole(friction):
-    problem = compressed_plate(friction, (3, 3))
+def test_turned_as_a_whole():
+    problem = compressed_plate(0.2, (3, 3))
     mesh = problem.mesh
     slanted = replace(problem, mesh=TriangleMesh(turned(mesh.vertices, 30.0), mesh.cells, mesh.edge_sets))
     straight, found = (bracket(solve(each, degree=4, tolerance=1e-10)) for each in (problem, slanted))
@@ -174,7 +173,7 @@ def test_parts_on_a_joint_belong_to_both_sides():
     assert found[mesh.edges("joint").cells] == pytest.approx(1.5)
 
 
-@pytest.mark.parametrize(("friction", "degree", "depth"), [(0.2, 4, 5), (0.2, 5, 4), (0.05, 4, 2)])
+@pytest.mark.parametrize(("friction", "degree", "depth"), [(0.2, 5, 4), (0.05, 4, 2)])
 def test_force_differences_see_the_error_of_the_friction_bound(friction, degree, depth):
     """Refined at the corner only, the force keeps the error of the stick zone's end, and the gap does not show it."""
     problem = compressed_plate(friction, (2, 2))
@@ -210,7 +209,7 @@ def test_that_a_mesh_sticks_is_no_proof_that_the_contact_does():
     pressed = ContactProblem(
         mesh.graded(np.array(places[2:]), 10), Material(1.0, 0.3), [Contact("bottom", 0.23), *conditions]
     )
-    found = solve(pressed, degree=8).bracket
+    found = solve(pressed, degree=6).bracket
     settled = -0.2101158  # refined until four digits more stood still
     force = found.forces["bottom.normal_force"]
     assert force.lower <= -settled <= force.upper
@@ -236,7 +235,7 @@ class TestForces:
 
 
 def test_under_coulomb_the_gap_shrinks_and_closes_where_all_slips():
-    gaps = [solve(compressed_plate(0.1, (n, n))).bracket.gap for n in (4, 8)]
+    gaps = [solve(compressed_plate(0.1, (n, n))).bracket.gap for n in (2, 4)]
     assert gaps[1] < 0.6 * gaps[0]
     for rows in ("edges", "points"):
         found = bracket(solve(sliding_block((3, 2))[0], degree=4, law_on=rows))

@@ -27,12 +27,11 @@ def command(*words):
 
 
 def test_guaranteed_example_with_all_files(tmp_path):
-    """A stack of blocks that only friction holds along its joints: the reason, picture and displacements."""
+    """A stack of blocks that only friction holds along its joints: the bounds, picture and displacements."""
     picture, fields = tmp_path / "apart.png", tmp_path / "moved.vtu"
     done = command(EXAMPLES / "stacked_blocks.toml", "--plot", picture, "--vtk", fields)
     assert done.return_value == 0
-    assert "hold the body along the contact" in done.stdout
-    assert "MN m/m" in done.stdout
+    assert "as friction alone holds a body" in done.stdout
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert b"displacement" in fields.read_bytes()
 

@@ -242,7 +242,7 @@ def test_stresses_made_bad_at_random_are_never_closer_than_said():
     problem = result.problem
     weaker = [solve(with_law(problem, friction=mu), degree=4) for mu in (0.02, 0.1, 0.18)]
     ratios = []
-    for number in range(examples(40)):
+    for number in range(examples(8)):
         z = weaker[number % 3].solution.z
         step = random.standard_normal(len(z)) * np.abs(z).max() * 10.0 ** random.uniform(-4.0, 0.0)
         while not _inside(qvi, z + step):
@@ -364,7 +364,7 @@ class TestOtherBodies:
     @pytest.mark.parametrize("change", ["kink", "held end"])
     def test_where_the_share_must_vanish(self, change):
         """At a kink, and where the normal displacement is held at an end: it costs little where the contact sticks."""
-        problem = pressed_block(1.5)
+        problem = pressed_block(1.5, (4, 2) if change == "kink" else (8, 4))
         mesh, conditions, place = problem.mesh, problem.conditions, np.array([1.0, 0.0])
         if change == "kink":
             x, y = mesh.vertices.T
@@ -376,14 +376,14 @@ class TestOtherBodies:
             beside = [Contact("base", 1.5, name="bottom"), Displacement("rail", y=0.0), Traction("rail", x=0.0)]
             conditions = [*beside, *conditions[1:]]
         problem = ContactProblem(mesh.graded([place], 6), problem.material, conditions)
-        found, edges = solve(problem, degree=4).bracket.coulomb, problem.mesh.edges(problem.contacts[0].edges)
+        result, edges = solve(problem, degree=4), problem.mesh.edges(problem.contacts[0].edges)
+        found = result.bracket.coulomb
         share = found.shares["bottom"].at(np.array([0.0, 1.0]))
         for end, vertices in enumerate((edges.first, edges.second)):
             at = np.abs(problem.mesh.vertices[vertices] - place).max(axis=1) < 1e-9
             assert (share[at, end] == 0.0).all()
         assert found.relative_error < 0.15
-        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=5)
-        assert found.error > difference(solve(problem, degree=4), fine)
+        assert found.error > difference(result, solve(replace(problem, mesh=halved(problem.mesh)), degree=4))
         assert "bottom.normal_force" not in found.forces  # no z is 1 along both normals, or beside what holds it
 
     def test_a_kink_that_slips_is_named(self):
@@ -404,15 +404,14 @@ def pressed_block(friction, cells=(8, 4), **law):
 class TestPlates:
     """Obstacles that forces drive: slip counts from them."""
 
-    @pytest.mark.parametrize("friction", [0.2, 0.5])
-    def test_a_block_under_a_plate_that_is_pressed_down(self, friction):
+    def test_a_block_under_a_plate_that_is_pressed_down(self):
         """The plate moves down, and turns; balance gives its force, a finer mesh the error of the stress."""
         plate = RigidPlate(force_y=-0.1, x=0.01, moment=0.0, pivot=(1.0, 1.0))
-        conditions = [Contact("top", friction, name="plate", plate=plate), Displacement("bottom", x=0.0, y=0.0)]
+        conditions = [Contact("top", 0.2, name="plate", plate=plate), Displacement("bottom", x=0.0, y=0.0)]
         conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
         problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1.0, 0.3), conditions)
         result = solve(problem, degree=4)
-        fine = solve(replace(problem, mesh=halved(problem.mesh).graded([(0.0, 1.0), (2.0, 1.0)], 6)), degree=6)
+        fine = solve(replace(problem, mesh=halved(problem.mesh).graded([(0.0, 1.0), (2.0, 1.0)], 6)), degree=5)
         found = result.bracket.coulomb
         assert 1.0 <= found.error / difference(result, fine) < 3.0
         assert found.forces["plate.normal_force"] == pytest.approx((0.1, 0.1), rel=1e-6)
@@ -424,20 +423,101 @@ class TestPlates:
         conditions = [Contact("top", 0.5, name="plate", plate=plate), Displacement("bottom", x=0.0, y=0.0)]
         conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
         problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1.0, 0.3), conditions)
+        result = solve(problem, degree=4)
+        fine = solve(replace(problem, mesh=halved(problem.mesh).graded([(0.0, 1.0), (2.0, 1.0)], 6)), degree=6)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / difference(result, fine) < 3.0
+        assert found.reach > 1.0
+
+
+class TestFrictionAlone:
+    """Bodies that friction alone holds along their contacts."""
+
+    @staticmethod
+    def block(friction, push, cells=(4, 2)):
+        """A block on the ground, pressed down and pushed along it."""
+        loads = [Traction("top", x=push, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+        mesh = TriangleMesh.rectangle(cells, 2.0, 1.0)
+        return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [Contact("bottom", friction), *loads])
+
+    @staticmethod
+    def plate(friction):
+        """A whole plate between two platens."""
+        sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+        contacts = [Contact("bottom", friction), Contact("top", friction, gap=-0.1)]
+        mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0)
+        return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [*contacts, *sides])
+
+    @pytest.mark.parametrize(("problem", "reach"), [(block(0.5, 0.1), 0.8), (block(0.3, 0.2), 0.2), (plate(0.4), 0.4)])
+    def test_errors_and_forces_of_a_finer_mesh_are_within(self, problem, reach):
+        result = solve(problem, degree=4)
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=6)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / difference(result, fine) < 2.5
+        assert reach < found.reach < 4.0 * reach
+        for name in ("normal_force", "tangential_force"):
+            force = found.forces.get(f"bottom.{name}")
+            if force is not None:
+                assert force.lower - 1e-9 < getattr(fine.contacts["bottom"], name) < force.upper + 1e-9
+        assert "within" in result.uniqueness.message
+
+    def test_what_stops_a_motion(self):
+        """M of (D39) is a part of the friction that is left where the contact sticks, by another quadrature."""
+        problem = self.block(0.5, 0.1)
+        found = solve(problem, degree=4).bracket.coulomb
+        stopped, (share,) = found.norm.stopped, found.shares.values()
+        t, weights = np.polynomial.legendre.leggauss(8)
+        shapes = binom.pmf(np.arange(3), 2, (t[:, None] + 1.0) / 2.0)
+        room = (share.room * share.weights) @ shapes.T  # m B(τ) of all edges, in the unit of the weights
+        whole = float((room @ weights).sum()) * 0.5 * problem.mesh.edges("bottom").length[0]
+        unit = found.stress.discretization.scales
+        parts = stopped.masses[0] / (whole * unit.stress * unit.displacement)
+        assert np.isclose(parts, [1.0, 0.5, 0.25, 0.125], rtol=1e-9).any()
+
+    def test_a_fluid_and_friction_given_as_a_function(self):
+        """Effective stresses: the force of the fluid is part of the bounds; a function with one value is a number."""
+        contact = Contact("bottom", Polynomial([[0.3]]), pore_pressure=Polynomial([[3.0], [-1.0]]))
+        loads = [Displacement("top", 2e-3, -1e-2), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        problem = ContactProblem(TriangleMesh.rectangle((4, 3), 2.0, 1.0), Material(1e3, 0.3), [contact, *loads])
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=6)
+        result = solve(problem, degree=4)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / difference(result, fine) < 2.0
+        for name in ("normal_force", "tangential_force"):
+            force = found.forces[f"bottom.{name}"]
+            assert force.lower < getattr(fine.contacts["bottom"], name) < force.upper
+
+    def test_a_stack_can_move_in_more_ways_than_are_tried(self):
+        """Four courses, each of which may slide: one inequality for all senses."""
+        mesh = TriangleMesh.rectangle((2, 5), 1.0, 1.0)
+        for number in range(1, 5):
+            mesh = mesh.with_joint(f"bed {number}", lambda _, y, at=number / 5.0: np.isclose(y, at))
+        beds = [Contact(f"bed {number}", 0.5) for number in range(1, 5)]
+        loads = [Displacement("bottom", x=0.0, y=0.0), Traction("top", x=0.1, y=-1.0)]
+        loads += [Traction("left", x=0.0, y=-0.05), Traction("right", x=0.0, y=0.05)]
+        problem = ContactProblem(mesh, Material(1.0, 0.3), [*beds, *loads])
+        result, fine = solve(problem, degree=4), solve(replace(problem, mesh=halved(mesh)), degree=5)
+        found = result.bracket.coulomb
+        assert len(found.norm.stopped.masses) == 4
+        assert 1.0 <= found.error / difference(result, fine) < 4.0
+
+    def test_where_nothing_sticks(self):
+        """A force that friction can just bear: the norm is infinite, and the message says what is missing."""
+        problem = self.block(0.2, 0.2)
         found = solve(problem, degree=4)
-        assert "hold the body along the contact" in found.bracket.message
+        assert "nothing is known of its errors" in found.bracket.message.lower()
         assert found.uniqueness.apart == np.inf
 
 
 class TestBlock:
     """A block that slips outwards at both ends, or sticks, has bounds at any friction."""
 
-    @pytest.mark.parametrize("friction", [0.1, 0.3, 0.8])
+    @pytest.mark.parametrize("friction", [0.1, 0.8])
     def test_true_errors_and_forces(self, friction):
         result = solve(pressed_block(friction), degree=4)
         mesh = result.problem.mesh.refined(np.ones(result.problem.mesh.cell_count, dtype=bool))
         fine = solve(
-            replace(result.problem, mesh=mesh.graded([(0.0, 0.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)], 8)), degree=7
+            replace(result.problem, mesh=mesh.graded([(0.0, 0.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)], 8)), degree=5
         )
         found = result.bracket.coulomb
         assert found.norm.value < 0.41

@@ -111,12 +111,11 @@ class TestBounds:
             assert np.diff(both[1]) < 0.5 * np.diff(both[0])
 
 
-@pytest.mark.parametrize("friction", [0.1, 0.5])
-def test_a_crack_in_one_body(friction):
+def test_a_crack_in_one_body():
     """Its jump vanishes at the tip: stresses are bounded, forces are not, as no z has z_N = 1 there."""
     mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("crack", lambda x, y: (y == 1.0) & (x < 1.0))
     conditions = [
-        Contact("crack", friction),
+        Contact("crack", 0.5),
         Displacement("bottom", x=0.0, y=0.0),
         Displacement("top", x=1e-3, y=-1e-3),
         *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),

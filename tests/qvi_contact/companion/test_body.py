@@ -192,31 +192,6 @@ def points():
     return np.random.default_rng(3).uniform(0.02, 0.98, size=(40, 2)) * [WIDTH, HEIGHT]
 
 
-@pytest.mark.parametrize(
-    ("matrix", "shift"),
-    [
-        ([[-1.0, 0.0], [0.0, 1.0]], 0.0),  # a mirror image
-        ([[1.0, 0.0], [0.0, -1.0]], 0.0),  # upside down
-        ([[0.0, -1.0], [1.0, 0.0]], 0.0),  # a quarter turn
-        ([[0.8, -0.6], [0.6, 0.8]], 0.0),
-        ([[1.0, 0.0], [0.0, 1.0]], 1e3),
-    ],
-)
-def test_the_same_body_in_another_place(original, matrix, shift):
-    """Displacements at mapped points, and everything on the contact, which is the same line backwards in a mirror."""
-    Q = np.array(matrix)
-    other = plate(lambda points: points @ Q.T + [shift, -shift])
-    moved = points() @ Q.T + [shift, -shift]
-    assert other.displacement(*moved.T) @ Q == pytest.approx(original.displacement(*points().T), abs=1e-7 * 1e-3)
-    ours, theirs = original.contacts["top"], other.contacts["top"]
-    assert theirs.normal_force == pytest.approx(ours.normal_force, rel=1e-8)
-    assert abs(theirs.tangential_force) == pytest.approx(abs(ours.tangential_force), rel=1e-7)
-    assert other.energy == pytest.approx(original.energy, rel=1e-9)
-    there = np.column_stack([ours.x, ours.y]) @ Q.T + [shift, -shift]
-    nearest = np.hypot(theirs.x - there[:, :1], theirs.y - there[:, 1:]).argmin(axis=1)
-    assert (theirs.state[nearest] == ours.state).all()
-
-
 @pytest.mark.parametrize(("length", "stress"), [(1e3, 1.0), (1.0, 1e6), (1e-6, 1e-3)])
 def test_units(original, length, stress):
     other = plate(length=length, stress=stress)

@@ -26,7 +26,6 @@ from qvi_contact.companion import DualProblem, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import Status
 from tests.cases import thinned
-from tests.qvi_contact.builders import with_line
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
@@ -72,15 +71,15 @@ class TestCompressedPlate:
         companion = companion_of(compressed_plate(friction, (12, 12), grading=0.85), degree=4)
         assert companion.contacts["plate"].normal_force == pytest.approx(HALF_FORCES[friction], rel=5e-6)
 
-    @pytest.mark.parametrize(("degree", "rate"), [(2, 1.42), (3, 1.42)])
-    def test_bonded_energy_falls_at_the_rate_of_the_corner(self, degree, rate):
+    @pytest.mark.parametrize("degree", [2, 3])
+    def test_bonded_energy_falls_at_the_rate_of_the_corner(self, degree):
         """Williams: σ ~ r^(λ − 1) with λ = 0.711 at a right angle, bonded and free, ν = 0.3: energy error ~ h^(2λ)."""
         energies = [
-            companion_of(plate(Contact.tied("top", gap=-1e-3), (n, n)), degree=degree).energy for n in (3, 6, 12, 24)
+            companion_of(plate(Contact.tied("top", gap=-1e-3), (n, n)), degree=degree).energy for n in (3, 6, 12)
         ]
         steps = -np.diff(energies)
         assert (steps > 0.0).all()
-        assert np.log2(steps[:-1] / steps[1:]) == pytest.approx(rate, abs=0.12)
+        assert np.log2(steps[:-1] / steps[1:]) == pytest.approx(1.42, abs=0.12)
 
     @pytest.mark.parametrize(("contact", "degree"), thinned(product(CONVEX, (2, 3, 4)), 6))
     def test_energy_from_above(self, contact, degree):
@@ -278,27 +277,6 @@ LAWS = {
 }
 
 
-@cache
-def squeezed_whole():
-    return companion_of(squeezed(MESH))
-
-
-@pytest.mark.parametrize(("joints", "law"), thinned(product(JOINTS.values(), LAWS.values()), 5))
-def test_closed_joints_are_not_there(joints, law):
-    mesh = MESH
-    for joint in joints:
-        mesh = with_line(mesh, *joint)
-    body = squeezed_whole()
-    companion = companion_of(squeezed(mesh, [Contact(name, **law) for name, *_ in joints]))
-    x, y = np.random.default_rng(3).uniform(size=(2, 50)) * [[2.0], [1.0]]
-    stress = body.stress(x, y)
-    assert companion.stress(x, y) == pytest.approx(stress, abs=1e-8 * np.abs(stress).max())
-    assert companion.energy == pytest.approx(body.energy, rel=1e-10)
-    for line in companion.contacts.values():
-        assert line.gap == pytest.approx(0.0, abs=1e-10)
-        assert line.slip == pytest.approx(0.0, abs=1e-10)
-
-
 class TestPlates:
     """Plates driven by force are the same as displacements they cause."""
 
@@ -352,16 +330,6 @@ def box(gap, law="unilateral"):
         Contact.tied("bottom"),
     ]
     return ContactProblem(MESH, STEEL, conditions)
-
-
-def test_corner_between_two_contacts():
-    problem = box(1e-4)
-    problem = replace(problem, mesh=problem.mesh.graded([(0.0, 1.0), (2.0, 1.0), (2.0, 0.0)], 6))
-    companion, result = companion_of(problem, degree=3), solve(problem)
-    for name, accuracy in (("top", 2e-3), ("right", 0.02)):
-        ours, theirs = companion.contacts[name], result.contacts[name]
-        assert ours.normal_force == pytest.approx(theirs.normal_force, rel=accuracy)
-        assert ours.gap.min() > -1e-16
 
 
 def test_contradictions_are_named():

@@ -118,25 +118,6 @@ class TestReasons:
         (reason,) = solve_companion(rough).reasons
         assert reason.startswith("Traction.y")
 
-    @pytest.mark.parametrize(
-        ("kind", "field", "exact"),
-        [
-            ("cohesion", lambda x, y: 0.1 + x**15 + 0 * y, True),
-            ("shear_limit", lambda x, y: np.where(x < 0.5, 0.1, 0.3 * x) + 0 * y, True),  # the step is on a grid line
-            ("cohesion", lambda x, y: np.where(x < 0.47, 0.1, 0.3) + 0 * y, False),
-            ("shear_limit", lambda x, y: np.sqrt(x) + 0 * y, False),
-            ("cohesion", lambda x, y: 0.1 + peak(x, PEAK, 5e-4) + 0 * y, False),
-            ("shear_limit", lambda x, y: 0.1 + peak(x, 0.5, 3e-4) + 0 * y, False),
-        ],
-        ids=["polynomial", "step on a line", "step", "root", "peak", "peak on a line"],
-    )
-    def test_friction_bounds_that_no_quadrature_integrates(self, kind, field, exact):
-        law = {"cohesion": 1.0, kind: field}
-        problem = block(Contact("bottom", 0.0, name="base", **law))
-        reasons = solve_companion(problem).reasons
-        assert [f"The {kind} of 'base'" in reason for reason in reasons] == [True] * (not exact)
-        assert solve_companion(problem, bounds={"base": np.ones((2, 3))}).reasons == ()
-
     @pytest.mark.parametrize("kind", ["gap", "offset", "support"])
     def test_peaks_between_nodes_and_quadrature(self, kind):
         """Half a percent of an edge wide, away from all points of the rules; none on the edge beside it."""
