@@ -7,6 +7,7 @@ Sparse Solver Interface" (C, iparm counted from 0). K = [L 0; M 1] [1 0; 0 S] [L
 import ctypes
 import weakref
 from enum import IntEnum
+from threading import RLock
 from time import perf_counter
 from typing import Any, ClassVar, Final, TypeAlias
 
@@ -26,6 +27,9 @@ _PHASE, _COLUMNS, _ERROR = 3, 5, 7  # among the integer arguments
 _WIDE_FROM: Final = int(np.iinfo(np.int32).max)  # entries of K that need 64-bit integers
 _PROBES: Final = 2
 _SINGULAR: Final = 0.1 / float(np.finfo(np.float64).eps)
+
+_ONE_AT_A_TIME: Final = RLock()  # two threads in PARDISO end the process, even with matrices of their own
+_UNNEEDED: "Final[list[_Handle]]" = []  # what is to be freed as soon as no other thread is inside
 
 
 class Kind(IntEnum):
@@ -239,14 +243,21 @@ class _Handle:
             raise FactorisationError(reason, "pardiso", f"{detail} (code {code} in phase {phase.name.lower()})")
 
     def release(self) -> None:
-        """Free everything MKL holds for this matrix."""
-        with limited_threads(self.mkl, self.threads):
-            self._call(Phase.RELEASE, None, None)
+        """Free everything MKL holds for this matrix, now or when the next one goes."""
+        _UNNEEDED.append(self)
+        if _ONE_AT_A_TIME.acquire(blocking=False):  # the garbage collector must not wait: it may run inside any lock
+            try:
+                while _UNNEEDED:
+                    handle = _UNNEEDED.pop()
+                    with limited_threads(handle.mkl, handle.threads):
+                        handle._call(Phase.RELEASE, None, None)
+            finally:
+                _ONE_AT_A_TIME.release()
 
     def _call(self, phase: Phase, b: Matrix | None, x: Matrix | None) -> int:
         right = self._nothing if b is None else _address(b)
         left = self._nothing if x is None else _address(x)
-        with foreign_code():
+        with foreign_code(), _ONE_AT_A_TIME:
             self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None else b.shape[1], 0
             self._pardiso(*self._arguments, right, left, self._error)
             return int(self._integers[_ERROR])
