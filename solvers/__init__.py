@@ -7,8 +7,9 @@
 Knows nothing of meshes or mechanics. Names, and the back ends behind them, are imported on first use.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from solvers.basics.front import front
 
 if TYPE_CHECKING:
     from solvers.basics.status import Status
@@ -23,30 +24,6 @@ if TYPE_CHECKING:
     from solvers.inner.registry import available
     from solvers.solution import Iteration, QVISolution
     from solvers.solve import solve_qvi
-
-_HOME = {
-    "Certificate": "certificate.certificate",
-    "ContactMatrices": "inequality.contact",
-    "EnergyRoot": "inequality.stiffness",
-    "Feasibility": "certificate.feasibility",
-    "FrictionQVI": "inequality.problem",
-    "InputError": "errors",
-    "Iteration": "solution",
-    "Law": "inequality.problem",
-    "Loads": "inequality.loads",
-    "QVIError": "errors",
-    "QVISolution": "solution",
-    "SolveError": "errors",
-    "SolverUnavailableError": "errors",
-    "Status": "basics.status",
-    "Stiffness": "inequality.stiffness",
-    "TractionFactor": "inequality.traces",
-    "UnknownNameError": "errors",
-    "available": "inner.registry",
-    "certify": "certificate.certificate",
-    "check_feasibility": "certificate.feasibility",
-    "solve_qvi": "solve",
-}
 
 __all__ = [
     "Certificate",
@@ -73,10 +50,23 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__ = front(
+    __name__,
+    {
+        "basics.status": ("Status",),
+        "certificate.certificate": ("Certificate", "certify"),
+        "certificate.feasibility": ("Feasibility", "check_feasibility"),
+        "errors": ("InputError", "QVIError", "SolveError", "SolverUnavailableError", "UnknownNameError"),
+        "inequality.contact": ("ContactMatrices",),
+        "inequality.loads": ("Loads",),
+        "inequality.problem": ("FrictionQVI", "Law"),
+        "inequality.stiffness": ("EnergyRoot", "Stiffness"),
+        "inequality.traces": ("TractionFactor",),
+        "inner.registry": ("available",),
+        "solution": ("Iteration", "QVISolution"),
+        "solve": ("solve_qvi",),
+    },
+)
 
 
 def __dir__() -> list[str]:

@@ -22,8 +22,6 @@ from solvers.inequality.problem import FrictionQVI
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from solvers.inequality.problem import FrictionQVI
-
 
 class Iteration(NamedTuple):
     """One outer iteration, or one of the interior point method, dimensionless.
