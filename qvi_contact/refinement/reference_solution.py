@@ -63,7 +63,7 @@ class Comparison:
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
-    """The value of an answer beside bounds of it: guaranteed ones, of forces under Coulomb friction estimated ones, too."""
+    """The value of an answer beside bounds of it: guaranteed ones, under Coulomb friction also estimated ones."""
     bracket = result.bracket
     coulomb, certainty, parts = bracket.coulomb, bracket.certainty, bracket.cell_gaps
     if coulomb is not None and measure.name in coulomb.forces:
