@@ -130,9 +130,10 @@ def refine(
     time_limit : float, optional
         Seconds for all rounds together; the answer is that of the last round done in time.
     guaranteed : bool
-        Whether the force of a contact with Coulomb friction is refined until its guaranteed bounds are within the
-        target, see `Bracket.coulomb`. That takes more unknowns than the estimate, which is used by default. Where there
-        are no such bounds it ends with `RefinementStatus.NO_GUARANTEE` once the estimate is within the target.
+        Whether the force of a contact with Coulomb friction is refined until its bounds are within the target, see
+        `Bracket.coulomb`. That takes more unknowns than the estimate, which is used by default. Where these bounds are
+        estimated ones, or there are none, it ends with `RefinementStatus.NO_GUARANTEE` once they, or the estimate, are
+        within the target.
     callback : callable, optional
         Called with the record of each round.
     verbose : bool

@@ -63,11 +63,11 @@ class Comparison:
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
-    """The value of an answer beside bounds of it, if they are guaranteed: under Coulomb friction those of forces."""
+    """The value of an answer beside bounds of it: guaranteed ones, under Coulomb friction also estimated ones."""
     bracket = result.bracket
     coulomb, certainty, parts = bracket.coulomb, bracket.certainty, bracket.cell_gaps
-    if coulomb is not None and coulomb.guaranteed and measure.name in coulomb.forces:
-        (lower, upper), certainty, parts = coulomb.forces[measure.name], Certainty.GUARANTEED, coulomb.cells
+    if coulomb is not None and measure.name in coulomb.forces:
+        (lower, upper), parts = coulomb.forces[measure.name], coulomb.cells
     elif bracket.reasons or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
         return None
     elif measure.name == "energy":

@@ -64,8 +64,8 @@ class TriangleRound(Round[ContactResult]):
         Triangles to bisect next.
     deeper : tuple of int arrays
         Vertices at which triangles are then bisected once more, twice more and so on.
-    tried : bool
-        Whether bounds were computed.
+    hopeless : bool
+        Whether bounds were asked for in vain.
     reference : float
         The quantity of the reference solution; NaN where there was none.
 
@@ -73,7 +73,7 @@ class TriangleRound(Round[ContactResult]):
 
     marked: BoolArray
     deeper: tuple[IntArray, ...]
-    tried: bool
+    hopeless: bool
     reference: float
 
 
@@ -114,10 +114,10 @@ class TriangleRefinement:
         mesh, measure, target = problem.mesh, self.measure, self.settings.target
         value, unit = measure.value(result), measure.unit(result)
         at = places(problem, mesh, result)
-        hopeless = any(each.tried and each.certainty is Certainty.ESTIMATE for each in earlier)
+        hopeless = any(each.hopeless for each in earlier)
         rough = any(map(has_coulomb, problem.contacts))
         tried = measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.of_a_force))
-        found = bounded(measure, value, result) if tried else None
+        bounds = found = bounded(measure, value, result) if tried else None
         if found is None:
             found = self._compared(problem, result, value, at)
         if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
@@ -132,7 +132,7 @@ class TriangleRefinement:
         parts, total = found.parts, float(found.parts.sum())
         known = np.isfinite(estimate)
         marked, deeper = bulk(parts) if known else np.ones(len(mesh.cells), dtype=bool), tuple[IntArray, ...]()
-        if known and found.certainty is Certainty.ESTIMATE and len(at.cells):
+        if known and bounds is None and len(at.cells):
             marked[at.cells] = True  # changes of state matter more for a force than their share says
         elif known:
             deeper = _deeper(mesh, at.corners, parts, target / (estimate or 1.0))
@@ -147,7 +147,7 @@ class TriangleRefinement:
             indicator=parts * (estimate / total) if total > 0.0 and known else np.zeros_like(parts),
             marked=marked,
             deeper=deeper,
-            tried=tried,
+            hopeless=hopeless or (tried and bounds is None),
             reference=found.reference,
         )
 
