@@ -271,6 +271,7 @@ class BodyStiffness(PicklesFields):
         if K.diagonal().min(initial=np.inf) <= 0.0:
             remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
             raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
+        read_only(K)  # sorts it before another thread can see it
         return K
 
     def matrix(self, kept: Kept) -> Stiffness:
@@ -278,7 +279,7 @@ class BodyStiffness(PicklesFields):
 
         def made() -> Stiffness:
             found = Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
-            read_only(found.K)
+            read_only(found.K)  # by columns where K is dense
             return found
 
         return kept(Stiffness, self, made)
