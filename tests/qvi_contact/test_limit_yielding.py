@@ -304,7 +304,7 @@ def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell):
     assert status == 0
     assert found["bounds"]
     assert [found["factor"], found["upper"]] == pytest.approx([0.5, 0.5], rel=1e-5)
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert picture.stat().st_size > 1000
     grid = pytest.importorskip("meshio").read(tmp_path / "flow.vtu")
     assert len(grid.points) == 16 * 3 * 10
     stress = next(values for name, values in grid.point_data.items() if name.startswith("stress"))
