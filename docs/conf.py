@@ -56,14 +56,14 @@ nitpick_ignore_regex = [
     (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.basics\.shown\.Rounding"),
-    (r"py:class", r"(ContactRows|EdgeRule|Key|Parameter|PlateRows|Root|Scales|Spot|StressSpace|Supports)"),
+    (r"py:class", r"(ContactRows|EdgeRule|Key|Parameter|PlateRows|Root|Scales|Side|Spot|StressSpace|Supports)"),
     (r"py:class", r"qvi_contact\.(discretization|element|basics\.schema|files\.problem_file)\.(\w+\.)?\w+"),
     (
         r"py:class",
         r"qvi_contact\.(problem\.problem\.Prescribed|problem\.conditions\.Pin|solution\.contact_path\.ContactPath)",
     ),
     (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|result\.CompanionState)"),
-    (r"py:class", r"qvi_contact\.(bracket\.share\.Body|mesh\.(edges|topology)\.\w+)"),
+    (r"py:class", r"qvi_contact\.(basics\.kept\.Kept|bracket\.(friction_norm\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)"),
     (r"py:class", r"solvers\.inequality\.(contact|linear|loads|problem|stiffness)\.\w+"),
     (r"py:class", r"solvers\.(factorisation\.superlu\.Refactorisation|solution\.Attempt)"),
 ]
