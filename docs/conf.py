@@ -63,7 +63,10 @@ nitpick_ignore_regex = [
         r"qvi_contact\.(problem\.problem\.Prescribed|problem\.conditions\.Pin|solution\.contact_path\.ContactPath)",
     ),
     (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|result\.CompanionState)"),
-    (r"py:class", r"qvi_contact\.(basics\.kept\.Kept|bracket\.(friction_norm\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)"),
+    (
+        r"py:class",
+        r"qvi_contact\.(basics\.kept\.Kept|bracket\.(friction_norm\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)",
+    ),
     (r"py:class", r"solvers\.inequality\.(contact|linear|loads|problem|stiffness)\.\w+"),
     (r"py:class", r"solvers\.(factorisation\.superlu\.Refactorisation|solution\.Attempt)"),
 ]
