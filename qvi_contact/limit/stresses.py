@@ -242,6 +242,8 @@ class StressProgram:
     def _solved(self, signs: IntArray, share: float = 0.0) -> CarriedStress:
         program = self.program(signs)
         found = program.tightened(_TIGHTER).solve()
+        if isinstance(found, str) and found == INFEASIBLE:  # rounding decides that where limits leave no room
+            found = program.solve()
         if isinstance(found, str):
             return CarriedStress({INFEASIBLE: -np.inf, UNBOUNDED: np.inf}[found], 0.0)
         x, violation = program.repaired(found, share)

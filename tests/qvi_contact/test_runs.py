@@ -130,7 +130,8 @@ def write():
     with replacing("a.txt") as temporary:
         temporary.write_text("half")
         print("writing", flush=True)
-        time.sleep(60.0)
+        for _ in range(6000):  # in steps: a signal just before one long sleep would not end it
+            time.sleep(0.01)
 
 terminal.run(write, "tool")
 """
