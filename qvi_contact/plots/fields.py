@@ -1,5 +1,6 @@
 """Fields over the whole body: bands with contour lines."""
 
+import warnings
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -62,6 +63,8 @@ def draw_contours(
     shape = Triangulation(places[first, 0], places[first, 1], one[triangles])
     look: dict[str, Any] = {"levels": levels, "norm": norm, "cmap": ListedColormap(used), "extend": extend}
     bands: TriContourSet = axes.tricontourf(shape, means, zorder=0.5, **look)
-    bands.set_rasterized(True)
+    with warnings.catch_warnings():  # Matplotlib 3.10 cannot, and says so
+        warnings.filterwarnings("ignore", "Rasterization")
+        bands.set_rasterized(True)
     axes.tricontour(shape, means, levels, colors="#08306b", linewidths=0.35, linestyles="solid", zorder=0.6)
     return bands
