@@ -27,7 +27,6 @@ from solvers.basics.types import load
 
 _LOCK: Final = Lock()
 _SHARPEST: Final = 0.2  # sine of the angle below which no triangle is made
-_ON_CIRCLE: Final = 1e-5  # difference of radii, relative, that the ends of one arc may have
 _OPTIONS: Final = {
     "General.Terminal": 0,
     "General.Verbosity": 0,

@@ -114,12 +114,8 @@ def result_page(
     names = [contact.name for contact in result.problem.contacts]
     forces, plates = step_tables(steps, series.values) if series is not None and len(steps) > 1 else ([], {})
     text: str = page_template("qvi_contact.command.page").render(
-        title=file.title or "Contact problem",
-        paragraphs=[part for part in file.description.split("\n\n") if part.strip()],
-        made=datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        request=request,
+        **_frame(request, result.problem, "Contact problem"),
         result=result,
-        units=file.units,
         number=number,
         bracket=bracket,
         missing=missing,
@@ -127,7 +123,6 @@ def result_page(
         steps=forces,
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
-        problem=_picture(problem_figure(result.problem, file.units), "problem", "The problem: mesh, loads, contacts"),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
         plate_steps=plates,
         plate_headings=plate_headings(file.units),
@@ -147,17 +142,25 @@ def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, line
         picture = _picture(figure, "result", "How the body gives way")
     contacts = {} if moved is None else moved.contacts
     text: str = page_template("qvi_contact.command.page", "limit.html").render(
-        title=file.title or "Limit load",
-        paragraphs=[part for part in file.description.split("\n\n") if part.strip()],
-        made=datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        request=request,
-        units=file.units,
+        **_frame(request, problem, "Limit load"),
         lines=lines,
         picture=picture,
         motions=[(name, *(number(value, 3, 1e-6) for value in (at.opening, at.slip))) for name, at in contacts.items()],
-        problem=_picture(problem_figure(problem, file.units), "problem", "The problem: mesh, loads, contacts"),
     )
     return text
+
+
+def _frame(request: Request, problem: ContactProblem, title: str) -> dict[str, Any]:
+    """What all pages say around their answer: title, description, the problem, how to repeat it."""
+    file = request.file
+    return {
+        "title": file.title or title,
+        "paragraphs": [part for part in file.description.split("\n\n") if part.strip()],
+        "made": datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "request": request,
+        "units": file.units,
+        "problem": _picture(problem_figure(problem, file.units), "problem", "The problem: mesh, loads, contacts"),
+    }
 
 
 def _refinement(found: Refinement, units: Units) -> dict[str, Any]:
