@@ -43,7 +43,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
+from qvi_contact.limit.conic import HELD, INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.linear import edge_coefficients
 from qvi_contact.limit.stresses import CarriedStress, YieldCones, coefficients_of, part_corners
 from qvi_contact.mechanism.bodies import FLUID
@@ -53,7 +53,6 @@ from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 _ALONG: Final = np.linspace(0.0, 1.0, 33)  # places of an edge where fields of contacts are looked at
-_HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 _FREE: Final = 1e-12  # of squared unit vectors, in which nothing is prescribed
 _NULL: Final = 1e-10  # of the largest singular value of conditions on rigid parts
 
@@ -332,14 +331,15 @@ class FlowProgram:
         size = self.space.basis.shape[1]
         live = sum((works[name] for name in works if name in self.names), np.zeros(size))
         dead = sum((works[name] for name in works if name not in self.names), np.zeros(size))
-        program, layout = self._program(np.asarray(live), np.asarray(dead))
+        unit = float(np.abs(live).max(initial=0.0)) or 1.0  # the velocities found have the power of a load of size 1
+        program, layout = self._program(np.asarray(live) / unit, np.asarray(dead))
         found = program.solve()
         if isinstance(found, str):
             return Flow(np.inf if found == INFEASIBLE else -np.inf, 0.0)
         x, violation = program.repaired(self._raised(program, found, size), share)
         x = self._raised(program, x, size)
         power = float(live @ x[:size])
-        if not violation <= _HELD or not power > 0.0:
+        if not violation <= HELD or not power > 0.0:
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"

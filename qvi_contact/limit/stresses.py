@@ -29,7 +29,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
-from qvi_contact.limit.conic import INFEASIBLE, UNBOUNDED, Cones, ConicProgram
+from qvi_contact.limit.conic import HELD, INFEASIBLE, UNBOUNDED, Cones, ConicProgram
 from qvi_contact.limit.linear import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.problem.problem import ContactProblem
 
@@ -37,7 +37,6 @@ _SAMPLES: Final = 6  # degree of the lattice at which fields are looked at
 _AFFINE: Final = 1e-10  # share of a field's size that is rounding
 
 _TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
-_HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +246,7 @@ class StressProgram:
         if isinstance(found, str):
             return CarriedStress({INFEASIBLE: -np.inf, UNBOUNDED: np.inf}[found], 0.0)
         x, violation = program.repaired(found, share)
-        if violation > _HELD:  # the solver has given up: nothing is proved
+        if violation > HELD:  # the solver has given up: nothing is proved
             return CarriedStress(-np.inf, 0.0)
         tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
         stress = (self._matrix @ x + self._constant).reshape(-1, 3, self.cones.count, 3)

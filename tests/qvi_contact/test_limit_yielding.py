@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -110,6 +111,17 @@ def test_a_rough_base_or_the_block_gives_way(mu, c):
     assert limit.lower <= limit.upper
     assert limit.collapse.gap.min() >= 0.0
     assert limit.collapse.gap.sum() >= limit.upper - limit.lower - 1e-6  # rigid blocks may be nearer
+
+
+@pytest.mark.parametrize("small", [1e-10, 1e9])
+def test_neither_side_minds_how_large_a_load_is_beside_the_others(small):
+    """The same block with the shear stated in another size, which is then multiplied by as much more."""
+    problem = block(Tresca(1.2), 2.0, 2.0)
+    times = [replace(each, x=small) if each.x == 1.0 else each for each in problem.conditions if each.name == "shear"]
+    times = [replace(each, y=small * each.y) if each.y is not None else each for each in times]
+    others = [each for each in problem.conditions if each.name != "shear"]
+    limit = limit_load_factor(replace(problem, conditions=[*others, *times]), ["shear"])
+    assert [small * limit.lower, small * limit.upper] == pytest.approx([1.2, 1.2], rel=1e-5)
 
 
 def test_what_the_other_loads_break_carries_no_multiple():
