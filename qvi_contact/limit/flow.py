@@ -317,10 +317,10 @@ class Velocities:
 class FlowProgram:
     """The program of a problem; stresses over S, lengths over that of the mesh."""
 
-    def __init__(self, problem: ContactProblem, names: Sequence[str], cones: YieldCones, scales: Scales) -> None:
-        self.problem, self.names, self.cones, self.scales = problem, tuple(names), cones, scales
-        self.k = cones.degree
-        self.space = Velocities(problem, self.k + 1, cones.strong)
+    def __init__(self, problem: ContactProblem, names: Sequence[str], degree: int, scales: Scales) -> None:
+        self.problem, self.names, self.scales, self.k = problem, tuple(names), scales, degree
+        self.cones = YieldCones.of(problem, degree, above=True)
+        self.space = Velocities(problem, self.k + 1, self.cones.strong)
 
     def solved(self, share: float = 0.0) -> Flow:
         """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions.
@@ -375,7 +375,7 @@ class FlowProgram:
         size = contacts.size
         q = np.zeros(size)
         q[:n] = -dead
-        q[n : n + rows] = cones.high / self.scales.stress
+        q[n : n + rows] = cones.limit / self.scales.stress
         q[start_m + len(mean) :] = contacts.costs
         # strain rows of the coefficients that yield, times their weights: (ε_xx − ε_yy)/2, ε_xy, tr ε/2
         at = cones.yielding
@@ -622,7 +622,7 @@ class FlowProgram:
         v = space.basis @ x[:n]
         velocities = np.stack([v[2 * space.global_], v[2 * space.global_ + 1]], axis=-1)
         strain = (self._strain @ v).reshape(-1, 3, cones.count, 3)
-        spent = x[n : n + rows] * cones.high / self.scales.stress
+        spent = x[n : n + rows] * cones.limit / self.scales.stress
         cell = cones.coefficient // (3 * cones.count)
         dissipation = np.asarray(np.bincount(cell, spent, space.mesh.cell_count), dtype=np.float64)
         found = {}

@@ -29,6 +29,7 @@ from qvi_contact import (
     solve,
     strength_reduction_factor,
 )
+from qvi_contact.limit import limit_load
 from tests.cases import thinned
 
 E = 1e-9
@@ -82,6 +83,31 @@ def test_strength_that_grows_with_height():
     )
     assert limit.lower == pytest.approx(2.0, rel=1e-6)
     assert limit.upper == pytest.approx(2.0, rel=1e-6)
+
+
+def test_friction_that_varies():
+    """Pressed along y in proportion to 2c tan(45° + φ/2) = 2 (3 + x), every column yields at once."""
+    gaps = []
+    for cells in (2, 4):
+        strength = MohrCoulomb(1.0, lambda x, _: 2.0 * np.arctan(3.0 + x) - np.pi / 2.0)
+        pressed = Traction("top", x=0.0, y=lambda x, _: -3.0 - x)
+        sides = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0, y=0)]
+        mesh = TriangleMesh.rectangle((cells, 1))
+        limit = limit_load(ContactProblem(mesh, Material(10.0, 0.3, "strain", strength), [pressed, *sides]), ["top"])
+        assert limit.lower <= 2.0 <= limit.upper
+        gaps.append(limit.upper - limit.lower)
+    assert gaps[1] < 0.6 * gaps[0] < 0.4
+    constant = limit_load(stretched(MohrCoulomb(0.5, lambda x, _: 0.3 + 0.0 * x)), ["top"])
+    assert [constant.lower, constant.upper] == pytest.approx([in_tension(0.5, 0.3)] * 2, rel=1e-5)
+
+
+def test_friction_that_begins_at_zero_has_a_bound_with_a_cut_off_only():
+    growing = lambda x, _: 0.3 * x  # noqa: E731
+    with pytest.raises(InputError, match="cut-off"):
+        limit_load(stretched(MohrCoulomb(0.5, growing)), ["top"])
+    limit = limit_load(stretched(MohrCoulomb(0.5, growing, 0.2)), ["top"])
+    assert limit.lower == pytest.approx(0.2, rel=1e-5)
+    assert 0.2 <= limit.upper < 0.25
 
 
 def block(strength, mu, pressure):
