@@ -7,10 +7,11 @@ written and checked in exact arithmetic: what they prove is no more than `lower`
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from pandas import DataFrame, concat
+from pandas import DataFrame, Series, concat
 
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, Study, frame_of
@@ -31,6 +32,8 @@ from qvi_contact import (
     limit_proof,
 )
 from qvi_contact.limit import check
+from qvi_contact.limit.load_factor import LimitProblem
+from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.problem.conditions import Condition, Law
 from qvi_contact.problem.material import Plane, Strength
 
@@ -39,6 +42,9 @@ ROUNDING: Final = 1e-7
 
 NEAR: Final = 1e-3
 """Relative difference of what is proved from a side that is next to nothing."""
+
+LASTING: Final = 0.5
+"""Share of the strength that a mesh lacks which a finer one must lack, too, for the mesh not to be the reason."""
 
 _NUMBERS: Final = ("degree", "lower", "upper", "proved_lower", "proved_upper", "cells")
 
@@ -100,6 +106,8 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     except QVIError as error:
         return {**asked, "status": type(error).__name__, "message": str(error)}
     found = {**asked, "status": "solved", "lower": _number(limit.lower), "upper": _number(limit.upper)}
+    if limit.lower == -np.inf:
+        found["nothing"] = _why_nothing(problem, load, degree, limit.upper)
     try:
         proof = limit_proof(problem, [load], degree=degree)
         *proved, _ = check(json.loads(json.dumps(proof)))
@@ -108,6 +116,25 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     sides = {f"proved_{side}": None if value is None else _number(float(value))
              for side, value in zip(("lower", "upper"), proved, strict=True)}  # fmt: skip
     return {**found, **sides, **{f"missing_{side}": reason for side, reason in proof["missing"].items()}}
+
+
+def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) -> str:
+    """Why a mesh carries no multiple.
+
+    By so much as all limits would have to be raised for it, here and with all triangles bisected.
+    """
+    if upper == -np.inf:
+        return "no stress carries any, as a motion proves"
+    fine = replace(problem, mesh=problem.mesh.refined(np.arange(problem.mesh.cell_count)))
+    lacking = []
+    for each in (problem, fine):
+        posed = LimitProblem.of(each, (load,), degree=min(degree, 4))
+        lacking.append(-StressProgram(posed.low, posed.high).room())
+    if lacking[0] < ROUNDING:
+        return "rounding: limits leave no room"
+    if lacking[1] < LASTING * lacking[0]:
+        return "the mesh is too coarse"
+    return "a finer mesh lacks as much strength, no motion proves it"
 
 
 def _number(value: float) -> float | str:
@@ -120,7 +147,8 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 
     "held", whether the sides are in order, and "proofs", whether what is proved is on the right side of each.
     """
-    runs = frame_of(rows, _NUMBERS, ("status", "message", "strengths", "plane", "missing_lower", "missing_upper"))
+    runs = frame_of(rows, _NUMBERS, ("status", "message", "strengths", "plane", "missing_lower", "missing_upper",
+                                     "nothing"))  # fmt: skip
     for name in _NUMBERS:
         runs[name] = runs[name].astype(float)
     room = ROUNDING * (1.0 + runs.upper.abs().where(np.isfinite(runs.upper), 0.0))
@@ -144,11 +172,21 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         int(((first - second).abs() <= NEAR * (1e-3 + first.abs())).sum())
         for first, second in ((below.lower, below.proved_lower), (above.upper, above.proved_upper))
     ]
+    nothing = solved.nothing.fillna("")
+    proved, lasting = (int(nothing.str.contains(word).sum()) for word in ("as a motion proves", "a finer mesh"))
+    carry_nothing = int((nothing != "").sum())
     return {
+        "carry_nothing": carry_nothing, "proved_nothing": proved, "lasting": lasting,
+        "coarse": carry_nothing - proved - lasting,
         "runs": len(runs), "solved": len(solved), "held": int(solved.held.sum()), "wrong": int((~solved.proofs).sum()),
         "finite": int(solved.finite.sum()), "bounded": int(solved.bounded.sum()),
         "below": len(below), "above": len(above), "near_below": near[0], "near_above": near[1],
     }  # fmt: skip
+
+
+def _without_tension(strengths: Series) -> int:
+    """In how many runs a part takes no tension."""
+    return int(strengths.str.contains("no-tension").sum())
 
 
 def report(rows: Sequence[Row]) -> Report:
@@ -164,5 +202,14 @@ def report(rows: Sequence[Row]) -> Report:
         .rename(columns={f"missing_{side}": "reason"}).assign(side=side)
         for side in ("lower", "upper")
     ]  # fmt: skip
-    tables = {"strengths": strengths, "missing": concat(missing), "others": runs[runs.status != "solved"]}
+    nothing = (
+        solved[solved.nothing.notna() & (solved.nothing != "")]
+        .groupby("nothing").agg(runs=("held", "size"), tension=("strengths", _without_tension)).reset_index()
+    )  # fmt: skip
+    tables = {
+        "strengths": strengths,
+        "nothing": nothing,
+        "missing": concat(missing),
+        "others": runs[runs.status != "solved"],
+    }
     return render("comparisons.wild", "limits", values_of(runs), tables, {}, rows, template="limits.md")

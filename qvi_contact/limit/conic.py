@@ -51,19 +51,27 @@ class Cones:
     G: sparse.csr_array
     g: FloatArray
 
+    @classmethod
+    def of(cls, parts: Sequence[tuple[Any, FloatArray]]) -> Cones:
+        """Blocks of t and of the components of u, each a matrix (b, n) and constants (b,) of t or u = c − A x."""
+        b = len(parts[0][1])
+        order = np.arange(len(parts) * b).reshape(len(parts), b).T.ravel()
+        G = sparse.csr_array(sparse.csr_array(sparse.vstack([matrix for matrix, _ in parts]))[order])
+        return cls(G, np.column_stack([constant for _, constant in parts]))
+
+    def blocks(self, x: FloatArray) -> FloatArray:
+        """(t, u) of all blocks (b, d)."""
+        return np.asarray(self.g - (self.G @ x).reshape(self.g.shape))
+
     def margins(self, x: FloatArray) -> FloatArray:
         """T − |u| of all blocks (b,): negative where x is outside."""
-        block = self.g - (self.G @ x).reshape(self.g.shape)
-        return np.asarray(block[:, 0] - np.linalg.norm(block[:, 1:], axis=1))
-
-    def sizes(self, x: FloatArray) -> FloatArray:
-        """What margins are to be compared with (b,)."""
-        return np.asarray(np.abs(self.g - (self.G @ x).reshape(self.g.shape)).max(axis=1, initial=0.0))
+        blocks = self.blocks(x)
+        return np.asarray(blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class ConicProgram:
-    """The program above; `cones` may have blocks of several sizes.
+    """The program above.
 
     Rows of E that may depend on each other (`dependent`) need the solver's own regularisation, in which what is badly
     scaled is lost.
@@ -74,7 +82,7 @@ class ConicProgram:
     e: FloatArray
     L: sparse.csr_array
     h: FloatArray
-    cones: Sequence[Cones]
+    cones: Cones
     dependent: bool = False
 
     def solve(self) -> FloatArray | str:
@@ -87,12 +95,12 @@ class ConicProgram:
 
         """
         clarabel = load("clarabel")
-        parts = [(self.E, self.e), (self.L, self.h), *((cone.G, cone.g.ravel()) for cone in self.cones)]
+        parts = [(self.E, self.e), (self.L, self.h), (self.cones.G, self.cones.g.ravel())]
         A = sparse.csc_array(sparse.vstack([matrix for matrix, _ in parts]))
         b = np.concatenate([vector for _, vector in parts])
         kinds = [clarabel.ZeroConeT(len(self.e))] if len(self.e) else []
         kinds += [clarabel.NonnegativeConeT(len(self.h))] if len(self.h) else []
-        kinds += [clarabel.SecondOrderConeT(cone.g.shape[1]) for cone in self.cones for _ in range(len(cone.g))]
+        kinds += [clarabel.SecondOrderConeT(self.cones.g.shape[1])] * len(self.cones.g)
         scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
         scale[scale == 0.0] = 1.0
         A = sparse.csc_array(A @ sparse.diags_array(1.0 / scale))
@@ -100,7 +108,7 @@ class ConicProgram:
         q /= float(np.abs(q).max(initial=0.0)) or 1.0
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
-        gap = _COARSER if sum(len(cone.g) for cone in self.cones) > _LARGE else _TOLERANCE
+        gap = _COARSER if len(self.cones.g) > _LARGE else _TOLERANCE
         settings.tol_gap_abs, settings.tol_gap_rel, settings.tol_feas = gap, gap, _TOLERANCE
         if not self.dependent:
             settings.static_regularization_constant, settings.static_regularization_proportional = _REGULAR, 0.0
@@ -125,8 +133,8 @@ class ConicProgram:
 
     def _falls(self) -> bool:
         """Whether there is a direction in which q·x falls for ever, and not by rounding only."""
-        cones = [Cones(cone.G, np.zeros_like(cone.g)) for cone in self.cones]
-        L = sparse.csr_array(sparse.vstack([self.L, -self.q[None]]))
+        cones = Cones(self.cones.G, np.zeros_like(self.cones.g))
+        L = sparse.csr_array(sparse.vstack([self.L, sparse.csr_array(-self.q[None])]))
         program = replace(self, e=np.zeros_like(self.e), L=L, h=np.append(np.zeros_like(self.h), 1.0), cones=cones)
         found = program.solve()
         if isinstance(found, str):
@@ -150,12 +158,11 @@ class ConicProgram:
 
     def size(self, x: FloatArray) -> float:
         """The largest number that stands in inequalities and cones."""
-        sizes = [cone.sizes(x).max(initial=0.0) for cone in self.cones]
-        return float(max([1e-300, np.abs(self.h).max(initial=0.0), *sizes]))
+        return float(max(1e-300, np.abs(self.h).max(initial=0.0), np.abs(self.cones.blocks(x)).max(initial=0.0)))
 
     def margins(self, x: FloatArray) -> FloatArray:
         """How far inside all inequalities and cones x is, relative to what stands in them."""
-        found = np.concatenate([self.h - self.L @ x, *(cone.margins(x) for cone in self.cones)])
+        found = np.concatenate([self.h - self.L @ x, self.cones.margins(x)])
         return np.asarray(found / self.size(x))
 
     def repaired(self, x: FloatArray, least: float = 0.0) -> tuple[FloatArray, float]:
@@ -182,41 +189,36 @@ class ConicProgram:
         missed = np.abs(self.E @ x - self.e) / (1.0 + abs(self.E) @ np.abs(x))
         return x, float(max(-margins.min(initial=0.0), missed.max(initial=0.0), 0.0))
 
+    def room(self) -> tuple[FloatArray, float]:
+        """The point that is farthest inside all inequalities and cones, and how far: negative if it is outside."""
+        found = self._roomy(each=False).solve()
+        return (self.projected(found[:-1]), float(found[-1])) if not isinstance(found, str) else (np.zeros(0), -np.inf)
+
     def _inside(self) -> FloatArray | None:
         """A point as far inside as can be, as far as rows leave room."""
-        for each in (False, True):
-            program = self._roomy(each)
-            found = program.solve()
-            if isinstance(found, str):
-                return None
-            x = self.projected(found[: len(self.q)])
-            if each or self.margins(x).min(initial=0.0) > _ROUNDING:
-                return x
-        return None
+        x, room = self.room()
+        if room > 0.0 and self.margins(x).min(initial=0.0) > _ROUNDING:
+            return x
+        found = self._roomy(each=True).solve()
+        return None if isinstance(found, str) else self.projected(found[: len(self.q)])
 
-    def _roomy(self, each: bool) -> ConicProgram:
-        """Max m, 0 ≤ m ≤ 1, with m taken off all rows; or Σ m_i with one for each row that leaves room."""
-        rows = [len(self.h), *(len(cone.g) for cone in self.cones)]
-        count = sum(rows) if each else 1
-        n = len(self.q)
+    def _roomy(self, *, each: bool) -> ConicProgram:
+        """Max m ≤ 1, with m taken off all rows; or Σ m_i, 0 ≤ m_i ≤ 1, with one for each row that leaves room."""
+        (blocks, d), (rows, n) = self.cones.g.shape, self.L.shape
+        count = rows + blocks if each else 1
 
         def more(size: int, start: int, places: IntArray) -> sparse.csr_array:
             columns = start + np.arange(len(places)) if each else np.zeros(len(places), dtype=np.int64)
             return sparse.csr_array((np.ones(len(places)), (places, columns)), shape=(size, count))
 
-        cones, start = [], rows[0]
-        for cone in self.cones:
-            blocks, d = cone.g.shape
-            added = more(blocks * d, start, d * np.arange(blocks))
-            cones.append(Cones(sparse.csr_array(sparse.hstack([cone.G, added])), cone.g))
-            start += blocks
-        L = sparse.hstack([self.L, more(rows[0], 0, np.arange(rows[0]))])
+        G = sparse.csr_array(sparse.hstack([self.cones.G, more(blocks * d, rows, d * np.arange(blocks))]))
         own = sparse.hstack([sparse.csr_array((count, n)), sparse.eye_array(count)])
-        bounds = sparse.vstack([L, own, -own])
-        limits = np.concatenate([self.h, np.ones(count), np.zeros(count)])
+        bounds = [sparse.hstack([self.L, more(rows, 0, np.arange(rows))]), own, *([-own] if each else [])]
+        h = np.concatenate([self.h, np.ones(count), np.zeros(count if each else 0)])
         q = np.concatenate([np.zeros(n), -np.ones(count) / count])
         E = sparse.csr_array(sparse.hstack([self.E, sparse.csr_array((len(self.e), count))]))
-        return ConicProgram(q, E, self.e, sparse.csr_array(bounds), limits, cones, self.dependent)
+        L = sparse.csr_array(sparse.vstack(bounds))
+        return ConicProgram(q, E, self.e, L, h, Cones(G, self.cones.g), self.dependent)
 
     def tightened(self, share: float = 0.0, room: float = 0.0) -> ConicProgram:
         """The program with constants of inequalities and cones less by a share of them, if positive, and by a room."""
@@ -224,5 +226,5 @@ class ConicProgram:
         def less(constants: FloatArray) -> FloatArray:
             return np.asarray(constants - share * np.maximum(constants, 0.0) - room)
 
-        cones = [Cones(cone.G, np.column_stack([less(cone.g[:, 0]), cone.g[:, 1:]])) for cone in self.cones]
-        return replace(self, h=less(self.h), cones=cones)
+        g = np.column_stack([less(self.cones.g[:, 0]), self.cones.g[:, 1:]])
+        return replace(self, h=less(self.h), cones=Cones(self.cones.G, g))

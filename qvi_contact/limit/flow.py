@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -350,10 +350,10 @@ class FlowProgram:
     def _shares(self, x: FloatArray, n: int) -> FloatArray:
         """Parts of the strain rate that the cones have, see `Flow`."""
         cones, rows = self.cones, len(self.cones.coefficient)
-        later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean != 0.0)
+        later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
         found = np.zeros((rows, 3))
         found[:, 0] = cones.pressure * x[n : n + rows]
-        found[later, 1:] = x[n + rows : n + rows + 2 * len(later)].reshape(-1, 2)
+        found[later, 1:] = x[n + rows : n + rows + 2 * len(later)].reshape(2, -1).T
         found[mean, 0] += cones.mean[mean] * x[n + rows + 2 * len(later) :][: len(mean)]
         found *= 2.0 / self._weights[cones.coefficient, None]
         strain = (self._strain @ (self.space.basis @ x[:n])).reshape(-1, 3)
@@ -364,76 +364,56 @@ class FlowProgram:
         return found
 
     def _program(self, live: FloatArray, dead: FloatArray) -> tuple[ConicProgram, _Layout]:
-        """Unknown are q, then s, r and ρ of the cones, then the slips of contacts."""
+        """Unknown are q, then s of the cones, both components of r of later ones, ρ, then the slips of contacts.
+
+        The first cone of a coefficient has the r that the later ones leave.
+        """
         strain, cones = self._strain @ self.space.basis, self.cones
-        weight = self._weights
         n, rows = strain.shape[1], len(cones.coefficient)
-        later = np.flatnonzero(~cones.first)
-        mean = np.flatnonzero(cones.mean != 0.0)
-        start_r, start_m = n + rows, n + rows + 2 * len(later)
-        contacts = self._contact_rows(start_m + len(mean))
-        size = contacts.size
-        q = np.zeros(size)
-        q[:n] = -dead
-        q[n : n + rows] = cones.limit / self.scales.stress
-        q[start_m + len(mean) :] = contacts.costs
+        later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
+        sizes = [n, rows, len(later), len(later), len(mean)]
+        contacts = self._contact_rows(sum(sizes))
+
+        def wide(r: int, *parts: Any) -> sparse.csr_array:
+            """Rows of blocks of columns, None for no entries; contacts have none."""
+            beyond = [None] * (len(sizes) + 1 - len(parts))
+            widths = [*sizes, contacts.size - sum(sizes)]
+            blocks = [sparse.csr_array((r, width)) if part is None else part
+                      for part, width in zip([*parts, *beyond], widths, strict=True)]  # fmt: skip
+            return sparse.csr_array(sparse.hstack(blocks))
+
+        def chosen(numbers: IntArray, values: Any = 1.0) -> sparse.csr_array:
+            """The rows of these cones as columns."""
+            values = np.broadcast_to(values, len(numbers))
+            return sparse.csr_array((values, (numbers, np.arange(len(numbers)))), shape=(rows, len(numbers)))
+
         # strain rows of the coefficients that yield, times their weights: (ε_xx − ε_yy)/2, ε_xy, tr ε/2
         at = cones.yielding
-        xx, yy, xy = (sparse.diags_array(weight[at] / 2.0) @ strain[3 * at + i] for i in range(3))
-        place = np.searchsorted(at, cones.coefficient)
-        deviators = [xx - yy, xy]
-        trace = sparse.csr_array(xx + yy)
-        shares = sparse.csr_array((cones.pressure, (place, np.arange(rows))), shape=(len(at), rows))
-        through = sparse.csr_array((cones.mean[mean], (place[mean], np.arange(len(mean)))), shape=(len(at), len(mean)))
-        between = sparse.csr_array((len(at), 2 * len(later)))
-        beyond = sparse.csr_array((len(at), size - start_m - len(mean)))
-        E = [sparse.hstack([trace, -shares, between, -through, beyond]), _one_row(live, size), contacts.E]
+        xx, yy, xy = (sparse.diags_array(self._weights[at] / 2.0) @ strain[3 * at + i] for i in range(3))
+        of_rows = sparse.csr_array((np.ones(rows), (np.arange(rows), np.searchsorted(at, cones.coefficient))),
+                                   shape=(rows, len(at)))  # fmt: skip
+        sums, first = of_rows.T, sparse.diags_array(cones.first.astype(float)) @ of_rows
+        own = chosen(later) - first @ (sums @ chosen(later))
+        nothing = np.zeros(rows)
+        parts = [(wide(rows, None, -sparse.eye_array(rows)), nothing),
+                 (-wide(rows, first @ (xx - yy), None, own), nothing),
+                 (-wide(rows, first @ xy, None, None, own), nothing)]  # fmt: skip
+        if len(mean):
+            parts.append((-wide(rows, None, None, None, None, chosen(mean)), nothing))
+        shares = [-(sums @ sparse.diags_array(cones.pressure)), None, None, -(sums @ chosen(mean, cones.mean[mean]))]
+        E = [wide(len(at), xx + yy, *shares), wide(1, sparse.csr_array(live[None])), contacts.E]
+        q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(sum(sizes[2:])), contacts.costs])
         e = np.concatenate([np.zeros(len(at)), [1.0], np.zeros(contacts.E.shape[0])])
-        # cones (s, r) with the first r of a coefficient what the others leave
-        place_later, order = place[later], np.arange(len(later))
-        found = []
-        for has_mean in (False, True):
-            chosen = np.flatnonzero((cones.mean != 0.0) == has_mean)
-            if not len(chosen):
-                continue
-            b, first = len(chosen), cones.first[chosen]
-            parts = [sparse.csr_array((-np.ones(b), (np.arange(b), n + chosen)), shape=(b, size))]
-            for component in (0, 1):
-                own = sparse.diags_array(first.astype(float)) @ deviators[component][place[chosen]]
-                own = sparse.hstack([own, sparse.csr_array((b, size - n))])
-                taken = sparse.csr_array(
-                    (np.ones(len(later)), (place_later, start_r + 2 * order + component)), shape=(len(at), size)
-                )
-                rest = sparse.diags_array(first.astype(float)) @ taken[place[chosen]]
-                number = np.searchsorted(later, chosen[~first])
-                single = sparse.csr_array(
-                    (np.ones(len(number)), (np.flatnonzero(~first), start_r + 2 * number + component)), shape=(b, size)
-                )
-                parts.append(-(own - rest + single))
-            if has_mean:
-                number = np.searchsorted(mean, chosen)
-                parts.append(-sparse.csr_array((np.ones(b), (np.arange(b), start_m + number)), shape=(b, size)))
-            d = len(parts)
-            order_rows = np.arange(d * b).reshape(d, b).T.ravel()
-            G = sparse.csr_array(sparse.csr_array(sparse.vstack(parts))[order_rows])
-            found.append(Cones(G, np.zeros((b, d))))
         limits = np.zeros(contacts.L.shape[0])
         program = ConicProgram(
-            q, sparse.csr_array(sparse.vstack(E)), e, contacts.L, limits, tuple(found), dependent=True
+            q, sparse.csr_array(sparse.vstack(E)), e, contacts.L, limits, Cones.of(parts), dependent=True
         )
-        return program, _Layout(n, rows, start_m + len(mean), contacts)
+        return program, _Layout(n, rows, sum(sizes), contacts)
 
     def _raised(self, program: ConicProgram, x: FloatArray, n: int) -> FloatArray:
         """The same with s of cones that no trace is tied to as large as need be, and no larger."""
-        x = program.projected(x)
-        cones, start = self.cones, 0
-        for has_mean in (False, True):
-            chosen = np.flatnonzero((cones.mean != 0.0) == has_mean)
-            if len(chosen):
-                cone = program.cones[start]
-                free = chosen[cones.pressure[chosen] == 0.0]
-                x[n + free] -= cone.margins(x)[cones.pressure[chosen] == 0.0]
-                start += 1
+        x, free = program.projected(x), np.flatnonzero(self.cones.pressure == 0.0)
+        x[n + free] -= program.cones.margins(x)[free]
         return x
 
     @cached_property
@@ -678,12 +658,6 @@ def _extended(rows: sparse.csr_array, more: Sequence[tuple[IntArray, FloatArray]
     for columns, values in more:
         found = found + sparse.csr_array((values, (np.arange(r), columns)), shape=(r, size))
     return sparse.csr_array(found)
-
-
-def _one_row(row: FloatArray, size: int) -> sparse.csr_array:
-    """A row on the first unknowns."""
-    columns = np.flatnonzero(row)
-    return sparse.csr_array((row[columns], (np.zeros(len(columns), dtype=np.int64), columns)), shape=(1, size))
 
 
 def gap_in_cells(discretization: Discretization, carried: CarriedStress, motion: BodyMotion, degree: int) -> FloatArray:

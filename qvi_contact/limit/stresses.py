@@ -293,6 +293,13 @@ class StressProgram:
         """A factor with stresses a share of the way towards a state inside all limits, as far as they leave room."""
         return self._solved(np.full(len(both_signs(self.low)), EITHER), share)
 
+    def room(self) -> float:
+        """How much all limits, over the stress of the loads, may be lowered for the mesh to carry some multiple.
+
+        Negative where it carries none: by so much they would have to be raised.
+        """
+        return self.program(np.full(len(both_signs(self.low)), EITHER)).room()[1]
+
     def _solved(self, signs: IntArray, share: float = 0.0) -> CarriedStress:
         program = self.program(signs)
         found = program.tightened(_TIGHTER).solve()
@@ -320,33 +327,24 @@ class StressProgram:
         inner = sparse.csr_array((qvi.p, size - 1 - matrix.shape[1]))
         E = sparse.hstack([qvi.A, inner, sparse.csr_array(-b_slope[:, None])])
         limits = rows.limit - rows.H @ constant
-        return ConicProgram(
-            q, sparse.csr_array(E), qvi.b - b_slope, sparse.csr_array(L), limits, tuple(self._yield_cones())
-        )
+        return ConicProgram(q, sparse.csr_array(E), qvi.b - b_slope, sparse.csr_array(L), limits, self._yield_cones())
 
-    def _yield_cones(self) -> list[Cones]:
-        """Cones without and with the mean stress in them."""
-        cones, unit, found = self.cones, self.low.scales.stress, []
-        for mean in (False, True):
-            chosen = np.flatnonzero((cones.mean != 0.0) == mean)
-            if not len(chosen):
-                continue
-            at = 3 * cones.coefficient[chosen]
-            xx, yy, xy = (self._matrix[at + i] for i in range(3))
-            c_xx, c_yy, c_xy = (self._constant[at + i] for i in range(3))
-            beta, gamma = cones.pressure[chosen], cones.mean[chosen]
-            parts = [
-                (sparse.diags_array(beta) @ (xx + yy), cones.limit[chosen] / unit - beta * (c_xx + c_yy)),
-                (-(xx - yy), c_xx - c_yy),
-                (-2.0 * xy, 2.0 * c_xy),
-            ]
-            if mean:
-                parts.append((-(sparse.diags_array(gamma) @ (xx + yy)), gamma * (c_xx + c_yy)))
-            d, b = len(parts), len(chosen)
-            order = np.arange(d * b).reshape(d, b).T.ravel()
-            G = sparse.csr_array(sparse.csr_array(sparse.vstack([part for part, _ in parts]))[order])
-            found.append(Cones(G, np.column_stack([constant for _, constant in parts])))
-        return found
+    def _yield_cones(self) -> Cones:
+        cones, at = self.cones, 3 * self.cones.coefficient
+        xx, yy, xy = (self._matrix[at + i] for i in range(3))
+        c_xx, c_yy, c_xy = (self._constant[at + i] for i in range(3))
+        total, constant = xx + yy, c_xx + c_yy
+        parts = [
+            (
+                sparse.diags_array(cones.pressure) @ total,
+                cones.limit / self.low.scales.stress - cones.pressure * constant,
+            ),
+            (yy - xx, c_xx - c_yy),
+            (-2.0 * xy, 2.0 * c_xy),
+        ]
+        if cones.mean.any():
+            parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
+        return Cones.of(parts)
 
     @cached_property
     def _tractions(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
