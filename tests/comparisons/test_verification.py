@@ -78,8 +78,6 @@ def ran(problems):
 
 
 DOCUMENT = ran({"number": sound})
-
-
 LONG = {
     "bounds-slip-bad", "bounds-slip", "bounds-slip-bodies", "bounds-slip-errors", "bounds-refined", "bounds-rates",
     "loaded-pin", "plate-refined", "slip-torque", "examples/lug", "examples/cyclic_shear", "examples/masonry_wall",

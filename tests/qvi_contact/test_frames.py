@@ -34,8 +34,6 @@ from solvers import Certificate
 from solvers.certificate import EXPONENTS
 
 PLATE = compressed_plate(0.3, (2, 2))
-
-
 UNITS = Units("mm", "MPa")
 
 

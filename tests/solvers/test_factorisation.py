@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, csc_matrix, diags, eye_array, identity, kron, random_array, vstack
 
-from qvi_contact import (
-    discretize,
-)
+from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, InputError, Status, solve_qvi
 from solvers.factorisation import (
