@@ -208,6 +208,7 @@ class TestCommand:
         assert "The problem" in said
         assert "The answer" not in said
 
+    @pytest.mark.usefixtures("outlined")
     def test_load_steps_have_a_table_and_pictures_to_slide_through(self, shell, browser, tmp_path):
         (tmp_path / "a.toml").write_text(TEXT.replace("x = 0.004", 'x = "0.004*t"') + "[history]\ntimes = [0.0, 2.0]\n")
         code, _, err = shell("solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")

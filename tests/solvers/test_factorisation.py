@@ -375,9 +375,9 @@ def forces(problem):
     return plate.normal_force, plate.tangential_force
 
 for shared in (True, False):
-    problems = [compressed_plate(0.1 + 0.1 * (k % 3), (5, 5)) for k in range(12)]
+    problems = [compressed_plate(0.1 + 0.1 * (k % 3), (4, 4)) for k in range(9)]
     alone = [forces(problem) for problem in problems[:3]]
-    mesh = compressed_plate(0.1, (5, 5)).mesh
+    mesh = problems[0].mesh
     problems = [replace(problem, mesh=mesh) if shared else problem for problem in problems]
     with ThreadPoolExecutor(4) as pool:
         for k, found in enumerate(pool.map(forces, problems)):
