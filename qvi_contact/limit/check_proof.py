@@ -74,10 +74,12 @@ def _carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
             have = [out * _dot(d, value) for value in values]
             _demand(not more and have == given, f"the traction on edge {edge} is not the load")
             counted["loads carried"] += 1
-    for edge, contact in _contacts(proof).items():
+    for edge, (contact, pressure) in _contacts(proof).items():
         values, n, _ = tractions[edge][0]
+        pressure = pressure or [Fraction(0)] * len(values)
+        effective = [(s[0] + q * n[0], s[1] + q * n[1]) for s, q in zip(values, pressure, strict=True)]
         beyond = f"contact {contact['name']!r} is beyond its law"
-        _demand(all(_admissible(contact, value, n) for value in _elevated(values)), beyond)
+        _demand(_admissible(contact, _elevated(effective), n), beyond)
         counted["contact edges within their law"] += 1
     return factor
 
@@ -106,9 +108,11 @@ def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
         alone, (values, normal, out) = _alone(edge, sides), sides[0]
         if edge in contacts:
             other = [(0, 0)] * len(values) if alone else sides[1].values
-            for jump in map(_less, values, other):
-                w, slip = -out * _dot(normal, jump), abs(_cross(normal, jump))
-                spent += _slid(contacts[edge], w, slip) / len(values)
+            jumps, (contact, pressure) = list(map(_less, values, other)), contacts[edge]
+            openings = [-out * _dot(normal, jump) for jump in jumps]
+            for w, jump in zip(openings, jumps, strict=True):
+                spent += _slid(contact, w, abs(_cross(normal, jump))) / len(values)
+            power["dead"] += _product(pressure, openings) if pressure else 0
             counted["contact edges that move"] += 1
         elif alone:
             for kind, value in _powers(edge, values, loads.get(edge, [])):
@@ -179,18 +183,29 @@ def _cones(proof: dict[str, Any], t: int) -> list[dict[str, Any]]:
     return [] if law is None else list(proof["strengths"][law])
 
 
-def _contacts(proof: dict[str, Any]) -> dict[Any, dict[str, Any]]:
-    return {_key(edge): contact for contact in proof["contacts"] for edge in contact["edges"]}
+def _contacts(proof: dict[str, Any]) -> dict[Any, tuple[dict[str, Any], list[Any]]]:
+    """By edges: the contact, and ordinates of the pressure of a fluid in it, if there is one."""
+    return {
+        _key(edge): (contact, _along(edge, pressure))
+        for contact in proof["contacts"]
+        for edge, pressure in zip(
+            contact["edges"], contact.get("pressures") or [[]] * len(contact["edges"]), strict=True
+        )
+    }
 
 
 def _loads(proof: dict[str, Any]) -> dict[Any, list[tuple[Any, Any, Any]]]:
     """By edges: d, and ordinates of d·σn that stay and that are multiplied, n outward and as long as the edge."""
     found: dict[Any, list[tuple[Any, Any, Any]]] = {}
     for load in proof["loads"]:
-        order = 1 if list(map(str, load["edge"])) == list(_key(load["edge"])) else -1
-        dead, live = (_exact(load[kind])[::order] for kind in ("dead", "live"))
+        dead, live = (_along(load["edge"], load[kind]) for kind in ("dead", "live"))
         found.setdefault(_key(load["edge"]), []).append((_exact(load["direction"]), dead, live))
     return found
+
+
+def _along(edge: Any, ordinates: Any) -> list[Any]:
+    """Ordinates in the order in which `_sides` has the ends of an edge."""
+    return list(_exact(ordinates)[:: 1 if tuple(map(str, edge)) == _key(edge) else -1])
 
 
 def _elevated(values: list[Any]) -> list[Any]:
@@ -214,12 +229,17 @@ def _law(contact: dict[str, Any]) -> tuple[bool, Fraction, Fraction, Fraction | 
     return contact["law"] == "bilateral", mu, c, inf if cap is None else Fraction(cap)
 
 
-def _admissible(contact: dict[str, Any], traction: Any, normal: Any) -> bool:
-    """σ_N ≤ 0 (unless bilateral) and |σ_T| ≤ min(c − μ σ_N, t_max), all times the length squared."""
+def _admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> bool:
+    """|σ_T| ≤ min(c + μ p, t_max) with p = −σ_N ≥ 0; if bilateral p may be σ_N, too, or count as 0, on a whole edge."""
     bilateral, mu, c, cap = _law(contact)
-    square, n, t = _dot(normal, normal), _dot(normal, traction), abs(_cross(normal, traction))
-    bound = c * square - (0 if bilateral else mu * n)
-    return (bilateral or n <= 0) and t <= bound and (cap == inf or t <= cap * square)
+    square = _dot(normal, normal)
+    n, t = ([product(normal, each) for each in tractions] for product in (_dot, _cross))
+    return any(
+        all(
+            sign * x <= 0 and abs(y) <= min(c * square - sign * mu * x, cap * square) for x, y in zip(n, t, strict=True)
+        )
+        for sign in ((1, -1, 0) if bilateral else (1,))
+    )
 
 
 def _slid(contact: dict[str, Any], w: Fraction, t: Fraction) -> Fraction:

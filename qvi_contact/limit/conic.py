@@ -37,19 +37,10 @@ UNBOUNDED: Final = "unbounded"
 
 @dataclass(frozen=True, eq=False)
 class Cones:
-    """Blocks (t, u)_i = g_i − G_i x of one size, |u_i| ≤ t_i.
+    """Blocks (t, u)_i = g_i − G_i x of one size, |u_i| ≤ t_i."""
 
-    Attributes
-    ----------
-    G : (b d, n) sparse array
-        The rows, block by block.
-    g : (b, d) array
-        The constants.
-
-    """
-
-    G: sparse.csr_array
-    g: FloatArray
+    G: sparse.csr_array  # (b d, n) the rows, block by block
+    g: FloatArray  # (b, d) the constants
 
     @classmethod
     def of(cls, parts: Sequence[tuple[Any, FloatArray]]) -> Cones:

@@ -27,7 +27,7 @@ In `docs/theory.md`: (D37), (D38).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, Final, NamedTuple
@@ -59,24 +59,13 @@ _NULL: Final = 1e-10  # of the largest singular value of conditions on rigid par
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """The upper bound of the load factor that a velocity field proves.
+    """The upper bound of the load factor that a velocity field proves."""
 
-    Attributes
-    ----------
-    bound : float
-        The bound; infinity if no velocity has power, minus infinity if the other loads alone are too much.
-    violation : float
-        What the conditions on the velocities are missed by, relative: rounding.
-    motion : BodyMotion or None
-        The velocities; None if the bound is not finite.
-    shares : (r, 3) array or None
-        What each row of the cones has of (tr ε, ε_xx − ε_yy, 2ε_xy) at its coefficient; lengths over that of the mesh.
-
-    """
-
-    bound: float
-    violation: float
-    motion: BodyMotion | None = None
+    bound: float  # the bound; infinity if no velocity has power, minus infinity if the other loads alone are too much
+    violation: float  # what the conditions on the velocities are missed by, relative: rounding
+    motion: BodyMotion | None = None  # the velocities; None if the bound is not finite
+    # (r, 3) what each row of the cones has of (tr ε, ε_xx − ε_yy, 2ε_xy) at its coefficient; lengths over that
+    # of the mesh
     shares: FloatArray | None = None
 
 
@@ -126,22 +115,11 @@ class ContactFlow:
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """Coefficients of velocities on a split triangle.
+    """Coefficients of velocities on a split triangle."""
 
-    Attributes
-    ----------
-    keys : (m, 4) int array
-        Weights of the three corners and of the barycentre, times the degree.
-    of_parts : (3, count) int array
-        The coefficients of each part.
-    of_sides : (3, p) int array
-        Those along each side, from its lower corner to the higher one.
-
-    """
-
-    keys: IntArray
-    of_parts: IntArray
-    of_sides: IntArray
+    keys: IntArray  # (m, 4) weights of the three corners and of the barycentre, times the degree
+    of_parts: IntArray  # (3, count) the coefficients of each part
+    of_sides: IntArray  # (3, p) those along each side, from its lower corner to the higher one
 
     @property
     def places(self) -> FloatArray:
@@ -331,8 +309,8 @@ class FlowProgram:
         size = self.space.basis.shape[1]
         live = sum((works[name] for name in works if name in self.names), np.zeros(size))
         dead = sum((works[name] for name in works if name not in self.names), np.zeros(size))
-        unit = float(np.abs(live).max(initial=0.0)) or 1.0  # the velocities found have the power of a load of size 1
-        program, layout = self._program(np.asarray(live) / unit, np.asarray(dead))
+        unit = float(np.abs(live).sum()) or 1.0  # velocities of size 1 have a power of the size 1
+        program = self._program(np.asarray(live) / unit, np.asarray(dead))
         found = program.solve()
         if isinstance(found, str):
             return Flow(np.inf if found == INFEASIBLE else -np.inf, 0.0)
@@ -345,7 +323,7 @@ class FlowProgram:
                 "mesh that is less graded"
             )
         x = x / power
-        return Flow(float(program.q @ x), violation, self._motion(layout, x), self._shares(x, size))
+        return Flow(float(program.q @ x), violation, self._motion(x), self._shares(x, size))
 
     def _shares(self, x: FloatArray, n: int) -> FloatArray:
         """Parts of the strain rate that the cones have, see `Flow`."""
@@ -363,7 +341,7 @@ class FlowProgram:
         found[cones.first, 1:] = np.column_stack([strain[at, 0] - strain[at, 1], strain[at, 2]]) - taken[at]
         return found
 
-    def _program(self, live: FloatArray, dead: FloatArray) -> tuple[ConicProgram, _Layout]:
+    def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:
         """Unknown are q, then s of the cones, both components of r of later ones, ρ, then the slips of contacts.
 
         The first cone of a coefficient has the r that the later ones leave.
@@ -371,13 +349,13 @@ class FlowProgram:
         strain, cones = self._strain @ self.space.basis, self.cones
         n, rows = strain.shape[1], len(cones.coefficient)
         later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
-        sizes = [n, rows, len(later), len(later), len(mean)]
-        contacts = self._contact_rows(sum(sizes))
+        slips = self._slips.values()
+        costs = np.concatenate([np.zeros(0), *(part.costs for part in slips)])
+        widths = [n, rows, len(later), len(later), len(mean), len(costs)]
 
         def wide(r: int, *parts: Any) -> sparse.csr_array:
-            """Rows of blocks of columns, None for no entries; contacts have none."""
-            beyond = [None] * (len(sizes) + 1 - len(parts))
-            widths = [*sizes, contacts.size - sum(sizes)]
+            """Rows of blocks of columns, None for no entries."""
+            beyond = [None] * (len(widths) - len(parts))
             blocks = [sparse.csr_array((r, width)) if part is None else part
                       for part, width in zip([*parts, *beyond], widths, strict=True)]  # fmt: skip
             return sparse.csr_array(sparse.hstack(blocks))
@@ -401,14 +379,18 @@ class FlowProgram:
         if len(mean):
             parts.append((-wide(rows, None, None, None, None, chosen(mean)), nothing))
         shares = [-(sums @ sparse.diags_array(cones.pressure)), None, None, -(sums @ chosen(mean, cones.mean[mean]))]
-        E = [wide(len(at), xx + yy, *shares), wide(1, sparse.csr_array(live[None])), contacts.E]
-        q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(sum(sizes[2:])), contacts.costs])
-        e = np.concatenate([np.zeros(len(at)), [1.0], np.zeros(contacts.E.shape[0])])
-        limits = np.zeros(contacts.L.shape[0])
-        program = ConicProgram(
-            q, sparse.csr_array(sparse.vstack(E)), e, contacts.L, limits, Cones.of(parts), dependent=True
+        E = [wide(len(at), xx + yy, *shares), wide(1, sparse.csr_array(live[None]))]
+        E += [wide(part.shape[0], part) for part in (*self._tied(), *(each.E for each in slips))]
+        jumps, own = sparse.csr_array((0, n)), sparse.csr_array((0, 0))
+        if slips:
+            jumps, own = sparse.vstack([part.L for part in slips]), sparse.block_diag([part.own for part in slips])
+        L = wide(own.shape[0], jumps, None, None, None, None, own)
+        q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(sum(widths[2:5])), costs])
+        e = np.zeros(sum(part.shape[0] for part in E))
+        e[len(at)] = 1.0
+        return ConicProgram(
+            q, sparse.csr_array(sparse.vstack(E)), e, L, np.zeros(L.shape[0]), Cones.of(parts), dependent=True
         )
-        return program, _Layout(n, rows, sum(sizes), contacts)
 
     def _raised(self, program: ConicProgram, x: FloatArray, n: int) -> FloatArray:
         """The same with s of cones that no trace is tied to as large as need be, and no larger."""
@@ -527,61 +509,45 @@ class FlowProgram:
             found.append(rows)
         return found[0], found[1]
 
-    def _contact_rows(self, start: int) -> _ContactRows:
-        """Rows, equations and costs of all contacts, with slips t and dilatant slips a from column `start` on."""
-        n, costs = self.space.basis.shape[1], list[FloatArray]()
-        less: list[tuple[sparse.csr_array, list[tuple[IntArray, FloatArray]]]] = []
-        equal: list[sparse.csr_array] = []
-        parts: dict[str, _Columns] = {}
-        column = start
+    def _tied(self) -> Iterator[sparse.csr_array]:
+        """Jumps that are zero where plates driven by force are tied to the body."""
+        for contact in self.space.plates:
+            if contact.law == "tied":
+                yield from (sparse.csr_array(rows @ self.space.basis) for rows in self._jumps(contact))
+
+    @cached_property
+    def _slips(self) -> dict[str, _Slips]:
+        """Jumps, rows and costs of the contacts that limit tractions.
+
+        |[v]_T| ≤ d + u with the slip d that dilates, w ≥ μ d, at the price of c, and u that does not, at that of t_max.
+        """
+        found = {}
         for contact in self.problem.contacts:
-            if contact.law == "tied" and (contact in self.problem.joints or contact not in self.space.plates):
+            if contact.law == "tied":
                 continue
             opening, slip = (sparse.csr_array(rows @ self.space.basis) for rows in self._jumps(contact))
-            if contact.law == "tied":
-                equal += [opening, slip]
-                continue
-            edges = self.space.mesh.edges(contact.edges)
-            p = self.space.degree + 1
+            edges, p = self.space.mesh.edges(contact.edges), self.space.degree + 1
             mu, c, cap = (np.repeat(part, p) for part in self._largest(contact, edges))
-            weight = np.repeat(edges.length / self.space.mesh.length / p, p)
-            count = len(weight)
-            unilateral = contact.law == "unilateral"
-            rough = mu > 0.0
-            if not unilateral:
-                equal.append(opening)
-                stuck = rough & ~np.isfinite(cap)
-                if stuck.any():
-                    equal.append(sparse.csr_array(slip[stuck]))
-            t = column + np.arange(count)
-            price = np.where(rough & np.isfinite(cap), cap, np.minimum(c, cap))
-            costs.append(weight * price / self.scales.stress)
-            column += count
-            less += [(sparse.csr_array(sign * slip), [(t, -np.ones(count))]) for sign in (1.0, -1.0)]
-            spent = t
-            capped = unilateral and bool((rough & np.isfinite(cap)).any())
-            if capped:  # edges without friction or without a cap have all of their slip dilatant, or none of it
-                spent = column + np.arange(count)
-                saved = np.where(rough & np.isfinite(cap), np.maximum(cap - c, 0.0), 0.0)
-                costs.append(-weight * saved / self.scales.stress)
-                column += count
-                none = sparse.csr_array((count, n))
-                less += [(none, [(spent, np.ones(count)), (t, -np.ones(count))]), (none, [(spent, -np.ones(count))])]
-            if unilateral:
-                less.append((sparse.csr_array(-opening), [(spent, mu)]))
-            parts[contact.name] = _Columns(opening, slip, t, spent if capped else None, len(edges))
-        size = column
-        L = [_extended(rows, more, size) for rows, more in less]
-        E = [_extended(rows, [], size) for rows in equal]
-        none = sparse.csr_array((0, size))
-        joined = np.concatenate([np.zeros(0), *costs])
-        return _ContactRows(
-            sparse.csr_array(sparse.vstack([none, *L])),
-            sparse.csr_array(sparse.vstack([none, *E])),
-            joined,
-            size,
-            parts,
-        )
+            weight = np.repeat(edges.length / (self.space.mesh.length * p * self.scales.stress), p)
+            count, rough, capped = len(weight), mu > 0.0, np.isfinite(cap)
+            price, more = np.minimum(c, cap), np.zeros(0, dtype=np.int64)
+            equal = opening[:0]
+            if contact.law == "unilateral":
+                more = np.flatnonzero(rough & capped)
+            else:  # any shear is carried up to the cap
+                price = np.where(rough & capped, cap, price)
+                equal = sparse.csr_array(sparse.vstack([opening, slip[rough & ~capped]]))
+            both = sparse.hstack([sparse.eye_array(count), sparse.eye_array(count, format="csr")[:, more]])
+            size = both.shape[1]
+            L, own = [slip, -slip, sparse.csr_array((size, slip.shape[1]))], [-both, -both, -sparse.eye_array(size)]
+            if contact.law == "unilateral":
+                L.append(-opening)
+                own.append(sparse.diags_array(mu, shape=(count, size)))
+            costs = np.concatenate([weight * price, (weight * cap)[more]])
+            at = np.concatenate([np.arange(count), more]) // p
+            rows = sparse.csr_array(sparse.vstack(L)), sparse.csr_array(sparse.vstack(own))
+            found[contact.name] = _Slips(opening, slip, *rows, equal, costs, at)
+        return found
 
     def _largest(self, contact: Contact, edges: Edges) -> tuple[FloatArray, FloatArray, FloatArray]:
         """μ, c and t_max (e,), the largest value along each edge."""
@@ -595,99 +561,61 @@ class FlowProgram:
             cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0).max(axis=1)
         return found[0], found[1], cap
 
-    def _motion(self, layout: _Layout, x: FloatArray) -> BodyMotion:
+    def _motion(self, x: FloatArray) -> BodyMotion:
         """In the form of a result."""
-        n, rows, start, contacts = layout
         space, cones = self.space, self.cones
+        n, rows = space.basis.shape[1], len(cones.coefficient)
         v = space.basis @ x[:n]
         velocities = np.stack([v[2 * space.global_], v[2 * space.global_ + 1]], axis=-1)
         strain = (self._strain @ v).reshape(-1, 3, cones.count, 3)
         spent = x[n : n + rows] * cones.limit / self.scales.stress
         cell = cones.coefficient // (3 * cones.count)
         dissipation = np.asarray(np.bincount(cell, spent, space.mesh.cell_count), dtype=np.float64)
-        found = {}
-        for name, columns in contacts.parts.items():
-            p = space.degree + 1
-            cost = contacts.costs[columns.slip_columns - start] * x[columns.slip_columns]
-            if columns.dilatant is not None:
-                cost = cost + contacts.costs[columns.dilatant - start] * x[columns.dilatant]
-            shape = (columns.edges, p)
-            found[name] = ContactFlow(
-                (columns.opening @ x[:n]).reshape(shape),
-                (columns.slip @ x[:n]).reshape(shape),
-                cost.reshape(shape).sum(axis=1),
-            )
+        found, start = {}, len(x) - sum(len(part.costs) for part in self._slips.values())
+        for name, part in self._slips.items():
+            cost = part.costs * x[start : start + len(part.costs)]
+            start += len(part.costs)
+            opening, slip = ((rows @ x[:n]).reshape(-1, space.degree + 1) for rows in (part.opening, part.slip))
+            found[name] = ContactFlow(opening, slip, np.asarray(np.bincount(part.edge, cost, len(opening)), float))
         return BodyMotion(velocities, space.nodes.places, strain, dissipation, found)
 
+    def gap_in_cells(self, discretization: Discretization, carried: CarriedStress, motion: BodyMotion) -> FloatArray:
+        """Parts of the triangles (cells,), with those of contact edges in equal shares for triangles beside them."""
+        assert carried.stress is not None
+        assert carried.tractions is not None
+        mesh, degree = self.space.mesh, self.k
+        work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree), motion.strain, self._areas)
+        found: FloatArray = motion.dissipation - np.where(motion.dissipation > 0.0, work, 0.0)
+        m = discretization.qvi.m
+        for rows, contact in zip(discretization.contacts, self.problem.contacts, strict=True):
+            if rows.law == "tied" or contact.name not in motion.contacts:
+                continue
+            moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
+            table = bernstein.product_integrals(degree, degree + 1)
+            normal, shear = (
+                carried.tractions[start : start + m][rows.rows].reshape(-1, q) @ edge_coefficients(rows).T
+                for start in (0, m)
+            )
+            worked = np.einsum("ei,ij,ej->e", normal, table, moved.opening)
+            worked -= np.einsum("ei,ij,ej->e", shear, table, moved.slip)
+            part = moved.dissipation - worked * edges.length / mesh.length
+            inside = edges.cells >= 0
+            for side in (0, 1):
+                chosen = inside[:, side]
+                np.add.at(found, edges.cells[chosen, side], part[chosen] / inside.sum(axis=1)[chosen])
+        return np.maximum(found, 0.0)
 
-class _Layout(NamedTuple):
-    """The unknowns of the program: n of q, one for each cone row, from `start` on those of contacts."""
 
-    n: int
-    rows: int
-    start: int
-    contacts: _ContactRows
-
-
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """The columns of one contact."""
+class _Slips(NamedTuple):
+    """A contact: jumps as rows on q, L q + own y ≤ 0 and E q = 0 with slips y, their costs, and the edge of each."""
 
     opening: sparse.csr_array
     slip: sparse.csr_array
-    slip_columns: IntArray
-    dilatant: IntArray | None
-    edges: int
-
-
-@dataclass(frozen=True, eq=False)
-class _ContactRows:
-    """L x ≤ 0 and E x = 0 of all contacts, the costs of their columns, and how many columns there are in all."""
-
     L: sparse.csr_array
+    own: sparse.csr_array
     E: sparse.csr_array
     costs: FloatArray
-    size: int
-    parts: Mapping[str, _Columns]
-
-
-def _extended(rows: sparse.csr_array, more: Sequence[tuple[IntArray, FloatArray]], size: int) -> sparse.csr_array:
-    """Rows on the first unknowns as rows on all, with values (r,) in further columns (r,)."""
-    r = rows.shape[0]
-    found = sparse.csr_array(sparse.hstack([rows, sparse.csr_array((r, size - rows.shape[1]))]))
-    for columns, values in more:
-        found = found + sparse.csr_array((values, (np.arange(r), columns)), shape=(r, size))
-    return sparse.csr_array(found)
-
-
-def gap_in_cells(discretization: Discretization, carried: CarriedStress, motion: BodyMotion, degree: int) -> FloatArray:
-    """Parts of the triangles (cells,), with those of contact edges in equal shares for the triangles beside them."""
-    assert carried.stress is not None
-    assert carried.tractions is not None
-    problem, mesh = discretization.problem, discretization.problem.mesh
-    corners = part_corners(mesh.vertices[mesh.cells] / mesh.length)
-    a, b = (corners[..., i, :] - corners[..., 0, :] for i in (1, 2))
-    areas = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2.0
-    work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree), motion.strain, areas)
-    found: FloatArray = motion.dissipation - np.where(motion.dissipation > 0.0, work, 0.0)
-    m = discretization.qvi.m
-    for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
-        if rows.law == "tied" or contact.name not in motion.contacts:
-            continue
-        moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
-        table = bernstein.product_integrals(degree, degree + 1)
-        normal, shear = (
-            carried.tractions[start : start + m][rows.rows].reshape(-1, q) @ edge_coefficients(rows).T
-            for start in (0, m)
-        )
-        worked = np.einsum("ei,ij,ej->e", normal, table, moved.opening)
-        worked -= np.einsum("ei,ij,ej->e", shear, table, moved.slip)
-        part = moved.dissipation - worked * edges.length / mesh.length
-        inside = edges.cells >= 0
-        for side in (0, 1):
-            chosen = inside[:, side]
-            np.add.at(found, edges.cells[chosen, side], part[chosen] / inside.sum(axis=1)[chosen])
-    return np.maximum(found, 0.0)
+    edge: IntArray
 
 
 @cache

@@ -84,7 +84,9 @@ def _held(stated: Statement) -> list[tuple[int, tuple[int, int], list[Vector]]]:
         if contact not in stated.problem.joints and contact.law != "tied":
             for i, j in ends(stated, contact):
                 e = less(stated.points[j], stated.points[i])
-                found[(i, j) if (i, j) in found else (j, i)] = [(e[1], -e[0])] if contact.law == "bilateral" else []
+                mu, _, cap = law_of(stated.problem, contact)
+                axes = [(e[1], -e[0]), *([e] if mu > 0 and cap is None else [])]
+                found[(i, j) if (i, j) in found else (j, i)] = axes if contact.law == "bilateral" else []
     return [(int(cell), pair, found[pair]) for cell, pair in zip(boundary.cells[:, 0], pairs, strict=True)]
 
 
@@ -140,7 +142,7 @@ def _at_limits(
                 stuck = not dilates or abs(t) <= small
                 yield opening if stuck else {number: opening.get(number, _ZERO) - share * slip.get(number, _ZERO)
                                              for number in {**opening, **slip}}  # fmt: skip
-                if stuck and dilates:
+                if stuck and mu > 0 and cap is None:
                     yield slip
 
 

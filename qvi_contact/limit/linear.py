@@ -56,19 +56,10 @@ _AT_LIMIT: Final = (
 
 @dataclass(frozen=True, eq=False)
 class WholeEdgeRows:
-    """Rows H [σ_N; σ_T] ≤ limit for the rows of N and T of (D2), dimensionless.
+    """Rows H [σ_N; σ_T] ≤ limit for the rows of N and T of (D2), dimensionless."""
 
-    Attributes
-    ----------
-    H : (rows, 2 m) sparse array
-        The rows.
-    limit : (rows,) array
-        Their limits.
-
-    """
-
-    H: sparse.csr_array
-    limit: FloatArray
+    H: sparse.csr_array  # (rows, 2 m) the rows
+    limit: FloatArray  # (rows,) their limits
 
     @classmethod
     def of(cls, discretization: Discretization, signs: IntArray) -> "WholeEdgeRows":
@@ -189,19 +180,10 @@ def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> Fl
 
 @dataclass(frozen=True, eq=False)
 class Relations:
-    """C f + D (A z) = 0 for all z, with the forces f = diag(shares) [N; T] z on contacts.
+    """C f + D (A z) = 0 for all z, with the forces f = diag(shares) [N; T] z on contacts."""
 
-    Attributes
-    ----------
-    forces : (r, 2 m) sparse array
-        C.
-    resultants : (r, p) sparse array
-        D.
-
-    """
-
-    forces: sparse.csr_array
-    resultants: sparse.csr_array
+    forces: sparse.csr_array  # (r, 2 m) C
+    resultants: sparse.csr_array  # (r, p) D
 
     @classmethod
     def of(cls, discretization: Discretization, shares: FloatArray) -> "Relations":
@@ -255,26 +237,14 @@ def _groups(discretization: Discretization) -> Iterator[IntArray]:
 
 @dataclass(frozen=True, eq=False)
 class CarriedForces:
-    """What the contacts of a mesh carry, dimensionless.
+    """What the contacts of a mesh carry, dimensionless."""
 
-    Attributes
-    ----------
-    factor, bound : float
-        The load factor, and its dual bound.
-    violation : float
-        The most by which a row is missed, over the largest limit.
-    tractions : (2 m,) array or None
-        Rows [σ_N; σ_T] at the factor; None if that is not finite.
-    motion : (2 m,) array or None
-        Multipliers of these rows: moments of the opening w and of the slip −[v]_T in the motion with which the mesh
-        gives way, on which the loads do the work 1.
-
-    """
-
-    factor: float
+    factor: float  # the load factor, and its dual bound
     bound: float
-    violation: float = 0.0
-    tractions: FloatArray | None = None
+    violation: float = 0.0  # the most by which a row is missed, over the largest limit
+    tractions: FloatArray | None = None  # (2 m,) rows [σ_N; σ_T] at the factor; None if that is not finite
+    # (2 m,) multipliers of these rows: moments of the opening w and of the slip −[v]_T in the motion with which
+    # the mesh gives way, on which the loads do the work 1
     motion: FloatArray | None = None
 
 

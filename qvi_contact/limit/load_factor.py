@@ -15,7 +15,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.flow import BodyMotion, FlowProgram, gap_in_cells
+from qvi_contact.limit.flow import BodyMotion, FlowProgram
 from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
 from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
 from qvi_contact.limit.proof import Statement, carried, proof_of
@@ -180,7 +180,7 @@ def limit_load_factor(
     """
     refuse_arguments(retired)
     with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
-        posed = _posed(problem, loads, degree=degree, law_on=law_on)
+        posed = LimitProblem.of(problem, checked_loads(problem, loads), degree=degree, law_on=law_on)
         log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.solved().limit
         gap = limit.bound - limit.lower
@@ -259,34 +259,16 @@ def limit_proof(
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
     """Both sides of `limit_load_factor` without the check of the mesh's program; `space` is for `discretize`."""
-    return _posed(problem, loads, **space).solved().limit
-
-
-def _posed(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitProblem:
-    """The analysis of checked arguments."""
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
-    return LimitProblem.of(problem, checked_loads(problem, loads), **space)
+    return LimitProblem.of(problem, checked_loads(problem, loads), **space).solved().limit
 
 
 @dataclass(frozen=True, eq=False)
 class LimitProblem:
-    """A limit analysis on one mesh: the problem with the named loads times 1 and times 2.
+    """A limit analysis on one mesh: the problem with the named loads times 1 and times 2."""
 
-    Attributes
-    ----------
-    problem : ContactProblem
-        The problem.
-    names : tuple of str
-        The loads that are multiplied.
-    low, high : Discretization
-        The problem at both factors, in the same units and degrees of freedom.
-
-    """
-
-    problem: ContactProblem
-    names: tuple[str, ...]
-    low: Discretization
+    problem: ContactProblem  # the problem
+    names: tuple[str, ...]  # the loads that are multiplied
+    low: Discretization  # the problem at both factors, in the same units and degrees of freedom
     high: Discretization
 
     @classmethod
@@ -317,7 +299,8 @@ class LimitProblem:
         """Both sides of a body that yields: rigid blocks are one way of giving way, and others may be easier."""
         degree = self.low.space.traction_degree
         carried = StressProgram(self.low, self.high).carried()
-        flow = FlowProgram(self.problem, self.names, degree, self.low.scales).solved()
+        program = FlowProgram(self.problem, self.names, degree, self.low.scales)
+        flow = program.solved()
         upper = min(flow.bound, of_blocks)
         if of_blocks > flow.bound:
             mechanism = None
@@ -330,7 +313,7 @@ class LimitProblem:
         if carried.stress is not None and flow.motion is not None:
             force, cells = self.problem.body_potential, np.arange(self.problem.mesh.cell_count)
             missed = coefficients_of(self.problem, cells, degree, "ContactProblem.body_potential", force)[1]
-            parts = gap_in_cells(self.low, carried, flow.motion, degree)
+            parts = program.gap_in_cells(self.low, carried, flow.motion)
             stress = carried.stress * self.low.scales.stress
             collapse = Collapse(flow.motion, stress, parts, straight and missed <= _FOLLOWED)
         violation = max(carried.violation, flow.violation)
@@ -363,22 +346,11 @@ class Collapse:
 
 @dataclass(frozen=True, eq=False)
 class LimitAnalysis:
-    """A limit load with the tractions that carry it.
+    """A limit load with the tractions that carry it."""
 
-    Attributes
-    ----------
-    posed : LimitProblem
-        What was asked for.
-    limit : LimitLoad
-        Both sides.
-    carried : CarriedForces or None
-        What carries `LimitLoad.lower` where nothing yields; None where something does.
-
-    """
-
-    posed: LimitProblem
-    limit: LimitLoad
-    carried: CarriedForces | None
+    posed: LimitProblem  # what was asked for
+    limit: LimitLoad  # both sides
+    carried: CarriedForces | None  # what carries `LimitLoad.lower` where nothing yields; None where something does
 
 
 def loads_of(problem: ContactProblem) -> list[str]:
@@ -391,6 +363,8 @@ def loads_of(problem: ContactProblem) -> list[str]:
 
 def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "loads") -> tuple[str, ...]:
     """The names of loads that can be multiplied; `InputError` lists those there are."""
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
     known = loads_of(problem)
     if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
         raise InputError(field, loads, f"give a list of names out of {', '.join(known)}")

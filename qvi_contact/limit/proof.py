@@ -23,6 +23,7 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
 from qvi_contact.limit.rational import Given, OutOfBalanceError, Vector, dot, less, smooth, vertex_values
 from qvi_contact.limit.stresses import lattice, part_corners
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import Mises, MohrCoulomb, Strength
@@ -89,10 +90,8 @@ def _refuse(problem: ContactProblem) -> None:
     if mesh.curved.any():
         raise InputError("proof", "arcs", _STRAIGHT)
     for contact in problem.contacts:
-        if contact.plate is not None or contact.has_fluid:
-            raise InputError("Contact", contact.name, "proof files hold no plates, pins or fluids")
-        if contact.law == "bilateral" and law_of(problem, contact)[0] != 0:
-            raise InputError("Contact.law", contact.name, "proof files hold no bilateral contact with friction")
+        if contact.plate is not None:
+            raise InputError("Contact", contact.name, "proof files hold no plates and pins")
 
 
 def law_of(problem: ContactProblem, contact: Contact) -> tuple[Fraction, Fraction, Fraction | None]:
@@ -123,7 +122,7 @@ class Statement:
         self.points: list[Vector] = [(Fraction(x), Fraction(y)) for x, y in self.mesh.vertices.tolist()]
         self.dead, self.live = self._potentials()
         self.loads: dict[tuple[int, int], list[_Load]] = {}
-        for load in self._loads(degree):
+        for load in self._loads():
             self.loads.setdefault(load.edge, []).append(load)
 
     def _potentials(self) -> tuple[list[Fraction], list[Fraction]]:
@@ -152,8 +151,14 @@ class Statement:
         constant = constant if abs(constant) > _AFFINE * largest else 0.0
         return [Fraction(float(c)) for c in (constant, *slope)]
 
-    def _loads(self, degree: int) -> Iterator[_Load]:
-        """Prescribed tractions by ordinates of a degree, symmetry lines included."""
+    def _ordinates(self, edges: Edges, name: str, field: Field) -> FloatArray:
+        """Of a field along edges (e, k + 1), from the first end of each to the second."""
+        if not callable(field):
+            return np.full((len(edges), self.k + 1), float(field))
+        return along_edges(self.mesh, edges, name, field).coefficients(self.k) @ legendre.to_bernstein(self.k).T
+
+    def _loads(self) -> Iterator[_Load]:
+        """Prescribed tractions, symmetry lines included."""
         for condition in self.problem.conditions:
             if isinstance(condition, Traction):
                 given, live = components(condition), condition.name in self.names
@@ -163,11 +168,7 @@ class Statement:
                 continue
             edges = self.mesh.edges(condition.edges)
             for name, value in given.items():
-                if callable(value):
-                    field = along_edges(self.mesh, edges, f"Traction.{name}", value)
-                    ordinates = field.coefficients(degree) @ legendre.to_bernstein(degree).T
-                else:
-                    ordinates = np.full((len(edges), degree + 1), float(value))
+                ordinates = self._ordinates(edges, f"Traction.{name}", value)
                 for n in range(len(edges)):
                     i, j = int(edges.first[n]), int(edges.second[n])
                     e = less(self.points[j], self.points[i])
@@ -214,7 +215,12 @@ class Statement:
     def _contact(self, contact: Contact) -> dict[str, Any]:
         """A contact as `check_proof` reads it."""
         mu, c, cap = law_of(self.problem, contact)
-        return {
+        fluid: dict[str, Any] = {}
+        if contact.has_fluid:
+            edges = self.mesh.edges(contact.edges)
+            pressures = self._ordinates(edges, "Contact.pore_pressure", contact.pore_pressure)
+            fluid = {"pressures": [[str(Fraction(value)) for value in edge] for edge in pressures.tolist()]}
+        return fluid | {
             "name": contact.name,
             "law": contact.law,
             "friction": str(mu),
@@ -246,7 +252,7 @@ class _Load:
 
 def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     """The part of a proof that says what stresses of the program carry."""
-    found = program.strictly_carried(_KEPT_BACK)
+    found = program.carried(_KEPT_BACK)
     if found.unknowns is None:
         raise SolveError("proof: this mesh carries no largest multiple of the loads: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)

@@ -52,30 +52,15 @@ class YieldCones:
     and so those of all angles between: 2c cos φ − S sin φ ≥ 0 is concave in φ. What flow dissipates is that of one cone
     around all of them, β = sin φ₁ with a larger by (S sin φ₁ − S sin φ₀) at the largest S that can be carried.
 
-    Attributes
-    ----------
-    degree : int
-        k.
-    coefficient : (r,) int array
-        Which coefficient each row is about: ((triangle · 3) + part) · count + its number.
-    first : (r,) bool array
-        Whether it is the first cone of its coefficient.
-    limit : (r,) array
-        a, for stresses not above the truth, and for dissipation not below it [stress].
-    pressure, mean : (r,) arrays
-        β and γ.
-    strong : (cells,) bool array
-        Triangles without a strength: they carry any stress, and move as rigid bodies.
-
     """
 
-    degree: int
-    coefficient: IntArray
-    first: BoolArray
-    limit: FloatArray
-    pressure: FloatArray
+    degree: int  # k
+    coefficient: IntArray  # (r,) which coefficient each row is about: ((triangle · 3) + part) · count + its number
+    first: BoolArray  # (r,) whether it is the first cone of its coefficient
+    limit: FloatArray  # (r,) a, for stresses not above the truth, and for dissipation not below it [stress]
+    pressure: FloatArray  # (r,) β and γ
     mean: FloatArray
-    strong: BoolArray
+    strong: BoolArray  # (cells,) triangles without a strength: they carry any stress, and move as rigid bodies
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int, *, above: bool) -> YieldCones:
@@ -234,42 +219,20 @@ def _on_parts(
 
 @dataclass(frozen=True, eq=False)
 class CarriedStress:
-    """Stresses of a mesh at a load factor, dimensionless.
+    """Stresses of a mesh at a load factor, dimensionless."""
 
-    Attributes
-    ----------
-    factor : float
-        α; infinity if there is no limit, minus infinity if no multiple is carried.
-    violation : float
-        What rows are missed by, relative to what stands in them: rounding.
-    unknowns : (n,) array or None
-        (z, y, α); None if α is not finite.
-    stress : (cells, 3, count, 3) array or None
-        Coefficients of (σ_xx, σ_yy, σ_xy), φ included.
-    tractions : (2 m,) array or None
-        Rows [σ_N; σ_T] of the contacts.
-
-    """
-
-    factor: float
-    violation: float
-    unknowns: FloatArray | None = None
-    stress: FloatArray | None = None
-    tractions: FloatArray | None = None
+    factor: float  # α; infinity if there is no limit, minus infinity if no multiple is carried
+    violation: float  # what rows are missed by, relative to what stands in them: rounding
+    unknowns: FloatArray | None = None  # (n,) (z, y, α); None if α is not finite
+    stress: FloatArray | None = None  # (cells, 3, count, 3) coefficients of (σ_xx, σ_yy, σ_xy), φ included
+    tractions: FloatArray | None = None  # (2 m,) rows [σ_N; σ_T] of the contacts
 
 
 @dataclass(frozen=True, eq=False)
 class StressProgram:
-    """The program of a problem discretised at the load factors 1 and 2.
+    """The program of a problem discretised at the load factors 1 and 2."""
 
-    Attributes
-    ----------
-    low, high : Discretization
-        The problem at both factors, in the same units and degrees of freedom.
-
-    """
-
-    low: Discretization
+    low: Discretization  # the problem at both factors, in the same units and degrees of freedom
     high: Discretization
 
     @cached_property
@@ -277,21 +240,20 @@ class StressProgram:
         """What its body can carry."""
         return YieldCones.of(self.low.problem, self.low.space.traction_degree, above=False)
 
-    def carried(self) -> CarriedStress:
-        """The largest factor, with signs of bilateral pressure that a first program without friction there suggests."""
+    def carried(self, share: float = 0.0) -> CarriedStress:
+        """The largest factor, with signs of bilateral pressure that a first program without friction there suggests.
+
+        The stresses go a share of the way towards a state inside all limits, as far as these leave room.
+        """
         undecided = both_signs(self.low)
-        found = [self._solved(np.full(len(undecided), EITHER))]
+        found = [self._solved(np.full(len(undecided), EITHER), share)]
         if undecided.any():
             trials = [np.where(undecided, PRESSURE, EITHER)]
             if found[0].tractions is not None:
                 pulled = mean_normal(self.low, found[0].tractions) > 0.0
                 trials.append(np.where(undecided & pulled, TENSION, np.where(undecided, PRESSURE, EITHER)))
-            found += [self._solved(trial) for trial in trials]
+            found += [self._solved(trial, share) for trial in trials]
         return max(found, key=lambda each: each.factor)
-
-    def strictly_carried(self, share: float) -> CarriedStress:
-        """A factor with stresses a share of the way towards a state inside all limits, as far as they leave room."""
-        return self._solved(np.full(len(both_signs(self.low)), EITHER), share)
 
     def room(self) -> float:
         """How much all limits, over the stress of the loads, may be lowered for the mesh to carry some multiple.
@@ -300,7 +262,7 @@ class StressProgram:
         """
         return self.program(np.full(len(both_signs(self.low)), EITHER)).room()[1]
 
-    def _solved(self, signs: IntArray, share: float = 0.0) -> CarriedStress:
+    def _solved(self, signs: IntArray, share: float) -> CarriedStress:
         program = self.program(signs)
         found = program.tightened(_TIGHTER).solve()
         if isinstance(found, str) and found == INFEASIBLE:  # rounding decides that where limits leave no room

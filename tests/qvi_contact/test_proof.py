@@ -56,9 +56,19 @@ def heavy_wall(strength=None):
     )
 
 
+def on(bottom, strength=None):
+    """The wall on another contact."""
+    wall = heavy_wall(strength)
+    return replace(wall, conditions=[bottom, *wall.conditions[1:]])
+
+
 @pytest.mark.parametrize(
     ("problem", "load"),
     [
+        (on(Contact("bottom", 0.5, pore_pressure=lambda x, _: 0.2 + 0.1 * x)), "push"),
+        (on(Contact("bottom", 0.5, pore_pressure=0.2), MohrCoulomb(2.0, 0.6)), "push"),
+        (on(Contact("bottom", 0.3, law="bilateral")), "push"),
+        (on(Contact("bottom", 0.3, law="bilateral", shear_limit=0.3), MohrCoulomb(1.0, 0.3)), "push"),
         (stretched(Tresca(0.7)), "top"),
         (stretched(Mises(1.0), "stress"), "top"),
         (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
@@ -148,7 +158,6 @@ def test_the_checker_stands_alone(tmp_path):
     ("contact", "field"),
     [
         (Contact("bottom", lambda x, _: 0.2 + x), "Contact.friction"),
-        (Contact("bottom", 0.2, law="bilateral"), "Contact.law"),
         (Contact("bottom", 0.2, plate=RigidPlate(x=0.0)), "Contact"),
     ],
 )
