@@ -28,6 +28,8 @@ _DAMPED: Final = 1e-14  # added to the normal equations of E, whose rows may dep
 _SWEEPS: Final = 4  # of the projection on E x = e
 HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 _ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
+_ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
+_NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
 
@@ -173,7 +175,7 @@ class ConicProgram:
             inside = self._inside()
             if inside is not None:
                 room = self.margins(inside)
-                outside = (margins < 0.0) & (room > 0.0)
+                outside = (margins < 0.0) & (room > _ROOM)
                 share = float((-margins[outside] / (room[outside] - margins[outside])).max(initial=0.0))
                 x = x + min(1.0, share * (1.0 + 1e-9) + least) * (inside - x)
                 margins = self.margins(x)
@@ -194,7 +196,7 @@ class ConicProgram:
         return None if isinstance(found, str) else self.projected(found[: len(self.q)])
 
     def _roomy(self, *, each: bool) -> ConicProgram:
-        """Max m ≤ 1, with m taken off all rows; or Σ m_i, 0 ≤ m_i ≤ 1, with one for each row that leaves room."""
+        """Max m ≤ 1, with m taken off all rows; or Σ m_i with one for each row, 0 ≤ m_i ≤ 1e-3."""
         (blocks, d), (rows, n) = self.cones.g.shape, self.L.shape
         count = rows + blocks if each else 1
 
@@ -205,7 +207,7 @@ class ConicProgram:
         G = sparse.csr_array(sparse.hstack([self.cones.G, more(blocks * d, rows, d * np.arange(blocks))]))
         own = sparse.hstack([sparse.csr_array((count, n)), sparse.eye_array(count)])
         bounds = [sparse.hstack([self.L, more(rows, 0, np.arange(rows))]), own, *([-own] if each else [])]
-        h = np.concatenate([self.h, np.ones(count), np.zeros(count if each else 0)])
+        h = np.concatenate([self.h, np.full(count, _NEAR if each else 1.0), np.zeros(count if each else 0)])
         q = np.concatenate([np.zeros(n), -np.ones(count) / count])
         E = sparse.csr_array(sparse.hstack([self.E, sparse.csr_array((len(self.e), count))]))
         L = sparse.csr_array(sparse.vstack(bounds))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 KEPT_BACK: Final = 1e-9
 """Share of the way to a flow inside, which may dissipate much more, that a proof keeps back for rounding."""
 
+_Held: TypeAlias = list[tuple[int, tuple[int, int], list[Vector]]]
+
 _ACTIVE: Final = 1e-9  # speed of opening, over the largest one, within which a contact of rigid blocks is at its limit
 _ZERO: Final = Fraction(0)
 _AXES: Final[list[Vector]] = [(Fraction(1), _ZERO), (_ZERO, Fraction(1))]
@@ -39,19 +41,15 @@ _AXES: Final[list[Vector]] = [(Fraction(1), _ZERO), (_ZERO, Fraction(1))]
 def exceeded(stated: Statement, program: FlowProgram, flow: Flow | Mechanism) -> dict[str, Any]:
     """The part of a proof that says what no stress carries, from velocities of blocks or of the program."""
     cones, shares = program.cones, dict[str, Any]()
-    changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
-    keeps = ~cones.strong
-    keeps[cones.coefficient[changes] // (3 * cones.count)] = False
     degree = 1 if isinstance(flow, Mechanism) else cones.degree + 1
     if isinstance(flow, Mechanism):
         parts = _of_blocks(stated, flow)
-    elif keeps.all():
-        parts = _of_stream(stated, program.space, flow)
-    elif not keeps.any():
-        parts = _of_nodes(stated, program.space, flow, cones.strong)
-        shares = _shares(program, flow, changes)
     else:
-        raise SolveError("proof: no part of a body may keep its volume where another one changes it or is rigid")
+        changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
+        keeps = ~cones.strong
+        keeps[cones.coefficient[changes] // (3 * cones.count)] = False
+        parts = _of_nodes(stated, program.space, flow, cones.strong, keeps)
+        shares = _shares(program, flow, changes)
     velocities = [[[[str(x), str(y)] for x, y in part] for part in cell] for cell in parts]
     return {"flow": {"degree": degree, "velocities": velocities, "shares": shares}}
 
@@ -73,7 +71,7 @@ def _shares(program: FlowProgram, flow: Flow, changes: BoolArray) -> dict[str, A
     return found
 
 
-def _held(stated: Statement) -> list[tuple[int, tuple[int, int], list[Vector]]]:
+def _held(stated: Statement) -> _Held:
     """Directions d with d·v = 0 along edges of the boundary, with the cell beside them and their ends."""
     boundary, found = stated.mesh.boundary, dict[tuple[int, int], list[Vector]]()
     pairs: list[tuple[int, int]] = list(zip(boundary.first.tolist(), boundary.second.tolist(), strict=True))
@@ -146,28 +144,28 @@ def _at_limits(
                     yield slip
 
 
-def _of_stream(stated: Statement, space: Velocities, flow: Flow) -> Iterator[list[list[Vector]]]:
-    """Velocities (ψ_y, −ψ_x) of a stream function, C1 on every block."""
+def _stream_nodes(stated: Statement, space: Velocities, flow: Flow, keeps: BoolArray, held: _Held) -> dict[int, Vector]:
+    """Velocities (ψ_y, −ψ_x) of nodes of parts that keep their volume, with a stream function that is C1 on each."""
     p, mesh, sides = space.degree + 1, stated.mesh, space.nodes.of_sides  # opposite to each corner
     tips = np.array([sides[2, 0], sides[2, -1], sides[1, -1]])
-    _, at, inverse = np.unique(space.global_[:, tips], return_index=True, return_inverse=True)
-    ids = inverse.reshape(-1, 3)  # of corners, which blocks do not share
-    points = [stated.points[v] for v in mesh.cells.ravel()[at].tolist()]
-    given, rows = _kept(stated, ids, points, p)
-    values, rough = _stream_function(space, _velocities(flow), tips, ids)
+    corners, cells = space.global_[:, tips], np.flatnonzero(keeps)
+    nodes, at = np.unique(corners[cells], return_index=True)  # of corners, which blocks do not share
+    ids = np.where(np.isin(corners, nodes), np.searchsorted(nodes, corners), -1)
+    points = [stated.points[v] for v in mesh.cells[cells].ravel()[at].tolist()]
+    given, rows = _kept(stated, ids, keeps, points, p, held)
+    values, rough = _stream_function(space, _velocities(flow), tips, ids, cells)
     exact = vertex_values(points, p, given, rows, values)
     number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
-    for cell, ordinates in zip(ids.tolist(), smooth(points, ids.tolist(), p, given, exact, rough), strict=True):
-        corners, found = [points[i] for i in cell], []
-        for c, (a, b) in zip(ordinates, EDGES, strict=True):
-            one, other = less(corners[b], corners[a]), less(middle(corners), corners[a])
-            part = []
-            for alpha in exponents(p - 1).tolist():
+    found, smoothed = dict[int, Vector](), smooth(points, ids[cells].tolist(), p, given, exact, rough)
+    for cell, ordinates in zip(cells.tolist(), smoothed, strict=True):
+        ends = [points[i] for i in ids[cell].tolist()]
+        for c, (a, b), own in zip(ordinates, EDGES, space.nodes.of_parts, strict=True):
+            one, other = less(ends[b], ends[a]), less(middle(ends), ends[a])
+            for node, alpha in zip(space.global_[cell, own].tolist(), exponents(p - 1).tolist(), strict=True):
                 c0, c1, c2 = (c[number[tuple(alpha[m] + (m == n) for m in range(3))]] for n in range(3))
                 u, w = (p * (each - c0) / cross(one, other) for each in (c1, c2))  # ∇ψ·one and ∇ψ·other over the area
-                part.append((w * one[0] - u * other[0], w * one[1] - u * other[1]))
-            found.append(part)
-        yield found
+                found[node] = w * one[0] - u * other[0], w * one[1] - u * other[1]
+    return found
 
 
 def _velocities(flow: Flow) -> FloatArray:
@@ -175,27 +173,34 @@ def _velocities(flow: Flow) -> FloatArray:
     return flow.motion.velocities
 
 
-def _kept(stated: Statement, ids: IntArray, points: Sequence[Vector], p: int) -> tuple[Given, list[Row]]:
+def _kept(
+    stated: Statement, ids: IntArray, keeps: BoolArray, points: Sequence[Vector], p: int, held: _Held
+) -> tuple[Given, list[Row]]:
     """What held edges say of ψ along them, and of its slopes at their ends."""
     given, rows = dict[tuple[int, int], list[list[Fraction] | None]](), list[Row]()
-    for cell, pair, directions in _held(stated):
+    for cell, pair, directions in held:
         i, j = (int(ids[cell, stated.mesh.cells[cell].tolist().index(v)]) for v in pair)
-        e = less(points[j], points[i])
-        axes = [any(dot(d, axis) != 0 for d in directions) for axis in ((e[1], -e[0]), e)]
-        if sum(axes) != len(directions):
-            raise InputError("Traction", stated.mesh.edge_names, "on slanted edges proof files hold no x or y alone")
-        if directions:
-            given[i, j] = [[_ZERO] * (p - 1) if held else None for held in axes]
+        if directions and keeps[cell]:
+            e = less(points[j], points[i])
+            axes = [any(dot(d, axis) != 0 for d in directions) for axis in ((e[1], -e[0]), e)]
+            if sum(axes) != len(directions):
+                raise InputError(
+                    "Traction", stated.mesh.edge_names, "on slanted edges proof files hold no x or y alone"
+                )
+            given[i, j] = [[_ZERO] * (p - 1) if each else None for each in axes]
         for d in directions:
             for end in (i, j):
-                row = {3 * end + 2: d[0], 3 * end + 1: -d[1]}
-                rows.append(({column: value for column, value in row.items() if value != 0}, _ZERO))
+                if end >= 0:
+                    row = {3 * end + 2: d[0], 3 * end + 1: -d[1]}
+                    rows.append(({column: value for column, value in row.items() if value != 0}, _ZERO))
     return given, rows
 
 
-def _stream_function(space: Velocities, v: FloatArray, tips: IntArray, ids: IntArray) -> tuple[FloatArray, FloatArray]:
-    """(ψ, ψ_x, ψ_y) at corners, and ordinates (cells, 3, count) of ψ on parts, in floating point."""
-    p, corners, count = space.degree + 1, space.mesh.corners, int(ids.max()) + 1
+def _stream_function(
+    space: Velocities, v: FloatArray, tips: IntArray, ids: IntArray, cells: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """(ψ, ψ_x, ψ_y) at corners, and ordinates (n, 3, count) of ψ on parts of some cells, in floating point."""
+    p, corners, count, ids, v = space.degree + 1, space.mesh.corners[cells], int(ids.max()) + 1, ids[cells], v[cells]
     # along edges ψ_j − ψ_i = e × mean v; one corner of each block has ψ = 0
     step = np.zeros((len(ids), 3))
     for s, (a, b) in enumerate(EDGES):
@@ -227,16 +232,25 @@ def _stream_function(space: Velocities, v: FloatArray, tips: IntArray, ids: IntA
     return values, rough
 
 
-def _of_nodes(stated: Statement, space: Velocities, flow: Flow, strong: BoolArray) -> Iterator[list[list[Vector]]]:
-    """Velocities by numbers at nodes, in the directions that are free, and of rigid parts by their motions."""
-    held: dict[int, list[Vector]] = {}
-    for cell, pair, directions in _held(stated):
+def _of_nodes(
+    stated: Statement, space: Velocities, flow: Flow, strong: BoolArray, keeps: BoolArray
+) -> Iterator[list[list[Vector]]]:
+    """Velocities by numbers at nodes, in the directions that are free.
+
+    Those of rigid parts, and of parts that keep their volume, follow from their motions and stream functions.
+    """
+    if np.intersect1d(space.global_[strong], space.global_[keeps]).size:
+        raise SolveError("proof: no part of a body may keep its volume beside one that is rigid")
+    edges, held = _held(stated), dict[int, list[Vector]]()
+    for cell, pair, directions in edges:
         opposite = int(np.flatnonzero(~np.isin(stated.mesh.cells[cell], pair))[0])
         for n in space.global_[cell, space.nodes.of_sides[opposite]].tolist():
             held.setdefault(n, []).extend(directions)
     rounded = np.zeros((space.count, 2))
     rounded[space.global_] = _velocities(flow)
     found = _rigid_nodes(stated, space, rounded, strong, held)
+    if keeps.any():
+        found |= _stream_nodes(stated, space, flow, keeps, edges)
     for n, (x, y) in enumerate(rounded.tolist()):
         if n not in found:
             v = (Fraction(x), Fraction(y))

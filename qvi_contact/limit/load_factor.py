@@ -213,8 +213,7 @@ def limit_proof(
     Parameters
     ----------
     problem : ContactProblem
-        The problem: straight triangles; friction, strengths and caps that are numbers; no plates, pins and fluids, and
-        no bilateral contacts with friction.
+        The problem: straight triangles; friction, strengths and caps that are numbers; no plates and pins.
     loads : sequence of str
         Names of the loads to multiply, see `limit_load_factor`.
     degree, time_limit

@@ -31,7 +31,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
 from qvi_contact.errors import InputError
-from qvi_contact.limit.conic import HELD, INFEASIBLE, UNBOUNDED, Cones, ConicProgram
+from qvi_contact.limit.conic import HELD, UNBOUNDED, Cones, ConicProgram
 from qvi_contact.limit.linear import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
@@ -264,17 +264,18 @@ class StressProgram:
 
     def _solved(self, signs: IntArray, share: float) -> CarriedStress:
         program = self.program(signs)
-        found = program.tightened(_TIGHTER).solve()
-        if isinstance(found, str) and found == INFEASIBLE:  # rounding decides that where limits leave no room
-            found = program.solve()
-        if isinstance(found, str):
-            return CarriedStress({INFEASIBLE: -np.inf, UNBOUNDED: np.inf}[found], 0.0)
-        x, violation = program.repaired(found, share)
-        if violation > HELD:  # the solver has given up: nothing is proved
-            return CarriedStress(-np.inf, 0.0)
-        tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
-        stress = (self._matrix @ x + self._constant).reshape(-1, 3, self.cones.count, 3)
-        return CarriedStress(float(x[-1]), violation, x, stress, tractions)
+        for each in (program.tightened(_TIGHTER), program):  # where limits leave no room, rounding decides of the first
+            found = each.solve()
+            if isinstance(found, str) and found == UNBOUNDED:
+                return CarriedStress(np.inf, 0.0)
+            if isinstance(found, str):
+                continue
+            x, violation = program.repaired(found, share)
+            if violation * program.size(x) <= HELD * max(1.0, program.size(0.0 * x)):  # else the solver has given up
+                tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
+                stress = (self._matrix @ x + self._constant).reshape(-1, 3, self.cones.count, 3)
+                return CarriedStress(float(x[-1]), violation, x, stress, tractions)
+        return CarriedStress(-np.inf, 0.0)
 
     def program(self, signs: IntArray) -> ConicProgram:
         """The cone program for signs (e,) of σ_N on contact edges, which count where `both_signs`."""
