@@ -15,7 +15,7 @@ from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, Study, frame_of
 from comparisons.wild.practical import stated
 from qvi_contact import QVIError, Refinement, SolveError, refine, solve
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.refinement import RefinementStatus, places, reference_problem
 from qvi_contact.refinement.outcome import Measure
 from solvers import Status

@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from qvi_contact.basics.shown import Certainty, Rounding, shown
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.files.export import summary
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.solution.contact_line import ContactState

@@ -19,8 +19,7 @@ from qvi_contact.limit.flow import Nodes
 from qvi_contact.limit.stresses import part_corners
 from qvi_contact.mesh.arcs import cross
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
-from qvi_contact.solution.stress import principal_stresses, stress_in_cells
+from qvi_contact.solution.stress import cell_factors, held_along_z, principal_stresses, stress_in_cells, von_mises
 from solvers.basics.types import load
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from qvi_contact.basics.retired import RETIRED, refuse_arguments
-from qvi_contact.errors import InputError
+from qvi_contact.errors import RETIRED, InputError, refuse_arguments
 from solvers.settings import Settings as Method
 
 

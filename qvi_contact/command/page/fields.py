@@ -13,7 +13,7 @@ from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.problem.initial_strain import is_strained
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import BodySamples, held_along_z, out_of_plane_factors, sample_body
+from qvi_contact.solution.stress import BodySamples, held_along_z, out_of_plane_factors, sample_body
 
 if TYPE_CHECKING:
     from qvi_contact.companion import CompanionResult

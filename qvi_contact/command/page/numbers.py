@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from qvi_contact.basics.shown import Rounding, shown
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.command.report import plate_limits, shares
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, plate_numbers
