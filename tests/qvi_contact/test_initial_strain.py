@@ -21,8 +21,8 @@ from qvi_contact import (
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.problem import PointData
-from qvi_contact.problem.fingerprint import problem_digest
-from qvi_contact.problem.initial_strain import stress_along_z
+from qvi_contact.problem.material import stress_along_z
+from qvi_contact.problem.problem import problem_digest
 from tests.qvi_contact.builders import holed, quarter
 
 E, NU, ALPHA = 1000.0, 0.3, 1e-3
