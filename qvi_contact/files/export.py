@@ -343,22 +343,9 @@ def write_vtu(
 
 
 def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
-    """Write what happens on the contacts as lines through their points, for ParaView; needs the extra ``vtk`` (meshio).
+    """Write what happens on the contacts as lines through their points, for ParaView.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, ending in .vtu.
-    result : ContactResult
-        A result with a stress state and contacts.
-    units : Units, optional
-        If given, names of fields end in their unit, as in "pressure [MPa]".
-
-    Raises
-    ------
-    InputError
-        If meshio is missing, there is no stress state or no contact, the suffix is another one, or the file cannot be
-        written.
+    Arguments and errors are those of `write_vtu`; `InputError` too if the result has no contact.
 
     Notes
     -----
@@ -402,24 +389,11 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
 def write_collapse_vtu(
     path: str | Path, problem: "ContactProblem", limit: "LimitLoad", units: Units | None = None
 ) -> None:
-    """Write how a body that yields gives way at its limit load, for ParaView; needs the extra ``vtk`` (meshio).
+    """Write how a body that yields gives way at its limit load, for ParaView.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, ending in .vtu.
-    problem : ContactProblem
-        The problem on the mesh of the analysis, such as `LimitRefinement.problem`.
-    limit : LimitLoad
-        What `limit_load_factor` has found.
-    units : Units, optional
-        If given, names of fields end in their unit.
-
-    Raises
-    ------
-    InputError
-        If meshio is missing, the body does not yield or has no limit, the suffix is another one, or the file cannot be
-        written.
+    The problem is that on the mesh of the analysis, such as `LimitRefinement.problem`, and the limit what
+    `limit_load_factor` has found. Path, units and errors are those of `write_vtu`; `InputError` too if the body does
+    not yield or has no limit.
 
     Notes
     -----

@@ -88,7 +88,7 @@ class Request:
 
     @classmethod
     def read(cls, path: str, file: ProblemFile) -> "Request":
-        """The command line of this process, the problem file read again as text, and the mesh file that it names, if it does."""
+        """What the command line asked for: the problem file read again as text, and the mesh file that it names."""
         command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
         text = Path(path).read_text(encoding="utf-8-sig")
         name = tomllib.loads(text).get("mesh", {}).get("file")
