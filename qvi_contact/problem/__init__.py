@@ -30,5 +30,7 @@ __getattr__ = front(
     __name__,
     {
         "conditions": ("disc_gap",),
+        "material": ("stress_along_z",),
+        "problem": ("problem_digest",),
     },
 )
