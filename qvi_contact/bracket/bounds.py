@@ -30,6 +30,7 @@ from qvi_contact.bracket.fixed_bound import (
     AdmissibleStress,
     FixedBoundProblem,
     admissible_stress,
+    after_earlier_slip,
     fixed_bound_problem,
     with_bernstein_rows,
 )
@@ -249,7 +250,8 @@ def bracket(
     `Bracket.kind`: for laws without Coulomb friction the one stated; else s = μ|σ_N| is held fixed, and the gap is an
     indicator, as it is without the part that comes from s itself. `Bracket.outer` measures it, and
     `Bracket.force_differences` shows what it does to forces. The errors under Coulomb's law itself are bounded by
-    `Bracket.coulomb`.
+    `Bracket.coulomb`. A step of a history is bracketed as the problem that it is when the slip of the steps before is
+    what was computed: what that slip is off by is not counted, and the bounds are called estimates.
 
     Parameters
     ----------
@@ -275,7 +277,7 @@ def bracket(
     Raises
     ------
     InputError
-        If there is no stress state, an argument is wrong, or the result belongs to a step of a history.
+        If there is no stress state, an argument is wrong, or the result is a step of a history after slip along arcs.
 
     Notes
     -----
@@ -296,7 +298,9 @@ def bracket(
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
     _ = Settings.of(**options)
+    result, earlier = after_earlier_slip(result)
     given = fixed_bound_problem(result)
+    given = replace(given, reasons=(*earlier, *given.reasons))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
         log.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance, **options)
@@ -314,7 +318,7 @@ def bracket(
         found = _assemble(given, stress, companions[0])
         if given.kind is BracketKind.GIVEN_BOUND:
             _, own, companion = companions
-            reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companion.reasons))
+            reasons = dict.fromkeys((*earlier, *found.reasons[len(given.reasons) :], *companion.reasons))
             bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
             if isinstance(shared, SharedStress) and companion.has_state:
                 try:
@@ -348,7 +352,7 @@ def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], Floa
     Raises
     ------
     InputError
-        If there is no stress state, no displacement was found, or this is a step of a history.
+        If there is no stress state, no displacement was found, or this is a step of a history after slip along arcs.
 
     """
     companion = result.bracket.companion
@@ -394,7 +398,8 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
         springs = spring_parts(fields, companion)
         for rows in discretization.contacts:
             if rows.law == "tied" and rows.name in springs:
-                contacts[rows.name] = EdgeParts(*np.zeros((2, len(springs[rows.name]))), springs[rows.name])
+                part = springs[rows.name]
+                contacts[rows.name] = EdgeParts(0.0 * part, 0.0 * part, part)
             elif rows.law != "tied":
                 e = rows.edges
                 found = edge_parts(discretization, rows, normal[e], shear[e], bound[e], companion)

@@ -196,8 +196,8 @@ def solve(
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
-    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk;
-    steps of a history have none.
+    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk. A
+    step of a history is bounded for itself, with the slip before it as it was computed.
 
     \b
     Examples:
