@@ -222,6 +222,17 @@ class Varying(Kind):
         return writer.field(path, value)
 
 
+class Angle(Varying):
+    """A field, which a file may write as an expression of constants and t: that is one number."""
+
+    def read(self, value: Any, reader: Reader) -> Any:
+        """A number where it does not depend on x and y."""
+        try:
+            return reader.scalar(value) if isinstance(value, str) else reader.field(value)
+        except InputError:
+            return reader.field(value)
+
+
 class Scalar(Number):
     """A number, which a file may write as an expression of constants and t."""
 

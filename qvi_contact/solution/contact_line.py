@@ -29,9 +29,7 @@ from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, physical
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mesh.arcs import cross
-from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.topology import chains
+from qvi_contact.mesh.edges import Edges, chains, cross
 from qvi_contact.problem.conditions import is_frictionless
 from solvers.basics.frames import frame, pandas
 from solvers.basics.types import load

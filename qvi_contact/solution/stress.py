@@ -14,7 +14,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, one_of, re
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical, potential_at
 from qvi_contact.errors import InputError
-from qvi_contact.problem.initial_strain import is_strained, stress_along_z
+from qvi_contact.problem.material import is_strained, stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 
 if TYPE_CHECKING:
