@@ -45,6 +45,7 @@ from qvi_contact import (
 )
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket import bracket
+from qvi_contact.files.export import json_ready
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.plots.style import GREY
 from qvi_contact.problem.conditions import Condition
@@ -251,8 +252,7 @@ def run(case: Mapping[str, Any]) -> Record:
 def _answer(problem: Problem, result: ContactResult, seconds: float) -> Record:
     solved = result.status is Status.SOLVED
     mesh = result.problem.mesh
-    corners = mesh.vertices[mesh.cells]
-    shortest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).min())
+    shortest, _ = mesh.cell_range
     found: Record = {
         "status": result.status.value, "message": "" if solved else result.message, "seconds": seconds,
         "unknowns": int(result.discretization.qvi.n), "cells": len(mesh.cells), "h": shortest / problem.size[0],
@@ -269,15 +269,11 @@ def _bounds(problem: Problem, result: ContactResult) -> Record:
         return {}
     found = bracket(result)
     force = found.forces.get(f"{problem.contact}.{problem.force}")
-    return {
-        "lower": _finite(found.lower), "upper": _finite(found.upper), "strain": found.strain,
-        "guaranteed": not found.reasons,
-        "force_bounds": None if force is None else [_finite(force.lower), _finite(force.upper)],
-    }  # fmt: skip
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    kept: Record = json_ready({  # bounds that are infinite are none
+        "lower": found.lower, "upper": found.upper, "strain": found.strain, "guaranteed": not found.reasons,
+        "force_bounds": None if force is None else [force.lower, force.upper],
+    })  # fmt: skip
+    return kept
 
 
 def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
@@ -294,7 +290,7 @@ def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
     quantity = f"{problem.contact}.{problem.force}"
     refine(problem.equal(1), None, _OUT_OF_REACH, quantity, degree=degree, max_unknowns=most, callback=keep,
            tolerance=TOLERANCE)  # fmt: skip
-    return [each | {"estimate": _finite(each["estimate"])} for each in records]
+    return list(json_ready(records))
 
 
 def _by_the_paper(friction: float, cells: int) -> Record:
