@@ -194,7 +194,8 @@ def solve(
     values.
 
     --report writes one page. Its energy bounds take a second solve, of at most --time-limit seconds, by displacement
-    elements. So do the displacements in the file of --vtk; steps of a history have none.
+    elements. So do the displacements in the file of --vtk. A step of a history is bounded for itself, with the slip
+    before it as it was computed.
 
     \b
     Examples:

@@ -91,7 +91,7 @@ class SecondModel:
 
     @cached_property
     def bracket(self) -> Bracket | None:
-        """The bracket; None without a stress state, for a step of a history, and for incompressible materials."""
+        """The bracket; None without a stress state, for incompressible materials, and after earlier slip along arcs."""
         from qvi_contact.bracket import bracket
 
         if not self.result.has_state:
