@@ -116,13 +116,6 @@ class _Line:
         size = self.sizes[int(values is self.pressure or values is self.room)]
         return np.asarray(values <= max(self.cut * float(values.max(initial=0.0)), _NOISE * size))
 
-    def ratio(self, part: FloatArray, whole: FloatArray, size: float) -> float | None:
-        """The largest |part|/whole; None if a part is more than rounding of a size where the whole counts as none."""
-        none = self.none(whole)
-        if np.abs(part[none]).max(initial=0.0) > _ROUNDING * size:
-            return None
-        return float((np.abs(part[~none]) / whole[~none]).max(initial=0.0))
-
     def _spread(self, chosen: BoolArray) -> BoolArray:
         found = np.zeros_like(chosen)
         found[self.trace.columns[chosen[self.trace.columns].any(axis=1)]] = True
@@ -206,30 +199,6 @@ class _Model:
 
 
 @dataclass(frozen=True, eq=False)
-class _Spaces:
-    """Displacements w of the interface that meet the conditions of z, and those that test it.
-
-    Attributes
-    ----------
-    held : list of (array, int)
-        By contact μ s where conditions hold z as it is closed, and how many hold it as it sticks.
-    particular, free : arrays
-        All w that meet them with right-hand side d are particular · d + free · y.
-    others : array
-        Basis of the tests.
-    matrix : array
-        Energy of tests and y.
-
-    """
-
-    held: list[tuple[FloatArray, int]]
-    particular: FloatArray
-    free: FloatArray
-    others: FloatArray
-    matrix: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class _Pairs:
     """Dual pairs z, ζ on the mesh of a result."""
 
@@ -257,25 +226,26 @@ class _Pairs:
         """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
         goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
         c, z, plates = self._displacement(goals)
-        moved = self._ratio_of_displacements(goals, c)
-        if moved is None:
-            return None
         change, parts = self._continuous(self._stress(c))
-        pressed = self._ratio_of_stresses(change)
-        if pressed is None:
+        ratio = self._ratio(goals, c, change)
+        if ratio is None:
             return None
         second = norm.work(self.stress.problem, parts, error, defect)
         if not np.isfinite(second):
             return None
         middle, residual = self._value(goals, c, z, plates, change)
         middle -= a * float(line.trace.fluid.sum()) * self.known.scales.stress * self.known.scales.length
-        rest = (error * residual + max(moved, pressed) * defect + second) / self.unit
+        rest = (error * residual + ratio * defect + second) / self.unit
         rest += _ROUNDED * abs(middle)
         return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
-    def _spaces(self) -> _Spaces:
-        """Where z and its tests may move, whatever a and b."""
+    def _spaces(self) -> tuple[list[tuple[FloatArray, int]], FloatArray, FloatArray, FloatArray]:
+        """Where z and its tests may move, whatever a and b: held, P, Z, and the energies with the tests as rows.
+
+        By contact `held` has μ s where conditions hold z as it is closed, and how many hold it as it sticks. All w of
+        the interface that meet them with right-hand side d are P d + Z y.
+        """
         body, n = self.body, self.body.contacts.count
         held, trial, test = [], [], []
         for line in self.lines:
@@ -286,20 +256,17 @@ class _Pairs:
             trial += [normal + turned[:, None] * body.B[n + closed], shear]
             test += [normal, shear]
             held.append((turned, len(stuck)))
-        particular, free = solutions(np.vstack(trial))
-        _, others = solutions(np.vstack(test))
-        return _Spaces(held, particular, free, others, others.T @ body.S @ free)
+        return held, *solutions(np.vstack(trial)), solutions(np.vstack(test))[1].T @ body.S
 
     def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coefficients c (2, n) of z on the contacts, z (size,) and its plates, dimensionless: a and b of length 1."""
-        body, spaces = self.body, self._spaces
+        body, (held, particular, free, energies) = self.body, self._spaces
         wanted = []
-        for line, (closed, stuck) in zip(self.lines, spaces.held, strict=True):
+        for line, (closed, stuck) in zip(self.lines, held, strict=True):
             a, b = goals[line.contact.name]
             wanted += [a + closed * b, np.full(stuck, b)]
-        start = spaces.particular @ np.concatenate(wanted)
-        right = -spaces.others.T @ (body.S @ start)
-        w = start + spaces.free @ np.linalg.lstsq(spaces.matrix, right, rcond=1e-13)[0]
+        start = particular @ np.concatenate(wanted)
+        w = start - free @ np.linalg.lstsq(energies @ free, energies @ start, rcond=1e-13)[0]
         z, plates = body.expand(w)
         c = body.contacts.rows @ z - body.contacts.motions @ plates
         return c.reshape(2, body.contacts.count), z, plates
@@ -335,21 +302,6 @@ class _Pairs:
         influence = self.model.solved(qvi.K, rows.T.toarray())
         return rows, influence, rows @ influence, (rows @ rows.T).toarray()
 
-    def _ratio_of_displacements(self, goals: Mapping[str, tuple[float, float]], c: FloatArray) -> float | None:
-        """The larger of m₁ and m₄; None if there is none."""
-        found = 0.0
-        for line in self.lines:
-            a, b = goals[line.contact.name]
-            here = slice(line.start, line.start + line.trace.count)
-            slip = c[1, here] - b if line.share else 0.0 * c[1, here]
-            across = c[0, here] - a + line.friction * line.slipping * slip
-            for part, whole in ((slip, line.slip), (across, line.opening)):
-                ratio = line.ratio(self.unit * part, whole, self.unit)
-                if ratio is None:
-                    return None
-                found = max(found, ratio)
-        return found
-
     def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
         """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
         qvi, q = self.known.qvi, self.known.rule.count
@@ -379,18 +331,24 @@ class _Pairs:
             change = change + self.model.changes.solved(right)
         return change, parts
 
-    def _ratio_of_stresses(self, change: FloatArray) -> float | None:
-        """The larger of m₂ and m₃; None if there is none."""
-        scales, q, found = self.known.scales, self.known.rule.count, 0.0
-        normal, shear = (scales.stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
+    def _ratio(self, goals: Mapping[str, tuple[float, float]], c: FloatArray, change: FloatArray) -> float | None:
+        """The largest of m₁ to m₄; None if there is none."""
+        stress, q, found = self.known.scales.stress, self.known.rule.count, 0.0
+        normal, shear = (stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
         size = float(np.abs(normal).max())
         for line in self.lines:
-            pairs = ((normal, line.pressure), *(((shear, line.room),) if line.share else ()))
-            for part, whole in pairs:
-                ratio = line.ratio(part[line.rows.rows].reshape(-1, q), whole, size)
-                if ratio is None:
+            (a, b), here = goals[line.contact.name], slice(line.start, line.start + line.trace.count)
+            slip = c[1, here] - b if line.share else 0.0 * c[1, here]
+            across = c[0, here] - a + line.friction * line.slipping * slip
+            pairs = [(self.unit * slip, line.slip, self.unit), (self.unit * across, line.opening, self.unit)]
+            pairs.append((normal[line.rows.rows].reshape(-1, q), line.pressure, size))
+            if line.share:
+                pairs.append((shear[line.rows.rows].reshape(-1, q), line.room, size))
+            for part, whole, unit in pairs:
+                none = line.none(whole)
+                if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
                     return None
-                found = max(found, ratio)
+                found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
         return found
 
     def _value(
