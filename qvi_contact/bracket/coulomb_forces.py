@@ -14,11 +14,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.friction_norm import FrictionNorm
@@ -153,10 +152,12 @@ def coulomb_force_bounds(
     assert companion.state is not None
     if 2 * companion.state.contacts.count > MOST:
         return {}
-    model, mesh = _Model.of(stress, companion), stress.problem.mesh
-    found: dict[str, Bounds] = {}
+    qvi, mesh, found = stress.discretization.qvi, stress.problem.mesh, dict[str, Bounds]()
+    fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
+    body = BodyAtRest.of(stress.problem, companion.degree)
+    changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
     for cut in _CUTS:
-        pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, shares, cut)))
+        pairs = _Pairs(body, fields, changes, stress, companion, list(_lines(stress, companion, shares, cut)))
         for line in pairs.lines:
             targets = {"normal_force": (-1.0, 0.0)}
             if line.share and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
@@ -171,38 +172,12 @@ def coulomb_force_bounds(
 
 
 @dataclass(frozen=True, eq=False)
-class _Model:
-    """What all dual pairs of a mesh share: displacements at rest, τ, and the factors of the energy of stresses."""
+class _Pairs:
+    """Dual pairs z, ζ on the mesh of a result: displacements at rest, τ, and changes of all its tractions."""
 
     body: BodyAtRest
     fields: CellFields
-    scale: FloatArray
-    factors: Any
     changes: LeastChange
-
-    @classmethod
-    def of(cls, stress: ContactResult, companion: CompanionResult) -> _Model:
-        K = stress.discretization.qvi.K
-        scale = 1.0 / np.sqrt(K.diagonal())
-        scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
-        fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
-        body, qvi = BodyAtRest.of(stress.problem, companion.degree), stress.discretization.qvi
-        changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
-        return cls(body, fields, scale, splu(scaled), changes)
-
-    def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
-        """K⁻¹ · right (n, j), once corrected."""
-        scale = self.scale[:, None]
-        found = self.factors.solve(scale * right)
-        found += self.factors.solve(scale * (right - K @ (scale * found)))
-        return np.asarray(scale * found)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pairs:
-    """Dual pairs z, ζ on the mesh of a result."""
-
-    model: _Model
     stress: ContactResult
     companion: CompanionResult
     lines: list[_Line]
@@ -211,11 +186,6 @@ class _Pairs:
     def known(self) -> Discretization:
         """The discretisation of the stress."""
         return self.stress.discretization
-
-    @property
-    def body(self) -> BodyAtRest:
-        """The displacements."""
-        return self.model.body
 
     @property
     def unit(self) -> float:
@@ -279,19 +249,16 @@ class _Pairs:
         for line in self.lines:
             local = np.stack(line.trace.on_edges(*c[:, line.start : line.start + line.trace.count]))
             work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
-        load = qvi.N.T @ work[0] + qvi.T.T @ work[1]
-        x = self.model.solved(qvi.K, load[:, None])[:, 0]
-        rows, influence, reached, square = self._held
-        if not rows.shape[0]:
-            return np.asarray(x)
-        x = x - influence @ np.linalg.lstsq(reached, rows @ x, rcond=1e-13)[0]
+        rows, changes = self._held
+        none = np.zeros(rows.shape[0])
+        x = changes.solved(none, qvi.N.T @ work[0] + qvi.T.T @ work[1])
         for _ in range(2):  # what is left of the rows is rounding, which must not count
-            x = x - rows.T @ np.linalg.lstsq(square, rows @ x, rcond=1e-13)[0]
-        return np.asarray(x)
+            x = x - changes.solved(rows @ x)
+        return x
 
     @cached_property
-    def _held(self) -> tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]:
-        """Rows of tractions that are to vanish, what they do, K⁻¹ rowsᵀ, and rows times that and times rowsᵀ."""
+    def _held(self) -> tuple[sparse.csr_array, LeastChange]:
+        """Rows of tractions that are to vanish, and changes that leave them as they are told."""
         qvi, q = self.known.qvi, self.known.rule.count
         held = np.zeros((2, qvi.m), dtype=bool)
         for line in self.lines:
@@ -299,8 +266,7 @@ class _Pairs:
             held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
         parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
         rows = sparse.csr_array(sparse.vstack([*parts, qvi.A]))
-        influence = self.model.solved(qvi.K, rows.T.toarray())
-        return rows, influence, rows @ influence, (rows @ rows.T).toarray()
+        return rows, LeastChange.of(qvi, rows)
 
     def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
         """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
@@ -328,7 +294,7 @@ class _Pairs:
             wanted[line.rows.rows] = (share.values * share.weights - own).ravel()
         if wanted.any():
             right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
-            change = change + self.model.changes.solved(right)
+            change = change + self.changes.solved(right)
         return change, parts
 
     def _ratio(self, goals: Mapping[str, tuple[float, float]], c: FloatArray, change: FloatArray) -> float | None:
@@ -364,7 +330,7 @@ class _Pairs:
         assert companion.state is not None
         u = self.stress.dofs
         other = u + known.basis @ change
-        fields = self.model.fields
+        fields = self.fields
         dual = CellFields.of(known, other, companion.degree).less(fields)
         strain = self.body.body.body.strain(z, slice(None), fields.t[:, -2:]) * (self.unit / scales.length)
         compliance = known.problem.compliances

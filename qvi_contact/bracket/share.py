@@ -419,7 +419,7 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
 
 @dataclass(frozen=True, eq=False)
 class LeastChange:
-    """Changes x of the unknowns of a stress of least energy xᵀKx with given rows · x; rows may depend on each other.
+    """Changes x of the unknowns of a stress of least ½ xᵀKx − load · x with given rows · x, which may be dependent.
 
     Attributes
     ----------
@@ -449,10 +449,10 @@ class LeastChange:
         matrices = [sparse.csc_array(sparse.block_array([[S, R.T], [R, part]])) for part in (nothing, -slightly)]
         return cls((scale, lengths), matrices[0], splu(matrices[1]))
 
-    def solved(self, right: FloatArray) -> FloatArray:
+    def solved(self, right: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
         """The x with rows · x = right, as nearly as there is one."""
         scale, lengths = self.scales
-        wanted = np.concatenate([np.zeros(len(scale)), right / lengths])
+        wanted = np.concatenate([scale * load, right / lengths])
         found = np.zeros_like(wanted)
         for _ in range(4):  # what regularises the system is corrected
             found = found + self.factors.solve(wanted - self.matrix @ found)
