@@ -17,7 +17,7 @@ from comparisons.wild.practical import stated
 from qvi_contact import QVIError, Refinement, SolveError, refine, solve
 from qvi_contact.basics.shown import Certainty
 from qvi_contact.refinement import RefinementStatus, places, reference_problem
-from qvi_contact.refinement.outcome import Measure
+from qvi_contact.refinement.measure import Measure
 from solvers import Status
 
 MOST_UNKNOWNS: Final = 1500

@@ -322,6 +322,6 @@ def _finite(value: float) -> float | None:
 
 
 def _unit(found: Outcome, units: Units) -> str:
-    from qvi_contact.refinement.outcome import unit_of
+    from qvi_contact.refinement.measure import unit_of
 
     return unit_of(found.quantity, units)

@@ -49,9 +49,10 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
         raise InputError("result", result.status.value, "derivatives need a solved result")
     if side not in (None, "above", "below"):
         raise InputError("side", side, "give 'above' or 'below', or leave it out")
-    measure = load("qvi_contact.refinement.outcome").Measure.of(result.problem, quantity)  # that room builds on this
-    if not isinstance(quantity, str) or quantity == "energy":
-        raise InputError("quantity", quantity, "give the name of a force, or of a motion of a plate")
+    measure = load("qvi_contact.refinement.measure").Measure.of(result.problem, quantity)  # that room builds on this
+    if not measure.linear:
+        remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
+        raise InputError("quantity", quantity, remedy)
     known = result.discretization
     parameters = dict(_parameters(result.problem, known.scales))
     chosen = parameters[known_name("parameter", parameter, {"parameters": parameters})]

@@ -88,11 +88,12 @@ PARAMETERS = {
 def test_differences_of_solves(number, short):
     parameter, size = PARAMETERS[short]
     quantities = {"bottom.tangential_force": 1.0, "joint.tangential_force": 1.0, "top.x": 1e3}  # and their sizes
+    quantities["xx(0.8, 0.3)"] = 1.0
 
     def values(**changed):
         result = solve(two_blocks(np.random.default_rng(number), **changed), tolerance=1e-14)
         forces = [result.contacts[name].tangential_force for name in ("bottom", "joint")]
-        return result, np.array([*forces, result.plates["top"].x])
+        return result, np.array([*forces, result.plates["top"].x, result.stress(0.8, 0.3)[0]])
 
     result, here = values()
     above, below = (values(**{short: sign * 1e-5 * size})[1] for sign in (1.0, -1.0))
