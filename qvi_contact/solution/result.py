@@ -415,7 +415,7 @@ class ContactResult(PicklesFields, Attached):
         ----------
         quantity : str
             "NAME.normal_force" or "NAME.tangential_force" of a contact; "NAME.force_x", "NAME.force_y", "NAME.moment",
-            "NAME.x", "NAME.y" or "NAME.rotation" of a plate; at a point "NAME.slip(x, y)" of a contact, and the stresses
+            "NAME.x", "NAME.y" or "NAME.rotation" of a plate; at a point "NAME.slip(x, y)" of a contact, and stresses
             "xx(x, y)", "yy(x, y)", "xy(x, y)".
         parameter : str
             "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap", "NAME.offset" or a stiffness of a contact,
