@@ -37,7 +37,7 @@ SAMPLE = [
         for family in generator.FAMILIES
         for number in range(examples(2))
         if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
-    ),
+    )
 ]
 
 
