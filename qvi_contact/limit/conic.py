@@ -85,10 +85,19 @@ class ConicProgram:
             If there is no x, or not in time.
 
         """
-        clarabel = load("clarabel")
+        found = self.answered()
+        return found if isinstance(found, str) else found[0]
+
+    def rows(self) -> tuple[sparse.csc_array, FloatArray]:
+        """All rows (A, b), A x ≤ b or = b: those of E, of L, and of the cones."""
         parts = [(self.E, self.e), (self.L, self.h), *((cone.G, cone.g.ravel()) for cone in self.cones)]
         A = sparse.csc_array(sparse.vstack([matrix for matrix, _ in parts]))
-        b = np.concatenate([vector for _, vector in parts])
+        return A, np.concatenate([vector for _, vector in parts])
+
+    def answered(self) -> tuple[FloatArray, FloatArray] | str:
+        """What `solve` gives, with the multipliers of all `rows`: q + Aᵀ multipliers = 0."""
+        clarabel = load("clarabel")
+        A, b = self.rows()
         kinds = [clarabel.ZeroConeT(len(self.e))] if len(self.e) else []
         kinds += [clarabel.NonnegativeConeT(len(self.h))] if len(self.h) else []
         kinds += [clarabel.SecondOrderConeT(cone.g.shape[1]) for cone in self.cones for _ in range(len(cone.g))]
@@ -118,7 +127,7 @@ class ConicProgram:
             raise SolveError(
                 f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
             )
-        return np.asarray(x)
+        return np.asarray(x), np.array(answer.z)
 
     def projected(self, x: FloatArray) -> FloatArray:
         """The nearest point with E x = e, rows of which may depend on each other."""

@@ -13,9 +13,13 @@ from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.frames import columns_of, frame
+from solvers.basics.types import load
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from qvi_contact.discretization.space import LawOn
+    from qvi_contact.solution.derivatives import Side
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,50 @@ class LimitFactor:
     """
 
     loads: Sequence[str]
+
+    def derivative(
+        self,
+        problem: ContactProblem,
+        parameter: str,
+        side: Side | None = None,
+        *,
+        degree: int | None = None,
+        law_on: LawOn | None = None,
+    ) -> float:
+        """By how much the factor grows with a datum of the problem, from the multipliers of its program.
+
+            LimitFactor(["drag"]).derivative(problem, "ground.friction")
+
+        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            The problem.
+        parameter : str
+            "NAME.friction", "NAME.cohesion" or "NAME.shear_limit" of a contact; "load.NAME", a factor of a load; of
+            strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
+            everywhere.
+        side : "above" or "below", optional
+            Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
+            sides differ; such values are good to about five digits. What is zero has only the one from above.
+        degree, law_on
+            As for `limit_load_factor`.
+
+        Returns
+        -------
+        float
+            The derivative [1/unit of the parameter].
+
+        Raises
+        ------
+        InputError
+            If there is no such name, no finite factor, the derivatives from both sides differ, or bilateral contacts
+            have friction.
+
+        """
+        found = load("qvi_contact.solution.derivatives").limit_derivative
+        return float(found(problem, self.loads, parameter, side, degree=degree, law_on=law_on))
 
 
 class RefinementStatus(StrEnum):
