@@ -243,15 +243,17 @@ _Datum: TypeAlias = tuple[float, bool, Callable[[float], ContactProblem]]
 def _limit_data(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Datum]]:
     """Data of limit loads by name."""
     for number, contact in enumerate(problem.conditions):
-        for name in ("friction", "cohesion", "shear_limit") if isinstance(contact, Contact) else ():
-            value = getattr(contact, name)
-            if value is not None and contact.law != "tied":
-                unit = _unit(value, 1.0 if name == "friction" else scales.stress)
-                yield f"{contact.name}.{name}", (*unit, partial(_rougher, problem, number, name))
+        if isinstance(contact, Contact) and contact.law != "tied":
+            for name in ("friction", "cohesion", "shear_limit"):
+                value = getattr(contact, name)
+                if value is not None:
+                    unit = _unit(value, 1.0 if name == "friction" else scales.stress)
+                    yield f"{contact.name}.{name}", (*unit, partial(_rougher, problem, number, name))
     for name in loads_of(problem):
         yield f"load.{name}", (1.0, True, partial(_heavier, problem, name))
-    for number, owner in enumerate((problem, *problem.regions)):
-        strength, title = owner.material.strength, getattr(owner, "name", "material")
+    owners = [("material", problem.material), *((region.name, region.material) for region in problem.regions)]
+    for number, (title, material) in enumerate(owners):
+        strength = material.strength
         for each in fields(strength) if strength is not None and title is not None else ():
             value = getattr(strength, each.name)
             if value is not None:
