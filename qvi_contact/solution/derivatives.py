@@ -22,7 +22,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.linear import EITHER, both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
-from qvi_contact.limit.stresses import StressProgram, YieldCones
+from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -210,8 +210,7 @@ def limit_derivative(
     def program(step: float) -> ConicProgram:
         low, high = (multiplied(moved(step * unit), posed.names, factor) for factor in (1.0, 2.0))
         first = posed.low.with_data(low, posed.low.scales)
-        cones = YieldCones.of(low, first.space.traction_degree)
-        stresses = StressProgram(first, first.with_data(high, posed.low.scales), cones)
+        stresses = StressProgram(first, first.with_data(high, posed.low.scales))
         return stresses.program(np.full(len(both_signs(first)), EITHER))
 
     def at(step: float) -> float:
