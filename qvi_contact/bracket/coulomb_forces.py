@@ -217,7 +217,8 @@ class _Pairs:
         the interface that meet them with right-hand side d are P d + Z y.
         """
         body, n = self.body, self.body.contacts.count
-        held, trial, test = [], [], []
+        tied = body.B[np.tile(body.contacts.gathered("tied").astype(bool), 2) & body.live]
+        held, trial, test = [], [tied], [tied]
         for line in self.lines:
             closed, stuck = (line.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
             closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
@@ -231,7 +232,7 @@ class _Pairs:
     def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coefficients c (2, n) of z on the contacts, z (size,) and its plates, dimensionless: a and b of length 1."""
         body, (held, particular, free, energies) = self.body, self._spaces
-        wanted = []
+        wanted = [np.zeros(len(particular.T) - sum(len(closed) + stuck for closed, stuck in held))]  # of tied ones
         for line, (closed, stuck) in zip(self.lines, held, strict=True):
             a, b = goals[line.contact.name]
             wanted += [a + closed * b, np.full(stuck, b)]

@@ -525,6 +525,14 @@ class TestBlock:
         assert result.uniqueness.apart == found.apart < 0.07
         assert result.uniqueness.certainty == "estimate"
 
+    def test_a_tied_contact_holds_as_a_support_does(self):
+        problem = pressed_block(0.2, (4, 2))
+        tied = [Contact.tied("top", gap=-0.1) if each.edges == "top" else each for each in problem.conditions]
+        forces = solve(replace(problem, conditions=tied)).bracket.coulomb.forces
+        known = solve(problem).bracket.coulomb.forces
+        for name in ("bottom.normal_force", "bottom.tangential_force"):
+            assert forces[name] == pytest.approx(known[name], rel=1e-6, abs=1e-9)
+
     def test_a_corner_that_is_halved_often(self):
         problem = pressed_block(0.2, (4, 2))
         mesh = problem.mesh
