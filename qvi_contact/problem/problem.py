@@ -420,6 +420,8 @@ def _raise_on_edge(mesh: TriangleMesh, name: str, component: int, edge: int, rem
     raise InputError("ContactProblem.conditions", name, f"{what} of the edge around ({x:.6g}, {y:.6g}) {remedy}")
 
 
+# what stored answers are told from those of other problems by; functions count by their values at some points
+
 _PASSING = ("callback", "threads", "throw")  # options that change no answer
 _PLACES = np.array([0.05, 0.2, 0.45, 0.7, 0.9])  # along an edge
 
