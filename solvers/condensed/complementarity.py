@@ -74,7 +74,7 @@ class Complementarity:
     ) -> None:
         self._shares, self.start = shares, shares.start
         self._qvi, self._space, self.stress = qvi, space, stress
-        frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), space.E_T, qvi.W)
+        frictionless = Frictionless.of(space.frictionless, space.E_T, qvi.W)
         self._equations = Equations.of(space.A, frictionless, space.size)
         self._lay_out()
         self._lay_out_rows()
@@ -155,7 +155,7 @@ class Complementarity:
         self._moved = bool(base.z.any())
         _, self._in_body, self._nothing = body_scales(self._qvi, base.strain_energy) if self._moved else (0.0, 0.0, 0.0)
         self._base = base
-        self._offset: Vector = self._equations.offset(base.equality, base.tangential)
+        self._offset: Vector = self._equations.offset(base.equality[: len(space.A)], base.tangential)
         half = base.c + 0.5 * (space.stiffness @ self._offset)
         self._energy = base.energy + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + space.stiffness @ self._offset)
@@ -321,15 +321,15 @@ class Complementarity:
     def multipliers(self, u: Vector, lam: Vector) -> tuple[Vector, Vector, Vector]:
         """Row multipliers (m_N, m_T, ν) of (D2)."""
         qvi, space = self._qvi, self._space
-        rows = self.weights * lam
+        rows, y = self.weights * lam, self.full(u)
         normal = self._sign == 0.0
         m_N: Vector = np.zeros(qvi.m) + np.bincount(self._points[normal], rows[normal], qvi.m)
         m_T: Vector = np.zeros(qvi.m) + np.bincount(self._points[~normal], (self._sign * rows)[~normal], qvi.m)
-        residual = (
-            self._base.c + space.stiffness @ self.full(u) + space.E_N.T @ m_N + space.E_T.T @ m_T
-        )  # fmt: skip
-        nu, frictionless = self._equations.multipliers(residual, qvi.m, qvi.p)
-        return m_N, m_T + frictionless, nu
+        found = space.equation_multipliers(space.held(self._base, y))
+        if found is None:
+            residual = self._base.c + space.stiffness @ y + space.E_N.T @ m_N + space.E_T.T @ m_T
+            found = self._equations.multipliers(residual, qvi.m, qvi.p)
+        return m_N, m_T + found[1], found[0]
 
 
 def _beyond(values: Vector, rounding: Vector) -> Vector:
