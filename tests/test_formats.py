@@ -5,16 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Material,
-    RigidPlate,
-    Traction,
-    TriangleMesh,
-    load_result,
-    solve,
-)
+from qvi_contact import Contact, ContactProblem, Material, RigidPlate, Traction, TriangleMesh, load_result, solve
 from qvi_contact.files import FORMAT_VERSION, Archive, summary, write_npz
 
 PAGE = (Path(__file__).parent.parent / "docs" / "formats.md").read_text(encoding="utf-8")

@@ -1,6 +1,5 @@
 """What solves say while they run: printed with verbose=True, and logged."""
 
-import inspect
 import itertools
 import json
 import logging
@@ -14,41 +13,30 @@ import qvi_contact
 from qvi_contact import (
     InputError,
     LimitFactor,
-    Settings,
     limit_load_factor,
     load_problem,
     refine,
     solve,
-    solve_companion,
     solve_history,
     solve_sweep,
 )
 from qvi_contact.bracket import bracket
 from qvi_contact.cli import group
 from qvi_contact.gallery import compressed_plate
-from solvers import Status, solve_qvi
+from solvers import Status
 from solvers.basics import Log, Progress, report
+from solvers.settings import METHODS
 from solvers.solution import Iteration
-from solvers.solve import METHODS
 
 NAME = "qvi_contact"
 DRAGGED = Path(__file__).parent.parent / "examples" / "dragged_block_holds.toml"
 PLATE = compressed_plate(0.2, (2, 2))
-SOLVING = (solve, solve_history, solve_sweep, refine, limit_load_factor, solve_companion, bracket)
 
 
 def numbers(printed):
     """First numbers of the lines of the table."""
     lines = printed.split("-" * 79)[1].splitlines()[2:]
     return [int(line.split()[1]) for line in lines]
-
-
-@pytest.mark.parametrize("function", [*SOLVING, solve_qvi], ids=lambda function: function.__name__)
-def test_all_that_solves_takes_a_time_limit_and_speaks(function):
-    taken = inspect.signature(function).parameters
-    taken = inspect.signature(Settings).parameters if "settings" in taken else taken
-    assert {"time_limit", "verbose"} <= taken.keys()
-    assert taken["verbose"].default is False
 
 
 @pytest.mark.parametrize("method", METHODS)

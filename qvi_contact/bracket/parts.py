@@ -24,7 +24,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, contact_named, joined, scaled_stress_at_rest
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.problem.initial_strain import is_strained
+from qvi_contact.problem.material import is_strained
 from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import normal_and_shear
 

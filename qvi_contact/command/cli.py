@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from qvi_contact.basics.schema import Choice, Number, Whole, described, keys_of
+from qvi_contact.basics.schema import Choice, Number, Whole, defaults_of, described, keys_of
 from qvi_contact.basics.terminal import Group, run
-from qvi_contact.files.options import RefineOptions, SolveOptions
+from qvi_contact.files.options import RefineOptions
+from qvi_contact.solution.settings import Settings
 from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
     from solvers import available
     from solvers.factorisation import available_backends
     from solvers.factorisation.choice import OTHERS
-    from solvers.solve import METHODS
+    from solvers.settings import METHODS
 
     known: dict[str | None, Iterable[str]] = {"method": METHODS, "inner": available()}
     return [word for word in known.get(option.name, (*OTHERS, *available_backends())) if word.startswith(begun)]
@@ -43,7 +44,9 @@ def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
 
 def _options(declared: type, *names: str, **texts: str) -> Callable[[_Command], _Command]:
     """Options as a class declares them, with other texts for some."""
-    said = {name: text.rpartition(": `")[0] + "." for name, text in described(declared).items()} | texts
+    said = {name: text.rpartition(": `")[0] + "." for name, text in described(declared).items()}
+    given = {name: value for name, value in defaults_of(declared).items() if value is not None and name in said}
+    said |= {name: f"{said[name]}  [default: {value}]" for name, value in given.items()} | texts
 
     def decorated(command: _Command) -> _Command:
         for name in reversed(names):
@@ -76,8 +79,8 @@ def _writes(*names: str, **texts: str) -> Callable[[_Command], _Command]:
 
 
 _FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind: the shell completes its name
-_ELEMENT = _options(SolveOptions, "degree", "law_on")
-_TIME_LIMIT = _options(SolveOptions, "time_limit")
+_ELEMENT = _options(Settings, "degree", "law_on")
+_TIME_LIMIT = _options(Settings, "time_limit")
 _VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 
@@ -95,21 +98,19 @@ def _opened(
     from qvi_contact.command.outputs import checked_targets
     from qvi_contact.errors import InputError
     from qvi_contact.files.problem_file import load_problem
-    from solvers.solve import Settings
 
     targets = checked_targets(file, **{name: given[name] for name in _TARGETS if name in given})
     problem_file = load_problem(file)
     if single and problem_file.times:
         remedy = f"{single} needs a single problem: give a file without [history]"
         raise InputError("history", f"{len(problem_file.times)} steps", remedy)
-    known = keys_of(SolveOptions)
+    known = keys_of(Settings)
     typed = {name: value for name, value in given.items() if name in known and value is not None}
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         element, stated = problem_file.element, problem_file.solve_options
         options = {name: value for name, value in stated.items() if name not in element}
-        if "method" in typed and typed["method"] != Settings.of(**options).method:
-            kept = ("inner", "tolerance", "factorisation", "threads", "time_limit")
-            options = {name: value for name, value in options.items() if name in kept}
+        if "method" in typed and typed["method"] != Settings.of(None, options).chosen:
+            options = {name: value for name, value in options.items() if name in known}
         yield problem_file, targets, options | element | typed
 
 
@@ -141,7 +142,7 @@ def group() -> None:
 @group.command(short_help="Solve a problem: forces, states, certificate.")
 @_FILE
 @_ELEMENT
-@_options(SolveOptions, "method", "inner", "factorisation", "threads", "tolerance", "time_limit")
+@_options(Settings, "method", "inner", "factorisation", "threads", "tolerance", "time_limit")
 @_VERBOSE
 @_JSON
 @_writes("plot", "vtk", "npz", "save_json", "report")
@@ -151,7 +152,6 @@ def group() -> None:
     help="Contacts with a chart of pressure and friction in pictures, as base,wall; none without charts.  [default: at "
     "most two]",
 )
-@click.option("--certificate", is_flag=True, help="Compute the certificate again and print it as a table.")
 @click.option(
     "--set",
     "swept",
@@ -173,7 +173,6 @@ def solve(
     file: str,
     verbose: bool,
     as_json: bool,
-    certificate: bool,
     swept: tuple[str, ...],
     store: str | None,
     panels: str | None,
@@ -194,10 +193,8 @@ def solve(
     each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers or --dask share the
     values.
 
-    --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
-    any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
-    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk;
-    steps of a history have none.
+    --report writes one page. Its energy bounds take a second solve, of at most --time-limit seconds, by displacement
+    elements. So do the displacements in the file of --vtk; steps of a history have none.
 
     \b
     Examples:
@@ -213,14 +210,14 @@ def solve(
     from qvi_contact.basics.writing import write_text
     from qvi_contact.command import series as several
     from qvi_contact.command.outputs import SecondModel, asked_panels, json_text, page_of, write_all
-    from qvi_contact.command.report import result_lines, verification_lines
+    from qvi_contact.command.report import result_lines
     from qvi_contact.files.export import summary
 
     with _opened(file, given) as (problem_file, targets, options):
         problem_file, plan = several.asked(problem_file, swept)
         units = problem_file.units
         charts = asked_panels(problem_file, panels)
-        several.check_asked(plan, store, {**given, "certificate": certificate})
+        several.check_asked(plan, store, given)
         if plan is not None and store is not None:
             shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
             sweep = several.swept(problem_file, plan, options, verbose, store=store, **shared)
@@ -230,31 +227,18 @@ def solve(
             _show(problem_file, document if as_json else several.stored_lines(sweep))
             return 0 if sweep.status == "solved" else 1
         series, steps = several.solved_series(problem_file, plan, options, verbose, store)
-        checked: tuple[Any, ...] = ()
-        if certificate:
-            from qvi_contact.verification.verification import verify_result
-
-            checked = tuple(verify_result(step, given["tolerance"]) for step in steps)
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
             found = [summary(step, units) for step in steps]
-            for step, verification in zip(found, checked, strict=False):
-                step["verification"] = verification.document()
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
         page = page_of(file, problem_file, steps, second, series=series, panels=charts)
         history = None if series is None else series.history
         complete = write_all(targets, problem_file, second, document, page, history, charts)
-    if as_json:
-        _show(problem_file, document)
-    else:
-        lines = result_lines(steps[0], units) if series is None else series.lines(units)
-        values = ((), "t") if series is None else (series.values, series.label)
-        _show(problem_file, (*lines, *(verification_lines(checked, *values) if certificate else ())))
-    if not complete:
-        return 2
-    return 0 if solved and all(found.passed for found in checked) else 1
+    lines = result_lines(steps[0], units) if series is None else series.lines(units)
+    _show(problem_file, document if as_json else lines)
+    return 2 if not complete else 0 if solved else 1
 
 
 @group.command(short_help="Check a stored result, from its file alone.")
@@ -378,7 +362,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
 @group.command(short_help="Look for other solutions of the same problem.")
 @_FILE
 @_ELEMENT
-@_options(SolveOptions, "tolerance", "time_limit")
+@_options(Settings, "tolerance", "time_limit")
 @_VERBOSE
 @_JSON
 @_writes("plot", "vtk", "npz", "save_json")
@@ -425,7 +409,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     "[default: estimated]",
 )
 @_options(
-    SolveOptions, "degree", "law_on", "method", "inner", "tolerance", "time_limit",
+    Settings, "degree", "law_on", "method", "inner", "tolerance", "time_limit",
     degree="Degree of the element, 3 to 11; 5 by default.",
 )  # fmt: skip
 @_VERBOSE
@@ -520,8 +504,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
         qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_report import document, lines, proved, reported, written
+    from qvi_contact.command.outputs import write_limit, write_proof
     from qvi_contact.command.progress_line import solving
+    from qvi_contact.command.report import limit_document, limit_lines
     from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
@@ -534,22 +519,21 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
         problem, refinement, degree = problem_file.problem, None, space.get("degree")
         if not loads and "proof" in targets:
-            click.echo("\n".join(proved(targets["proof"], problem, (), degree)))
+            click.echo("\n".join(write_proof(targets["proof"], problem, (), degree)))
             return 0
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:
             refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
             found, problem = refinement.limit, refinement.problem
-        proofs = proved(targets["proof"], problem, list(loads), degree) if "proof" in targets else []
-    for line in written(targets, loads, problem, found, problem_file):
+        proofs = write_proof(targets["proof"], problem, list(loads), degree) if "proof" in targets else []
+    said = limit_lines(loads, found, refinement)
+    for line in write_limit(targets, file, problem_file, problem, found, said):
         click.echo(f"qvi-contact: {line}", err=True)
-    if "report" in targets:
-        reported(targets["report"], file, problem_file, problem, found, lines(loads, found, refinement))
     if as_json:
-        _show(problem_file, {"loads": list(loads), **document(found, refinement)})
+        _show(problem_file, {"loads": list(loads), **limit_document(found, refinement)})
     else:
-        click.echo("\n".join([*lines(loads, found, refinement), *proofs]))
+        click.echo("\n".join([*said, *proofs]))
     missed = refinement is not None and refinement.status != "reached"
     return 1 if missed or found == -float("inf") else 0
 
@@ -611,7 +595,7 @@ def check_proof(file: str) -> int:
     Example:
         qvi-contact check-proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_report import checked_proof
+    from qvi_contact.command.report import checked_proof
 
     holds, line = checked_proof(file)
     click.echo(line)
@@ -651,7 +635,7 @@ def methods(as_json: bool) -> None:
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
     from solvers.factorisation.base import DENSE
-    from solvers.solve import METHODS
+    from solvers.settings import METHODS
 
     factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
     if as_json:

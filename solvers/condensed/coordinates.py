@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy.sparse import block_array, csc_array, csr_array, diags_array, eye_array, hstack, vstack
+from scipy.sparse import csc_array, csr_array, diags_array, eye_array, hstack, vstack
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.condensed.systems import (
@@ -174,7 +174,8 @@ class SparseCoordinates(Coordinates):
         K = _scaled(qvi.K, self._scale, rows.shape[0])
         coupling = csr_array((self.equations.data, self.equations.indices, self.equations.indptr), (count, K.shape[0]))
         self._K = K
-        self.stiffness = csr_array(block_array([[K, coupling.T], [coupling, None]])) if count else K
+        beside = csr_array(hstack([coupling, csr_array((count, count))]))
+        self.stiffness = csr_array(vstack([hstack([K, coupling.T]), beside])) if count else K
 
     @property
     def size(self) -> int:
@@ -299,7 +300,7 @@ class SparseSystem:
         self._size = len(filling.starts) - 1
         self._values = np.empty_like(filling.entries)  # of H, whichever was filled last
         self._springs, self._blocks = whole.springs
-        points = np.count_nonzero(self._blocks)
+        points = int(np.count_nonzero(self._blocks))
         self._sheared, self._across = whole.equations[:points], whole.equations[points:]
 
     def norm(self, force: Vector) -> float:

@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from comparisons.exchange import (
-    load_qvi,
-    local_problem,
-    programs_of,
-    read_fclib,
-    write_fclib,
-)
+from comparisons.exchange import load_qvi, local_problem, programs_of, read_fclib, write_fclib
 from qvi_contact import discretize, load_problem, solve
 from qvi_contact.gallery import compressed_plate
 from tests.comparisons.parts import command, refused

@@ -38,7 +38,7 @@ from qvi_contact.runs import FAILURES, Outcome, database
 from tests.comparisons.parts import row
 from tests.run_processes import eventually, marked, started
 
-PLACES = [(mesh, mu, seed) for mesh in (8, 16) for mu in (0.1, 0.2, 0.5) for seed in (7, 8)]
+PLACES = [(mesh, mu, 7) for mesh in (8, 16) for mu in (0.1, 0.2, 0.5)]
 DEMO = Study(
     "demo", 1, "tests.run_tasks:measured",
     [{"mesh": mesh, "friction": mu, "method": method, "seed": seed}
@@ -95,7 +95,7 @@ def filled(path, study=SMALL, count=2):
 class TestCases:
     """Plain values, and what finds a row."""
 
-    @settings(max_examples=40, deadline=None)
+    @settings(max_examples=15, deadline=None)
     @given(VALUES, VALUES)
     def test_other_values_have_other_keys_and_the_order_of_entries_does_not_matter(self, one, other):
         keys = {SMALL.key({"factor": value}) for value in (one, shuffled(one), other)}
@@ -282,7 +282,7 @@ def uninterrupted(tmp_path_factory):
     """Rows of the demo from one process that nobody disturbs."""
     path = tmp_path_factory.mktemp("study") / "demo.sqlite"
     statuses = [each.status for each in run_study(DEMO, path)]
-    assert {name: statuses.count(name) for name in set(statuses)} == {"done": 12, "crashed": 2, "error": 12}
+    assert {name: statuses.count(name) for name in set(statuses)} == {"done": 6, "crashed": 1, "error": 6}
     return comparable(path)
 
 
@@ -357,7 +357,7 @@ class TestEnds:
             process.wait()
             assert eventually(lambda: not marked(process.mark)), marked(process.mark)
             count = len(read_rows(DEMO, store))
-            assert 0 < count < 26
+            assert 0 < count < 13
             process = start(*words, DEMO_SECONDS="0.1")
             assert eventually(lambda: len(read_rows(DEMO, store)) > count)
             process.send_signal(signal.SIGINT)
@@ -365,7 +365,7 @@ class TestEnds:
             count = len(read_rows(DEMO, store))
             assert not marked(process.mark)
             assert (process.returncode, out) == (130, "")
-            assert err == f"interrupted: {count} of 26 rows are in {store}; the same command goes on from there\n"
+            assert err == f"interrupted: {count} of 13 rows are in {store}; the same command goes on from there\n"
         run_study(DEMO, store)
         assert comparable(store) == uninterrupted
         status, out, err = shell("--store", store, "--out", tmp_path / "out", command=demo, name="demo")

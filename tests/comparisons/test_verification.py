@@ -78,12 +78,10 @@ def ran(problems):
 
 
 DOCUMENT = ran({"number": sound})
-
-
 LONG = {
     "bounds-slip-bad", "bounds-slip", "bounds-slip-bodies", "bounds-slip-errors", "bounds-refined", "bounds-rates",
-    "loaded-pin", "plate-refined", "slip-torque", "examples/lug", "examples/cyclic_shear", "examples/masonry_wall",
-    "examples/ssnv128",
+    "loaded-pin", "plate-refined", "slip-torque", "examples/lug", "examples/cyclic_shear",
+    "examples/dam_on_seam", "examples/masonry_wall", "examples/ssnv128", "examples/strip_footing",
 }  # fmt: skip
 """Problems that take most of the time of a quick run: those of the command have them."""
 

@@ -192,8 +192,6 @@ def test_loads_that_are_no_polynomials_keep_their_force_on_arcs(load, degree):
 
 
 HALF = np.pi / 3.0  # of the cradle's angle
-
-
 STEEL = Material(1000.0, 0.3)
 
 

@@ -331,7 +331,6 @@ MESHES = {
     "x, y": lambda x: step().displacement(x, 0.5),
 }
 
-
 ALWAYS_WRONG = ["rough", 2.5, -1, np.nan, 1j, Odd(), [[0.5]], np.array([[1.0, np.nan]]), 10**400, {"x": 1}]
 
 

@@ -25,8 +25,6 @@ from qvi_contact.solution import motions_in_words
 from tests.qvi_contact.builders import solved
 
 STEEL = Material(1000.0, 0.3)
-
-
 CIRCLE = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
 
 

@@ -19,11 +19,7 @@ from tests.cases import thinned
 from tests.qvi_contact.builders import with_friction, with_line
 
 FRICTIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
-
-
 FEW = 25
-
-
 STEEL, SOFT = Material(1000.0, 0.3), Material(100.0, 0.4)
 
 

@@ -9,11 +9,7 @@ from qvi_contact.solution import STATE_TOLERANCE, contact_states
 from solvers import Status
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
-
-
 T = STATE_TOLERANCE
-
-
 STRESS, DISPLACEMENT = 200.0, 1e-3
 """Units of the points made by hand."""
 
@@ -139,24 +135,12 @@ def test_data_out_of_range(name, value):
 
 
 SIDE = 0.04
-
-
 CELLS = 16
-
-
 POINTS = np.array([x for _, x, _ in SSNV128_DISPLACEMENTS])
-
-
 PUBLISHED = np.array([u for _, _, u in SSNV128_DISPLACEMENTS])
-
-
 SETTLED = np.array([2.8603e-5, 2.7226e-5, 2.2868e-5, 1.9808e-5, 1.5414e-5])
 """u_x at the same points: biquadratic displacement elements with nodal contact, up to 320×96 cells, ± 2e-9 m."""
-
-
 SETTLED_FORCE = 1.40535e6
-
-
 SETTLED_PRESSURE = 8.3882e7
 
 

@@ -97,14 +97,6 @@ class TestSummary:
         assert lengths[1] > 0.0
         assert lengths[2] > 0.0
 
-    def test_forces_on_all_sides_balance(self, plate):
-        found = summary(plate, UNITS)["resultants"]
-        assert set(found) == {"bottom", "right", "top", "left"}
-        for component in ("x", "y", "moment"):
-            values = [side[component]["value"] for side in found.values()]
-            assert sum(values) == pytest.approx(0.0, abs=1e-8 * max(map(abs, values)))
-        assert found["top"]["moment"]["unit"] == "MPa mm²"
-
     def test_an_infeasible_problem_has_a_message_and_no_state(self, lifted):
         found = json.loads(json.dumps(summary(lifted), allow_nan=False))
         assert found["status"] == "infeasible"
@@ -215,43 +207,23 @@ def test_a_body_without_contact_has_none_to_write(tmp_path):
         write_contacts_vtu(tmp_path / "a.vtu", solve(problem))
 
 
-@pytest.fixture(scope="module")
-def loaded():
-    """Two materials under a body force, on triangles."""
-    mesh = TriangleMesh.rectangle((3, 2), 1.5, 1.0, origin=(10.0, -3.0))
-    conditions = [
-        Contact("bottom", 0.3),
-        *(Traction(side, 0.0, 0.0) for side in ("left", "right")),
-        Displacement("top", x=0.001, y=-0.002),
-    ]
-    regions = [Region(Material(3000.0, 0.2), x=(10.0, 10.5))]
-    return solve(ContactProblem(mesh, Material(1000.0, 0.3), conditions, lambda x, y: 0.2 * y - 0.01 * x, regions))
-
-
-def test_fields_say_where_they_are(loaded):
-    fields = field_arrays(loaded)
-    corners = fields["vertices"][fields["cells"]]
-    centres = corners.mean(axis=1)
-    assert np.bincount(fields["material"]).tolist() == [8, 4]
-    assert (centres[fields["material"] == 1, 0] < 10.5).all()
+def test_fields_say_where_they_are(notched):
+    fields = field_arrays(notched)
+    centres = fields["vertices"][fields["cells"]].mean(axis=1)
+    assert ((fields["material"] == 1) == (centres[:, 1] < 1.0)).all()
     assert fields["gauss_stress"].shape == (*fields["gauss_x"].shape, 3)
     inside = np.column_stack([fields["gauss_x"].ravel(), fields["gauss_y"].ravel()])
-    assert loaded.stress(*inside.T) == pytest.approx(fields["gauss_stress"].reshape(-1, 3), rel=1e-9)
+    assert notched.stress(*inside.T) == pytest.approx(fields["gauss_stress"].reshape(-1, 3), rel=1e-9)
 
 
-def test_files_hold_a_result(loaded, tmp_path):
-    meshio = pytest.importorskip("meshio")
-    write_vtu(tmp_path / "cut.vtu", loaded, subdivisions=3)
-    write_npz(tmp_path / "cut.npz", loaded)
-    write_json(tmp_path / "cut.json", loaded)
+def test_files_hold_a_result(notched, tmp_path):
+    write_vtu(tmp_path / "cut.vtu", notched, subdivisions=3)
     drawn = meshio.read(tmp_path / "cut.vtu")
     points, stress = drawn.points[:, :2], drawn.point_data["stress"]
     chosen = drawn.cells_dict["triangle"]
-    assert len(chosen) == 3 * 9 * 12  # in each of the three parts of a triangle
+    assert len(chosen) == 3 * 9 * 14  # in each of the three parts of a triangle
     areas = [np.linalg.det(points[part[1:]] - points[part[0]]) / 2.0 for part in chosen]
-    assert np.abs(areas).sum() == pytest.approx(1.5)
+    assert np.abs(areas).sum() == pytest.approx(4.5)
     middle = points[chosen].mean(axis=1)
-    assert np.abs(loaded.stress(*middle.T)[:, 1] - stress[chosen].mean(axis=1)[:, 1]).max() < 0.2 * np.ptp(stress[:, 1])
-    said = json.loads((tmp_path / "cut.json").read_text(encoding="utf-8"))
-    assert said["mesh"] == summary(loaded)["mesh"]
-    assert said["mesh"]["cells"] == 12
+    misses = np.abs(notched.stress(*middle.T)[:, 1] - stress[chosen].mean(axis=1)[:, 1])
+    assert misses.max() < 0.2 * np.ptp(stress[:, 1])

@@ -11,14 +11,7 @@ from qvi_contact import discretize
 from qvi_contact.command import progress_line
 from qvi_contact.gallery import compressed_plate
 from solvers.basics import Progress, deadline, listening, report
-from solvers.factorisation import (
-    FactorisationError,
-    Forecast,
-    Work,
-    check_limits,
-    factorise,
-    machine_memory,
-)
+from solvers.factorisation import FactorisationError, Forecast, Work, check_limits, factorise, machine_memory
 
 NOTHING = np.zeros(0, dtype=np.int64)
 DAY, GIGABYTE = 86400.0, 1e9

@@ -1,41 +1,27 @@
-"""Results elsewhere: as pandas tables, beside claims that are compared with them, and in archives that are verified."""
+"""Results elsewhere: as pandas tables, and beside claims that are compared with them."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    InputError,
-    LimitFactor,
-    limit_load_factor,
-    load_problem,
-    load_result,
-    refine,
-    solve,
-    solve_history,
-)
+from qvi_contact import InputError, LimitFactor, limit_load_factor, load_problem, refine, solve, solve_history
 from qvi_contact.basics import Units
-from qvi_contact.export import field_arrays, write_npz
-from qvi_contact.files import Archive, digest
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.mesh import TriangleMesh
-from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Region, RigidPlate, Traction
+from qvi_contact.problem import Contact, ContactProblem, Material, Traction
 from qvi_contact.solution import ContactResult
 from qvi_contact.verification import (
     difference,
     missed_tractions,
     problem_difference,
     scales_difference,
-    verify_file,
     worse_than_claimed,
 )
 from solvers import Certificate
 from solvers.certificate import EXPONENTS
 
 PLATE = compressed_plate(0.3, (2, 2))
-
-
 UNITS = Units("mm", "MPa")
 
 
@@ -148,109 +134,3 @@ def test_resultants_of_prescribed_tractions():
     larger = replace(known.root, particular=1.01 * known.particular)
     wrong = ContactResult(replace(known, root=larger), result.solution)
     assert 1e-3 < missed_tractions(wrong) < 1e-2
-
-
-def fails(path):
-    """Names of the checks that fail, or the message with which the file is refused."""
-    try:
-        return {row.name for row in verify_file(path).failures}
-    except InputError as error:
-        return str(error)
-
-
-def forged(path, entries):
-    """An archive of entries, with their own digest."""
-    np.savez(path, **entries | {"digest": np.array(digest(entries))})
-    return path
-
-
-def stack(push):
-    """Two blocks of different materials on each other, a plate driven by force."""
-    plate = RigidPlate(force_x=push, force_y=-10.0)
-    mesh = TriangleMesh.rectangle((3, 4), width=1.0, height=2.0).with_joint("joint", lambda _, y: np.isclose(y, 1.0))
-    contacts = [
-        Contact("bottom", friction=Expression("0.2 + 0.1 * x"), cohesion=0.01, name="ground"),
-        Contact("joint", friction=0.3, law="bilateral"),
-        Contact("top", friction=0.8, plate=plate, name="plate"),
-    ]
-    regions = [Region(Material(2e4, 0.3, "strain"), y=(1.0, 2.0))]
-    free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
-    return ContactProblem(mesh, Material(1e4, 0.2, "strain"), [*contacts, *free], regions=regions)
-
-
-@pytest.fixture(scope="module")
-def result():
-    """The second step of a history on triangles, with slip before it, a plate driven by force, a joint, a region."""
-    steps = [stack(2.0), stack(2.2)]
-    history = solve_history(steps, degree=3)
-    assert history.status == "solved"
-    assert np.abs(history.steps[0].contacts["plate"].slip).max() > 1e-5
-    return history.steps[-1]
-
-
-@pytest.fixture(scope="module")
-def path(result, tmp_path_factory):
-    path = tmp_path_factory.mktemp("stored") / "result.npz"
-    write_npz(path, result)
-    return path
-
-
-@pytest.fixture(scope="module")
-def entries(path):
-    return Archive(path).arrays
-
-
-def test_what_is_read_is_what_was_written(result, path):
-    again = load_result(path)
-    for name in ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold"):
-        assert np.array_equal(getattr(again.solution, name), getattr(result.solution, name)), name
-    assert again.problem.mesh.same_as(result.problem.mesh)
-    assert again.discretization.space.degree == 3
-    assert again.discretization.rule.law_on == result.discretization.rule.law_on
-    found = field_arrays(again)
-    for name, values in field_arrays(result).items():
-        assert np.asarray(found[name]) == pytest.approx(np.asarray(values), rel=1e-10, abs=1e-12), name
-    assert fails(path) == set()
-
-
-def test_unknowns_are_read_from_where_they_count(tmp_path):
-    """Small cells in two places: read from elsewhere, unknowns load as solved, with other stresses."""
-    plate = compressed_plate(0.2, (2, 2))
-    problem = replace(plate, mesh=plate.mesh.graded([(1.0, 1.0), (0.5, 1.0)], 11))
-    write_npz(tmp_path / "a.npz", solve(problem, degree=3, method="condensed"))
-    entries = dict(Archive(tmp_path / "a.npz").arrays)
-    assert len(entries["centres"]) == 2
-    assert fails(tmp_path / "a.npz") == set()
-    one, none = entries | {"centres": entries["centres"][:1]}, {k: v for k, v in entries.items() if k != "centres"}
-    for wrong in (one, none):
-        assert "counts from other vertices" in fails(forged(tmp_path / "b.npz", wrong))
-
-
-def test_whatever_is_changed_is_seen(entries, tmp_path):
-    """Also where the digest was forged: the numbers disagree, or the file is refused."""
-    for name in ("vertices", "cells", "degree", "z", "energies", "joint.slip", "earlier_slip"):
-        changed = np.array(entries[name])
-        place = np.unravel_index(np.abs(changed).argmax(), changed.shape)
-        changed[place] += 1e-5 * max(abs(changed[place]), 1e-3) if changed.dtype.kind == "f" else 1
-        found = fails(forged(tmp_path / "a.npz", entries | {name: changed}))
-        assert found, name
-        assert isinstance(found, str) or "digest" not in found
-    text = str(entries["problem"])
-    for old, new in (("[0.0, 0.5]", "[0.0, 0.50001]"), ("young = 20000.0", "young = 20000.1")):
-        assert old in text
-        assert fails(forged(tmp_path / "a.npz", entries | {"problem": np.array(text.replace(old, new))}))
-
-
-def test_other_rows_are_other_unknowns(entries, tmp_path):
-    other = {"points": "edges", "edges": "points"}[str(entries["law_on"])]
-    assert fails(forged(tmp_path / "a.npz", entries | {"law_on": np.array(other)}))
-    for wrong in (np.array(99), np.array(3.5), np.array("three")):
-        assert isinstance(fails(forged(tmp_path / "a.npz", entries | {"degree": wrong})), str)
-
-
-def test_a_mesh_file_is_never_asked_for_by_a_result(entries, tmp_path):
-    """A result is checked from itself alone, whatever it names."""
-    lines = str(entries["problem"]).splitlines()
-    start, stop = lines.index("[mesh]") + 1, lines.index("[mesh.edges]")
-    text = "\n".join([*lines[:start], 'file = "/etc/passwd.msh"', *lines[stop:]]).replace("[mesh.edges]", "")
-    assert "mesh" in fails(forged(tmp_path / "a.npz", entries | {"problem": np.array(text)}))

@@ -15,18 +15,10 @@ from qvi_contact.verification import verify_file
 from tests.qvi_contact.builders import difference, holed, solved
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
-
-
 SIDES = ("bottom", "right", "top", "left")
-
-
 PLACES = ((0.0, 0.0), (2.0, 0.0), (1.0, 2.0))
-
-
 EYE, THREE = (PLACES[:1], (-1.5, -1.5), (1.5, 1.5)), (PLACES, (-1.5, -1.5), (3.5, 3.5))
 """Where unit holes are, and the corners of the rectangles around them."""
-
-
 SOURCES = {(0.0, 0.0): (1.0, -0.7, 0.4), (2.0, 0.1): (-0.4, 0.9, 0.0), (1.0, 2.0): (0.5, 0.2, -0.6)}
 """Forces and moments (X, Y, M) at points inside them."""
 
@@ -97,8 +89,6 @@ def lug(*rim, mesh=None, **options):
 
 
 PUSHED = Contact("rim", 0.3, gap=1e-3, plate=RigidPlate(force_x=1.0, force_y=0.4, moment=0.1))
-
-
 RIMS = {
     "loaded": [Traction("rim", x=0.5, y=-0.2)],
     "held": [Displacement("rim", x=1e-3, y=lambda x, _: 1e-3 * x)],

@@ -10,8 +10,6 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from tests.qvi_contact.builders import difference, solved, with_line
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
-
-
 X, Y = [0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0]
 
 
@@ -187,17 +185,9 @@ class TestRefused:
 
 
 STEEL = Material(1000.0, 0.3)
-
-
 ROWS = pytest.mark.parametrize("rows", ["edges", "points"])
-
-
 DEGREE = 4
-
-
 ANGLE = np.deg2rad(30.0)
-
-
 MAPS = {
     "mirrored": ([[-1.0, 0.0], [0.0, 1.0]], -1.0),
     "upside down": ([[1.0, 0.0], [0.0, -1.0]], 1.0),

@@ -28,10 +28,7 @@ MATERIALS = {
     "auxetic": Material(1.0, -0.4, "strain"),
 }
 
-
 L_SHAPE = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 0]], dtype=bool)
-
-
 MESHES = {
     "uniform": TriangleMesh.rectangle((4, 3), 2.0, 1.0),
     "graded": TriangleMesh.grid(graded_lines(-1.0, 2.0, 6, 0.5, both_ends=True), graded_lines(0.0, 1.0, 3, 1.6)),
@@ -133,8 +130,6 @@ def test_cohesion_acts_where_the_contact_is_open():
 
 
 P, Q, TAU = 100.0, -20.0, 30.0
-
-
 SLIDING = {  # law, σ_N: each bound is TAU
     "tresca": ({"friction": 0.0, "cohesion": TAU}, -P),
     "tresca where nothing presses": ({"friction": 0.0, "cohesion": TAU, "law": "bilateral"}, 0.0),

@@ -15,11 +15,7 @@ from solvers import Status
 from tests.cases import thinned
 
 STEEL = Material(1000.0, 0.3)
-
-
 SIDES = {"top": 1.0, "right": 1.0, "left": -1.0}
-
-
 MESHES = {
     "one cell": TriangleMesh.rectangle((1, 1), 2.0, 1.0),
     "uniform": TriangleMesh.rectangle((6, 4), 2.0, 1.0),

@@ -197,11 +197,7 @@ def test_what_check_tells(tmp_path):
 
 
 WIDTH, HEIGHT = 3.0, 1.0
-
-
 WEIGHT, PUSH, UPLIFT, FRICTION = 12.0, 1.5, 4.5, 0.4  # forces; the uplift that of a pressure which falls to zero
-
-
 STEEL = Material(1000.0, 0.25, "strain")
 
 

@@ -18,8 +18,6 @@ from solvers import Status
 from tests.cases import examples
 
 STEEL = Material(1000.0, 0.3)
-
-
 EXACT = 1e-9
 
 

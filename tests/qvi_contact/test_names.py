@@ -23,9 +23,7 @@ from qvi_contact import (
     TriangleMesh,
     UnknownNameError,
     limit_load_factor,
-    load_problem,
     refine,
-    save_problem,
     solve,
     solve_history,
     solve_sweep,
@@ -113,31 +111,6 @@ def test_names_in_histories(history):
     assert np.shape(history.loop("top")) == (2, 1)
 
 
-def test_a_contact_may_be_on_edge_sets_and_joints_a_traction_on_edge_sets(tmp_path):
-    text = """
-version = 1
-[mesh]
-x = {start = 0.0, stop = 1.0, cells = 2}
-y = {start = 0.0, stop = 1.0, cells = 2}
-[material]
-young = 1.0
-poisson = 0.3
-[[joints]]
-name = "joint"
-direction = "horizontal"
-at = 0.5
-[[KIND]]
-edges = "jont"
-"""
-    path = tmp_path / "problem.toml"
-    for kind, fits in (("contacts", True), ("symmetry", False)):
-        path.write_text(text.replace("KIND", kind) + ("friction = 0.3" if fits else ""))
-        error = refused(lambda: load_problem(path))
-        assert error.field == f"{kind}[0].edges"
-        assert ("did you mean 'joint'?" in error.remedy) == fits
-        assert all(name in error.remedy for name in ("bottom", "left", "right", "top"))
-
-
 def test_all_names_are_listed_and_the_message_is_a_sentence(result):
     error = refused(lambda: result.contacts["c"])
     assert str(error).startswith("contacts: 'c': ")
@@ -171,12 +144,6 @@ def odd():
     return solve(replace(plate, conditions=named), degree=3)
 
 
-def shown(figure):
-    """The texts of a picture, laid out."""
-    figure.draw_without_rendering()
-    return [text.get_text() for text in figure.findobj(Text)]
-
-
 @pytest.mark.parametrize(
     "drawn",
     [
@@ -184,20 +151,11 @@ def shown(figure):
         lambda result: problem_figure(result.problem, UNITS),
         lambda result: history_figure(History((result, result), 2), UNITS),
     ],
-    ids=["result", "problem", "history"],
 )
 def test_pictures_show_dollar_signs(odd, drawn):
-    texts = shown(drawn(odd))
+    texts = [text.get_text() for text in drawn(odd).findobj(Text)]
     assert any(r"\$\bar\$" in text for text in texts)
     assert not any(re.search(r"(?<!\\)\$\\(foo|bar)", text) for text in texts)
-
-
-@pytest.mark.usefixtures("outlined")
-def test_a_page_is_written_with_a_name_that_looks_like_a_formula(odd, shell, tmp_path):
-    save_problem(tmp_path / "odd.toml", odd.problem, title=FORMULA, units=UNITS)
-    page = tmp_path / "page.html"
-    assert shell("solve", tmp_path / "odd.toml", "--report", page)[0] == 0
-    assert FORMULA in page.read_text(encoding="utf-8")
 
 
 def test_names_of_fields_in_vtu_files_are_those_given(odd, tmp_path):
@@ -228,8 +186,3 @@ def test_numbers_in_messages_are_plain(number):
     assert said({"a": number}) == f"{{'a': {own}}}"
     assert said(_Pair(number, 1)).endswith(f"first={own}, second=1)")
     assert (said("np.float64(3)"), said(None)) == ("'np.float64(3)'", "None")
-
-
-def test_a_computed_number_is_refused_with_its_value():
-    with pytest.raises(InputError, match=r"Material\.young: -1\.0: "):
-        Material(np.float64(-1.0), 0.3)

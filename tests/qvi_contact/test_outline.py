@@ -271,8 +271,6 @@ class TestMeshes:
 
 
 FILE = (PROBLEMS / "outline.toml").read_text(encoding="utf-8")
-
-
 CORE = 'name = "core", centre = [0.4, 0.6], radius = 0.2'
 
 

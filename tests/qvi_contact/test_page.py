@@ -22,7 +22,6 @@ from qvi_contact import (
     Symmetry,
     Traction,
     TriangleMesh,
-    exact,
     solve,
     solve_history,
 )
@@ -67,15 +66,18 @@ def numbers(text):
     return [float(n.replace("−", "-")) for n in re.findall(r"−?\d+(?:\.\d+)?(?:e[−+]?\d+)?", text)]
 
 
-@pytest.fixture
-def opened(browser, tmp_path):
-    """The page in a window."""
-    path = tmp_path / "page.html"
+@pytest.fixture(scope="module")
+def opened(browser, tmp_path_factory):
+    """The page in a window, and its complaints."""
+    path, said = tmp_path_factory.mktemp("page") / "page.html", []
     path.write_text(page(), encoding="utf-8")
-    with browser.new_context(viewport={"width": 1000, "height": 900}) as context:
+    with browser.new_context(viewport={"width": 1000, "height": 900}, offline=True) as context:
         tab = context.new_page()
+        tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+        tab.on("pageerror", lambda error: said.append(str(error)))
         tab.goto(path.as_uri())
         yield tab
+    assert said == []
 
 
 class TestText:
@@ -116,27 +118,15 @@ class TestText:
 class TestBrowser:
     """The page in Chromium."""
 
-    def test_it_complains_of_nothing_and_fits_the_window(self, browser, tmp_path):
-        path, said = tmp_path / "page.html", []
-        path.write_text(page(), encoding="utf-8")
-        with browser.new_page(offline=True) as tab:
-            tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-            tab.on("pageerror", lambda error: said.append(str(error)))
-            tab.goto(path.as_uri())
-            assert said == []
-            assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
-
-    def test_settings_fit_a_phone(self, browser, tmp_path):
+    def test_it_fits_the_window_and_its_settings_a_phone(self, opened):
         """Digests of mesh files have no place to break of their own; the names before them are not broken."""
-        path = tmp_path / "page.html"
-        path.write_text(page(), encoding="utf-8")
-        with browser.new_context(viewport={"width": 390, "height": 900}) as context:
-            opened = context.new_page()
-            opened.goto(path.as_uri())
-            table = opened.locator("section[aria-labelledby='repeat'] table")
-            box, name = table.bounding_box(), table.get_by_text("factorisation").bounding_box()
-            assert box["x"] + box["width"] <= 390.0
-            assert name["height"] < table.get_by_text("meshes/").bounding_box()["height"]
+        assert opened.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+        opened.set_viewport_size({"width": 390, "height": 900})
+        table = opened.locator("section[aria-labelledby='repeat'] table")
+        box, name = table.bounding_box(), table.get_by_text("factorisation").bounding_box()
+        assert box["x"] + box["width"] <= 390.0
+        assert name["height"] < table.get_by_text("meshes/").bounding_box()["height"]
+        opened.set_viewport_size({"width": 1000, "height": 900})
 
     def test_values_under_the_pointer_are_those_of_the_result(self, opened):
         opened.select_option("#quantity", "σ_yy")
@@ -192,6 +182,7 @@ class TestBrowser:
             (lambda: opened.fill("#factor", "50"), lambda: opened.fill("#factor", "0")),
         ]
         canvas = opened.locator("#drawing")
+        whole()
         canvas.hover()
         canvas.focus()
         for change, back in ways:
@@ -217,6 +208,7 @@ class TestCommand:
         assert "The problem" in said
         assert "The answer" not in said
 
+    @pytest.mark.usefixtures("outlined")
     def test_load_steps_have_a_table_and_pictures_to_slide_through(self, shell, browser, tmp_path):
         (tmp_path / "a.toml").write_text(TEXT.replace("x = 0.004", 'x = "0.004*t"') + "[history]\ntimes = [0.0, 2.0]\n")
         code, _, err = shell("solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")
@@ -327,18 +319,6 @@ def test_pieces_of_html_are_well_formed(slanted):
     drawn = html(slanted.problem.mesh)
     for name in slanted.problem.mesh.edge_names:
         assert f"<title>{name}</title>" in drawn
-
-
-def test_a_displacement_is_that_of_the_state():
-    material, mesh = Material(1000.0, 0.3), TriangleMesh.rectangle((1, 1))
-    sides = {"bottom": "uu", "right": "tt", "top": "tt", "left": "tt"}
-    result = solve(exact.problem_from_state(exact.uniform(material, yy=-20.0), mesh, material, sides))
-    x, y = np.array([0.1, 0.9]), np.array([0.3, 1.0])
-    wanted = np.column_stack([0.3 * 20.0 / 1000.0 * x, -20.0 / 1000.0 * y])
-    found = result.displacement(x, y)
-    assert found - found[0] == pytest.approx(wanted - wanted[0], abs=1e-10)
-    with pytest.raises(InputError):
-        result.displacement(2.0, 0.0)
 
 
 UNITS = Units(length="mm", stress="MPa")

@@ -25,8 +25,6 @@ from tests.qvi_contact.builders import difference, holed, polygon, solved
 from tests.qvi_contact.test_plates import moved
 
 UNIT = Material(1.0, 0.3)
-
-
 SHEET, SMALL = polygon(24, 4, outer=3.0), polygon(16, 2)
 
 

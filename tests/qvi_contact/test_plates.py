@@ -12,8 +12,6 @@ from tests.cases import every_pair, thinned
 from tests.qvi_contact.builders import difference, solved
 
 STEEL = Material(1000.0, 0.3)
-
-
 X, Y = np.array([0.0, 0.3, 0.8, 1.5, 2.0]), np.array([0.0, 0.4, 0.7, 1.0])
 MESH = TriangleMesh.grid(X, Y)
 
@@ -44,14 +42,12 @@ SIDES = {
     "left": ("right", "bottom", "top", -1.0, "x"),
 }
 
-
 DRIVEN = {
     "normal": ("normal",),
     "both forces": ("force_x", "force_y"),
     "force and moment": ("normal", "moment"),
     "all": ("force_x", "force_y", "moment"),
 }
-
 
 CONTACTS = {
     "rough": {"friction": 0.4},

@@ -12,11 +12,7 @@ from qvi_contact.plots import problem_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 
 MESH = TriangleMesh.rectangle((2, 2))
-
-
 STEEL = Material(2.1e5, 0.3)
-
-
 FREE = (Traction("right", x=0.0, y=0.0), Traction("top", x=0.0, y=0.0))
 
 
@@ -106,8 +102,6 @@ def test_wrong_kinds_are_refused(name):
 
 
 MATERIAL = Material(1000.0, 0.3)
-
-
 BLOCK = TriangleMesh.rectangle((4, 3), 2.0, 1.0, origin=(1.0, -1.0))
 
 

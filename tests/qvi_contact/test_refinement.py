@@ -12,8 +12,6 @@ from qvi_contact.refinement import energies_between, places, reference_problem
 from solvers import Status
 
 FORCE = "plate.normal_force"
-
-
 FACTOR = 3.0
 
 

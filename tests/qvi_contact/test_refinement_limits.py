@@ -12,8 +12,6 @@ from qvi_contact.problem import Contact, ContactProblem, Material, Traction
 from tests.test_examples import example
 
 STEEL = Material(1000.0, 0.3)
-
-
 TARGET = 1e-4
 
 

@@ -166,8 +166,6 @@ class TestReach:
 
 BONDED = 214.367658387
 """P/2 of the bonded plate, settled by degrees up to 9; coarse cells away from the corner are 5e-7 off."""
-
-
 STICK = ContactState.STICK
 
 

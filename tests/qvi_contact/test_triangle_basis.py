@@ -8,27 +8,14 @@ import sympy
 
 from qvi_contact import Material, TriangleMesh, exact, solve
 from qvi_contact.basics import Kept
-from qvi_contact.discretization import (
-    BodyStiffness,
-    PrescribedTraction,
-    Root,
-    StressSpace,
-    Supports,
-    edge_rule,
-)
+from qvi_contact.discretization import BodyStiffness, PrescribedTraction, Root, StressSpace, Supports, edge_rule
 from qvi_contact.element import from_values, gauss_legendre
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 
 X, Y = sympy.symbols("x y")
-
-
 COMPLIANCE = np.array([[1.0, -0.3, 0.1], [-0.3, 1.2, -0.2], [0.1, -0.2, 2.6]])  # every coupling present
-
-
 ISOTROPIC = Material(1.0, 0.3).compliance
-
-
 T = np.linspace(0.0, 1.0, 5)
 
 

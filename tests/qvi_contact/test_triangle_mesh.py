@@ -9,8 +9,6 @@ from qvi_contact import Contact, ContactProblem, InputError, Material, Region, S
 from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-
-
 HALVES = [(0, 1, 2), (0, 2, 3)]
 
 

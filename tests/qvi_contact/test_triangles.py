@@ -15,8 +15,6 @@ from tests.cases import thinned
 from tests.qvi_contact.builders import solved
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
-
-
 LIMITS = {0.2: 214.23323205, 0.05: 210.606417984, "stick": 214.367658387}
 """Settled forces P/2 of the plate, by the coefficient of friction."""
 
@@ -141,7 +139,6 @@ STATES = {
     "cantilever": (4, lambda material: exact.cantilever(material, 3.0, -3.0 / 8)),
     "column": (3, lambda material: exact.gravity_column(material, 4.0, 0.5)),
 }
-
 
 SIDES = {  # components x, y of bottom, right, top, left: t traction, u displacement
     "held below": ("uu", "tt", "tt", "tt"),

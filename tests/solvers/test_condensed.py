@@ -15,15 +15,7 @@ from solvers.condensed import FRICTION_SHARES
 from solvers.factorisation import available_backends, set_default
 from solvers.inequality import TractionFactor
 from tests.cases import every_pair, thinned
-from tests.solvers.conftest import (
-    LAWS,
-    Root,
-    chain,
-    dragged_block,
-    mixed_problem,
-    one_contact,
-    random_problem,
-)
+from tests.solvers.conftest import LAWS, Root, chain, dragged_block, mixed_problem, one_contact, random_problem
 from tests.solvers.test_laws import violations
 
 

@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from solvers import (
-    FrictionQVI,
-    Iteration,
-    SolveError,
-    Status,
-    check_feasibility,
-    solve_qvi,
-)
+from solvers import FrictionQVI, Iteration, SolveError, Status, check_feasibility, solve_qvi
 from solvers.certificate import is_farkas
 from solvers.fixed_point import CondensedForm, Simplified
 from solvers.inequality import Compliance

@@ -6,16 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    RigidPlate,
-    Traction,
-    TriangleMesh,
-    solve,
-)
+from qvi_contact import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, TriangleMesh, solve
 from qvi_contact.bracket import Bracket, bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
@@ -111,8 +102,7 @@ class TestForces:
         assert min(abs(self.own(result, key) - end) for end in (low, high)) <= 1e-6 * size
 
     @pytest.mark.parametrize(
-        ("side", "sign"),
-        thinned([*((side, -1.0) for side in SIDES), ("bottom", 1.0), ("right", 1.0)], 2),
+        ("side", "sign"), thinned([*((side, -1.0) for side in SIDES), ("bottom", 1.0), ("right", 1.0)], 2)
     )
     def test_each_side(self, side, sign):
         held = Displacement(SIDES[side], 0.0, 0.0)

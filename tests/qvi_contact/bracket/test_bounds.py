@@ -25,18 +25,7 @@ from qvi_contact import (
 from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from tests.cases import every_pair, thinned
-from tests.qvi_contact.test_triangles import (
-    FOAM,
-    LIMITS,
-    SIDES,
-    STATES,
-    STEEL,
-    moved,
-    plate,
-    squeezed,
-    tilted,
-    turned,
-)
+from tests.qvi_contact.test_triangles import FOAM, LIMITS, SIDES, STATES, STEEL, moved, plate, squeezed, tilted, turned
 
 U = 1e-3
 

@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from qvi_contact import (
-    Contact,
-    InputError,
-    solve,
-)
+from qvi_contact import Contact, InputError, solve
 from qvi_contact.bracket import document, lines
 from qvi_contact.cli import group
 from qvi_contact.gallery import compressed_plate

@@ -3,25 +3,13 @@
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    solve,
-)
+from qvi_contact import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction, solve
 from qvi_contact.bracket import BracketKind
 from qvi_contact.companion import solve_companion
 from qvi_contact.mesh import TriangleMesh
 
 STEEL = Material(1000.0, 0.3)
-MESHES = {
-    "rectangles": TriangleMesh.rectangle((3, 3), 2.0, 1.0),
-    "triangles": TriangleMesh.rectangle((3, 3), 2.0, 1.0),
-}
+MESHES = {"rectangles": TriangleMesh.rectangle((3, 3), 2.0, 1.0), "triangles": TriangleMesh.rectangle((3, 3), 2.0, 1.0)}
 FREE = Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)
 
 

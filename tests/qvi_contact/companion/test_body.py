@@ -7,24 +7,8 @@ import pytest
 from scipy.special import factorial
 from scipy.stats import binom
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    InputError,
-    Material,
-    Region,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-)
-from qvi_contact.companion import (
-    DisplacementSpace,
-    Elasticity,
-    Triangle,
-    moduli,
-    reference_matrices,
-    solve_companion,
-)
+from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, TriangleMesh
+from qvi_contact.companion import DisplacementSpace, Elasticity, Triangle, moduli, reference_matrices, solve_companion
 from qvi_contact.discretization import Scales
 from solvers import Status
 

@@ -5,16 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    exact,
-)
+from qvi_contact import Contact, ContactProblem, Displacement, Region, RigidPlate, Symmetry, Traction, exact
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.mesh import TriangleMesh
