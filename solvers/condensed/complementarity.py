@@ -24,6 +24,7 @@ In `docs/theory.md`: (D5), (D6).
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, pairwise
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
@@ -89,7 +90,8 @@ class Complementarity:
         capped = friction[np.isfinite(qvi.cap[friction]) & (qvi.mu[friction] > 0.0)]
         parts = (normal, friction, friction, capped, capped)
         lengths = [len(part) for part in parts]
-        of_normal, of_friction, below, cap, below_cap = np.split(np.arange(sum(lengths)), np.cumsum(lengths)[:-1])
+        ends = pairwise((0, *accumulate(lengths)))
+        of_normal, of_friction, below, cap, below_cap = (np.arange(first, last) for first, last in ends)
         self._points: IntVector = np.concatenate(parts)
         self._above, self._below = np.concatenate([of_friction, cap]), np.concatenate([below, below_cap])
         self._sign: Vector = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], lengths)
@@ -436,6 +438,11 @@ class Equations:
     @classmethod
     def of(cls, A: Matrix, frictionless: Frictionless, size: int) -> "Equations":
         """Choose pivots for A (p, k) and the equations of points without friction."""
+        if not len(A) and not len(frictionless.points):
+            free, none, square = np.arange(size), np.arange(0), np.zeros((0, 0))
+            return cls(
+                free, _map(size, free, none, np.zeros((0, size))), A, frictionless, none, A[:, 0], square, square
+            )
         A = np.vstack([A, frictionless.equations])
         unknown = np.setdiff1d(np.arange(size), frictionless.fixed)
         lengths = np.linalg.norm(A, axis=1)
@@ -451,6 +458,8 @@ class Equations:
     def offset(self, b: Vector, tangential: Vector) -> Vector:
         """y₀ (k,): the solution of A y = b and σ_T = 0 with u = 0; b without, tangential (m,) the shear at y = 0."""
         y = np.zeros(self.map.shape[0])
+        if len(self.free) == len(y):
+            return y
         y[self.frictionless.fixed] = self.frictionless.values(tangential)
         right = np.concatenate([b, -tangential[self.frictionless.kept]]) - self.A @ y
         if len(self._pivots):
