@@ -194,7 +194,8 @@ def solve(
     values.
 
     --report writes one page. Its energy bounds take a second solve, of at most --time-limit seconds, by displacement
-    elements. So do the displacements in the file of --vtk; steps of a history have none.
+    elements. So do the displacements in the file of --vtk. A step of a history is bounded for itself, with the slip
+    before it as it was computed.
 
     \b
     Examples:
@@ -573,8 +574,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
             problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"], **space
         )
     if as_json:
-        upper = found.upper if found.upper < float("inf") else None
-        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": upper})
+        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": found.upper})
     else:
         above = (
             f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < float("inf") else "no bound above"

@@ -91,7 +91,7 @@ class SecondModel:
 
     @cached_property
     def bracket(self) -> Bracket | None:
-        """The bracket; None without a stress state, for a step of a history, and for incompressible materials."""
+        """The bracket; None without a stress state, for incompressible materials, and after earlier slip along arcs."""
         from qvi_contact.bracket import bracket
 
         if not self.result.has_state:
@@ -258,5 +258,7 @@ def write_limit(
 
 
 def json_text(document: object) -> str:
-    """A document as JSON."""
-    return json.dumps(document, indent=2, allow_nan=False)
+    """A document as JSON; numbers that are not finite are null."""
+    from qvi_contact.files.export import json_ready
+
+    return json.dumps(json_ready(document), indent=2, allow_nan=False)
