@@ -433,6 +433,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     Examples:
         qvi-contact refine examples/trapezoid.toml --target 1e-4 --quantity base.normal_force
         qvi-contact refine examples/punch.toml --target 1e-4 --degree 4 --plot punch.png
+        qvi-contact refine examples/cylinder_on_block.toml --quantity contact.largest_pressure
         qvi-contact refine examples/compressed_plate.toml --quantity plate.normal_force --guaranteed
         qvi-contact refine examples/trapezoid.toml --npz answer.npz && qvi-contact verify answer.npz
         qvi-contact refine examples/trapezoid.toml --json --report trapezoid.html > trapezoid.json
@@ -574,8 +575,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
             problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"], **space
         )
     if as_json:
-        upper = found.upper if found.upper < float("inf") else None
-        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": upper})
+        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": found.upper})
     else:
         above = (
             f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < float("inf") else "no bound above"

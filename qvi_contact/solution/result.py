@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.attached import Attached
 from qvi_contact.basics.checks import FloatArray, real_array
-from qvi_contact.basics.shown import SHARE, Rounding
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import (
     LOAD_POINTS,
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket, Uniqueness
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.solution.derivatives import Side
-    from qvi_contact.solution.undetermined import UndeterminedMotion
+    from qvi_contact.solution.remarks import UndeterminedMotion
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 
@@ -415,7 +414,8 @@ class ContactResult(PicklesFields, Attached):
         ----------
         quantity : str
             "NAME.normal_force" or "NAME.tangential_force" of a contact; "NAME.force_x", "NAME.force_y", "NAME.moment",
-            "NAME.x", "NAME.y" or "NAME.rotation" of a plate.
+            "NAME.x", "NAME.y" or "NAME.rotation" of a plate; at a point "NAME.slip(x, y)" of a contact, and stresses
+            "xx(x, y)", "yy(x, y)", "xy(x, y)".
         parameter : str
             "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap", "NAME.offset" or a stiffness of a contact,
             and what is given of its plate; "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor
