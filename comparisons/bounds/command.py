@@ -6,7 +6,7 @@ from comparisons.lab.commands import COUNT, Plan, experiment
 
 
 @experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")
-@click.option("--count", type=COUNT, metavar="NUMBER", default=77, show_default=True, help="Problems of each family.")
+@click.option("--count", type=COUNT, metavar="NUMBER", default=95, show_default=True, help="Problems of each family.")
 def bounds(count: int) -> Plan:
     """Bound the errors of generated problems with friction and temperature, and compare with NGSolve.
 
