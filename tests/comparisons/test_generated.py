@@ -1,9 +1,12 @@
 """Generated problems: wild ones, the same every time, and a sample of them; estimated errors beside references."""
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 import pytest
 
+from comparisons.bounds import report as bounds_report
+from comparisons.bounds import study as bounds
 from comparisons.wild import bodies, estimates, generator, judge, limits
 from comparisons.wild import study as wild
 from qvi_contact import (
@@ -256,3 +259,32 @@ class TestLimits:
         worse = replace(first, result={**first.result, "lower": 2.0 * first.result["upper"] + 1.0})
         values = limits.values_of(limits.runs_of([worse if each is first else each for each in runs]))
         assert values["held"] == values["runs"] - 1
+
+
+class TestBounds:
+    """Bounds of the package beside displacements by NGSolve."""
+
+    @pytest.mark.skipif(find_spec("ngsolve") is None, reason="NGSolve is not installed")
+    def test_a_reference_is_inside(self):
+        study = replace(bounds.declared(1), cases=[{"family": "grids", "number": 1}])
+        (run,) = bounds_report.runs_of(rows_of(study)).itertuples()
+        assert run.judged
+        assert run.inside
+        assert run.ratio < 1.3
+
+    def test_the_committed_rows(self):
+        rows = committed("bounds")
+        assert [dict(row.case) for row in rows] == [*bounds.declared(len(rows) // 4).cases]
+        runs = bounds_report.runs_of(rows)
+        values = bounds_report.values_of(runs, bounds_report.forces_of(runs))
+        assert values["outside"] == values["forces_outside"] == 0
+        assert values["judged"] > 0.7 * len(rows)
+
+    def test_a_bound_that_is_too_small_is_found(self):
+        row = next(each for each in committed("bounds") if each.result["status"] == "bounded" and each.result["forces"])
+        for name, error in (("bound", "stress"), ("moved", "displacement")):
+            worse = replace(row, result={**row.result, name: 0.8 * row.result[error]})
+            assert bounds_report.runs_of([worse]).outside.all()
+        name, lower, upper, _, doubt = row.result["forces"][0]
+        worse = replace(row, result={**row.result, "forces": [[name, lower, upper, 2.0 * upper - lower, doubt]]})
+        assert bounds_report.report([worse]).failed
