@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import comb
 
 from qvi_contact import Contact, TriangleMesh, solve
 from qvi_contact.discretization import Discretization
@@ -62,6 +63,12 @@ def with_friction(known: Discretization, friction: float) -> Discretization:
         replace(each, friction=friction) if isinstance(each, Contact) else each for each in known.problem.conditions
     ]
     return discretized(replace(known.problem, conditions=conditions), before=known)
+
+
+def bernstein(degree, t):
+    """Values (n, degree + 1) of the Bernstein polynomials at t (n,)."""
+    i, t = np.arange(degree + 1), np.asarray(t)[:, None]
+    return comb(degree, i) * t**i * (1.0 - t) ** (degree - i)
 
 
 def solved(problem, tolerance=1e-9, **options):

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import factorial
-from scipy.stats import binom
 
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, TriangleMesh
 from qvi_contact.companion import DisplacementSpace, Elasticity, Triangle, moduli, reference_matrices, solve_companion
 from qvi_contact.discretization import Scales
 from solvers import Status
+from tests.qvi_contact.builders import bernstein
 
 CELLS = [Triangle(degree) for degree in (1, 2, 3, 4, 5)]
 L_SHAPE = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 0]], dtype=bool)
@@ -65,7 +65,7 @@ class TestCells:
         assert len(pairs) == 2 * len(corners)
         for first, last in pairs:
             line = corners[first] + t[:, None] * (corners[last] - corners[first])
-            along = binom.pmf(np.arange(cell.degree + 1), cell.degree, t[:, None]) @ c[cell.sides[first, last]]
+            along = bernstein(cell.degree, t) @ c[cell.sides[first, last]]
             assert cell.values(line) @ c == pytest.approx(along, abs=1e-13)
 
     def test_reference_matrices(self, cell):

@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.stats import binom
 
 from qvi_contact import (
     Contact,
@@ -26,6 +25,7 @@ from qvi_contact.companion import DualProblem, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import Status
 from tests.cases import thinned
+from tests.qvi_contact.builders import bernstein
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
@@ -95,11 +95,6 @@ class TestCompressedPlate:
         assert upper[-1] - lower[-1] < 0.4 * (upper[0] - lower[0])
 
 
-def quadratics(t):
-    """Values (n, 3) of the Bernstein polynomials at t (n,)."""
-    return binom.pmf(np.arange(3), 2, np.asarray(t)[:, None])
-
-
 def edge_values(problem, contact, field):
     return field(*problem.mesh.points_along(problem.mesh.edges(contact.edges), INSIDE))
 
@@ -159,7 +154,7 @@ def test_given_bound():
     assert one.contacts["base"].tangential_force == pytest.approx(other.contacts["base"].tangential_force, rel=1e-9)
     nodes, weights = np.polynomial.legendre.leggauss(40)
     _, slip = one.trace("base", (1 + nodes) / 2)
-    bound = s @ quadratics((1 + nodes) / 2).T
+    bound = s @ bernstein(2, (1 + nodes) / 2).T
     expected = float(((bound * np.abs(slip)) @ weights).sum() / 2 * 0.04 / 6)
     assert one.parts.friction == pytest.approx(expected, rel=1e-3)
     assert one.energy == pytest.approx(one.parts.strain - one.parts.load + one.parts.friction, rel=1e-14)
@@ -175,7 +170,7 @@ def test_friction_where_slip_changes_sign():
     t = (np.arange(20000) + 0.5) / 20000
     x, _ = mesh.points_along(mesh.edges("bottom"), t)
     slip = np.abs(companion.trace("ground", t)[1] - 1e-2 * (x - 0.9))
-    expected = float((slip * (s @ quadratics(t).T)).mean(axis=1).sum() * 2.0 / 3.0)
+    expected = float((slip * (s @ bernstein(2, t).T)).mean(axis=1).sum() * 2.0 / 3.0)
     line = companion.contacts["ground"]
     above = float(line.weights @ (line.friction_bound * np.abs(line.slip)))
     assert companion.parts.friction == pytest.approx(expected, rel=1e-7)

@@ -1,7 +1,6 @@
 """Integrals of polynomials by Bernstein coefficients, against rules of many points."""
 
 from functools import cache
-from math import comb
 
 import numpy as np
 import pytest
@@ -9,18 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qvi_contact.element import absolute_integrals, gauss_interpolation, product_integrals
+from tests.qvi_contact.builders import bernstein
 
 coefficient = st.floats(-3.0, 3.0).map(lambda value: round(value, 3))
 
 
-def basis(degree, t):
-    """Values of the Bernstein polynomials at t (n,), shape (n, degree + 1)."""
-    return np.stack([comb(degree, i) * t**i * (1.0 - t) ** (degree - i) for i in range(degree + 1)], axis=1)
-
-
 @cache
 def at_midpoints(degree):
-    return basis(degree, (np.arange(5000) + 0.5) / 5000)
+    return bernstein(degree, (np.arange(5000) + 0.5) / 5000)
 
 
 @pytest.mark.parametrize("count", [3, 21])
@@ -39,7 +34,7 @@ def test_products(first, second):
     t, w = np.polynomial.legendre.leggauss(8)
     t, w = (1 + t) / 2, w / 2
     found = product_integrals(first, second)
-    assert found == pytest.approx(np.einsum("g,gi,gj->ij", w, basis(first, t), basis(second, t)), abs=1e-14)
+    assert found == pytest.approx(np.einsum("g,gi,gj->ij", w, bernstein(first, t), bernstein(second, t)), abs=1e-14)
     with pytest.raises(ValueError, match="read-only"):  # all share it
         found[0, 0] = 1.0
 
