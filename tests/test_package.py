@@ -1,12 +1,10 @@
 """What is installed: licences, version, names that clash."""
 
-import inspect
 import re
 import subprocess
 import sys
 import sysconfig
 import tomllib
-from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -19,11 +17,6 @@ import qvi_contact.types
 ROOT = Path(__file__).parent.parent
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PROJECT = DECLARED["project"]
-MADE_BY_THE_PACKAGE = {
-    "Certificate", "ContactLine", "ContactResult", "ContactState", "Discretization", "EnergyRoot", "Feasibility",
-    "FrictionQVI", "History", "InputError", "Iteration", "LimitLoad", "LimitRefinement", "Mechanism", "ProblemFile",
-    "QVIError", "QVISolution", "Refinement", "RefinementStatus", "SolveError", "SolverUnavailableError", "Status",
-}  # fmt: skip
 FOR_DEVELOPERS = {"browser", "dev", "docs", "peers", "test"}
 
 # licence as docs/licences.md has it → what the metadata of such a package say
@@ -101,17 +94,6 @@ def test_the_citation_has_the_version_and_what_its_format_asks_for():
     assert {"message", "title", "authors", "references"} <= found.keys()
     assert found["license"] == PROJECT["license"]
     assert all({"type", "title", "authors"} <= reference.keys() for reference in found["references"])
-
-
-@pytest.mark.parametrize("package", ["qvi_contact", "solvers"])
-def test_signatures_of_what_users_call_are_short(package):
-    module = import_module(package)
-    for name in set(module.__all__) - MADE_BY_THE_PACKAGE:
-        signature = str(inspect.signature(getattr(module, name)))
-        assert len(signature) < 420, name
-        assert not re.search(r"numpy|typing\.|collections\.abc|Literal", signature), name
-    contact = inspect.signature(qvi_contact.Contact)  # whose data have names of one word or two, and short types
-    assert len(str(contact)) < 30 * len(contact.parameters)
 
 
 def test_names_of_types_are_on_the_page():

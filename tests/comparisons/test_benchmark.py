@@ -91,24 +91,6 @@ class TestNumbers:
         assert found.time.fillna(-1.0).tolist() == pytest.approx([1.25, -1.0, -1.0, 1.25])
 
 
-class TestStudies:
-    """Settings."""
-
-    def test_repetitions_by_size(self):
-        assert [study.repetitions(cells) for cells in (16, 32, 64, 128)] == [5, 5, 3, 2]
-
-    def test_loops_are_tried_on_meshes_that_are_not_too_large_for_them(self):
-        cases = {(case["loop"], case["cells"]) for case in study.loops((16, 32, 64), (0.1, 0.2)).cases}
-        assert cases == {*itertools.product(study.METHODS, (16, 32))}
-        assert {case["friction"] for case in study.loops((4,), (0.1, 0.5)).cases} == {0.1}
-
-    def test_every_case_has_a_process_of_its_own_and_some_a_thread(self):
-        studies = (study.whole((4,), (0.2,), "superlu"), study.walls((2,), (0.3,)), study.loops((4,), (0.2,)))
-        assert all(each.fresh for each in studies)
-        assert studies[0].cases[0]["sparse"] == "superlu"
-        assert (study.graded("auto").threads, study.sequences().threads, studies[2].timeout) == (1, 1, 120.0)
-
-
 @pytest.fixture(scope="module")
 def wall():
     """The row of a small wall."""

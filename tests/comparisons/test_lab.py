@@ -199,13 +199,9 @@ def text(path):
 
 @pytest.mark.parametrize(
     ("change", "word"),
-    [
-        (lambda path: os.truncate(path, path.stat().st_size - 8192), "damaged"),
-        (text, "not the store of a study"),
-        (other_application, "not the store of a study"),
-        (other_schema, "version 99, not 2"),
-    ],
-)
+    [(lambda path: os.truncate(path, path.stat().st_size - 8192), "damaged"), (text, "not the store of a study"),
+     (other_application, "not the store of a study"), (other_schema, "version 99, not 2")],
+)  # fmt: skip
 def test_a_store_that_is_not_sound_is_one_line_and_stays_as_it_was(tmp_path, change, word):
     path = filled(tmp_path / "a")
     change(path)

@@ -154,13 +154,10 @@ class TestFailures:
     @posix
     @pytest.mark.parametrize(
         ("does", "reason"),
-        [
-            ("echo no libgetfem.so.5 >&2; exit 3", "status 3: no libgetfem.so.5"),
-            ("kill -SEGV $$", "status -11: no message"),
-            ("cat >/dev/null; echo hello", "Expecting value"),
-            ('[ -n "$PYTHONPATH" ] && echo "finds this project" >&2; exit 1', "status 1: no message"),
-        ],
-    )
+        [("echo no libgetfem.so.5 >&2; exit 3", "status 3: no libgetfem.so.5"),
+         ("kill -SEGV $$", "status -11: no message"), ("cat >/dev/null; echo hello", "Expecting value"),
+         ('[ -n "$PYTHONPATH" ] && echo "finds this project" >&2; exit 1', "status 1: no message")],
+    )  # fmt: skip
     def test_the_reason_is_told(self, tmp_path, environ, does, reason):
         environ(**{room.GETFEM: other_python(tmp_path, does), "PYTHONPATH": tmp_path})
         with pytest.raises((room.ProcessError, ValueError), match=reason) as caught:

@@ -349,14 +349,10 @@ class TestProofs:
 
     @pytest.mark.parametrize(
         ("limit", "passed"),
-        [
-            (LimitLoad(1.5, 1.6, None, 1.5 + 1e-9, 1e-10), True),
-            (LimitLoad(1.5, 1.4, None, 1.5, 0.0), False),
-            (LimitLoad(1.5, 1.6, None, 1.5001, 1e-10), False),
-            (LimitLoad(1.5, 1.6, None, 1.5, 1e-5), False),
-            (LimitLoad(np.inf, np.inf, None, np.inf, 0.0), False),
-        ],
-    )
+        [(LimitLoad(1.5, 1.6, None, 1.5 + 1e-9, 1e-10), True), (LimitLoad(1.5, 1.4, None, 1.5, 0.0), False),
+         (LimitLoad(1.5, 1.6, None, 1.5001, 1e-10), False), (LimitLoad(1.5, 1.6, None, 1.5, 1e-5), False),
+         (LimitLoad(np.inf, np.inf, None, np.inf, 0.0), False)],
+    )  # fmt: skip
     def test_of_limit_loads(self, limit, passed):
         assert room.bounded(limit).passed == passed
 

@@ -1,5 +1,7 @@
 """What `scipy.optimize.linprog` answers is looked at before it is used: if it is broken, this package says so."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy import optimize
@@ -19,17 +21,21 @@ from qvi_contact.mechanism import find_mechanism
 from solvers import Status
 
 
+@cache
+def outlined(size, *corners):
+    return TriangleMesh.outline([Corner(*corner) for corner in corners], size)
+
+
 def dragged_block(drag):
     """A block of 2 × 1 under a pressure of 1, pulled along a base of friction 0.3."""
-    outline = [Corner((0, 0), "base"), Corner((2, 0), "right"), Corner((2, 1), "top"), Corner((0, 1), "left")]
-    mesh = TriangleMesh.outline(outline, 0.6)
+    mesh = outlined(0.6, ((0, 0), "base"), ((2, 0), "right"), ((2, 1), "top"), ((0, 1), "left"))
     free = [Traction("left", x=0.0, y=0.0), Traction("top", normal=-1.0, tangential=0.0)]
     return ContactProblem(mesh, Material(1e4, 0.3), [Contact("base", 0.3), Traction("right", x=drag, y=0.0), *free])
 
 
 def wedge():
     """A triangle pressed between two obstacles, one of them aslant: its units come from a linear program."""
-    mesh = TriangleMesh.outline([Corner((0, 0), "base"), Corner((2, 0), "right"), Corner((1, 1.5), "left")], 0.8)
+    mesh = outlined(0.8, ((0, 0), "base"), ((2, 0), "right"), ((1, 1.5), "left"))
     pressed = Traction("left", normal=-1.0, tangential=0.0)
     return ContactProblem(mesh, Material(1e4, 0.3), [Contact("base", 0.3), Contact("right", 0.3, gap=-1e-3), pressed])
 

@@ -175,12 +175,6 @@ class TestHistory:
         names = [name.split()[0] for name in pytest.importorskip("meshio").read(fields).point_data]
         assert ("stress" in names, "displacement" in names) == (True, False)
 
-    def test_too_little_time(self, shell, cycle):
-        status, out, err = shell("solve", cycle, "--time-limit", "1e-9")
-        assert (status, err) == (1, "")
-        assert out.splitlines()[-1].startswith("step 1 of 3: time limit after ")
-        refused(shell("limit", cycle, "--load", "ground", "--time-limit", "-1"))
-
     def test_a_history_is_neither_swept_nor_refined(self, shell, cycle, tmp_path):
         refused(shell("solve", cycle, "--set", "friction=0.1"), "[history]")
         cycle.write_text(cycle.read_text(encoding="utf-8") + '\n[sweep]\nparameter = "gap"\nvalues = [0.0]\n')

@@ -146,22 +146,13 @@ def test_ellipses_of_a_problem_file():
 
 @pytest.mark.parametrize(
     ("curve", "ends"),
-    [
-        (lambda t: np.column_stack([t, t, t]), (0.0, 1.0)),
-        (lambda t: np.column_stack([np.sqrt(t), t])[:5], (0.0, 1.0)),
-        (
-            lambda t: np.column_stack([np.log(t - 0.5), t]) if t.min() > 0.5 else np.full((len(t), 2), np.nan),
-            (0.0, 1.0),
-        ),
-        (lambda t: np.column_stack([np.cos(t), np.sin(t)]), (0.0, np.pi / 2.0)),
-        (lambda t: np.ones((len(t), 2)), (0.0, 1.0)),
-        (lambda t: t.missing, (0.0, 1.0)),
-        (None, (0.0, 1.0)),
-        (ellipse(1.0), (0.0, 1.0)),
-        (ellipse(1.0), (0.0, np.nan)),
-        (ellipse(1.0), (1.0, 1.0)),
-    ],
-)
+    [(lambda t: np.column_stack([t, t, t]), (0.0, 1.0)),
+     (lambda t: np.column_stack([np.sqrt(t), t])[:5], (0.0, 1.0)),
+     (lambda t: np.column_stack([np.log(t - 0.5), t]) if t.min() > 0.5 else np.full((len(t), 2), np.nan), (0.0, 1.0)),
+     (lambda t: np.column_stack([np.cos(t), np.sin(t)]), (0.0, np.pi / 2.0)),
+     (lambda t: np.ones((len(t), 2)), (0.0, 1.0)), (lambda t: t.missing, (0.0, 1.0)), (None, (0.0, 1.0)),
+     (ellipse(1.0), (0.0, 1.0)), (ellipse(1.0), (0.0, np.nan)), (ellipse(1.0), (1.0, 1.0))],
+)  # fmt: skip
 def test_curves_that_cannot_be(curve, ends):
     with pytest.raises(InputError):
         sheet(1, 4, curved=False).with_curve("inner", curve, *ends)

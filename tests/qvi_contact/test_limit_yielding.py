@@ -11,7 +11,6 @@ from qvi_contact import (
     ContactProblem,
     Displacement,
     InputError,
-    LimitFactor,
     Material,
     Mises,
     MohrCoulomb,
@@ -23,7 +22,6 @@ from qvi_contact import (
     Tresca,
     TriangleMesh,
     limit_load_factor,
-    refine,
     save_problem,
     solve,
     strength_reduction_factor,
@@ -48,16 +46,11 @@ def in_tension(c, phi):
 
 @pytest.mark.parametrize(
     ("strength", "plane", "exact"),
-    [
-        (Mises(1.0), "stress", 1.0),
-        (Mises(1.0), "strain", 2 / np.sqrt(3)),
-        (Tresca(0.7), "stress", 1.4),
-        (Tresca(0.7), "strain", 1.4),
-        (MohrCoulomb(0.5, 0.3), "strain", in_tension(0.5, 0.3)),
-        (MohrCoulomb(0.5, 0.3), "stress", in_tension(0.5, 0.3)),
-        (MohrCoulomb(0.5, 0.3, 0.2), "strain", 0.2),
-    ],
-)
+    [(Mises(1.0), "stress", 1.0), (Mises(1.0), "strain", 2 / np.sqrt(3)), (Tresca(0.7), "stress", 1.4),
+     (Tresca(0.7), "strain", 1.4),
+     (MohrCoulomb(0.5, 0.3), "strain", in_tension(0.5, 0.3)),
+     (MohrCoulomb(0.5, 0.3), "stress", in_tension(0.5, 0.3)), (MohrCoulomb(0.5, 0.3, 0.2), "strain", 0.2)],
+)  # fmt: skip
 def test_uniform_tension(strength, plane, exact):
     limit = limit_load_factor(stretched(strength, plane), ["top"], degree=5 if isinstance(strength, Mises) else 3)
     assert limit.lower == pytest.approx(exact, rel=1e-6)
@@ -255,15 +248,6 @@ def test_fans_keep_the_body_its_names_and_its_vertices():
     assert directions[[0, -1]] == pytest.approx([0.0, np.pi])
 
 
-def test_refinement_makes_fans_and_closes_in_on_two_plus_pi():
-    found = refine(strip(Tresca(1.0)), target=0.03, quantity=LimitFactor(["foot"]), max_rounds=3)
-    assert found.limit.lower < 2 + np.pi < found.limit.upper
-    assert found.guaranteed
-    estimates = [each.estimate for each in found.rounds]
-    assert estimates[-1] < 0.3 * estimates[0]
-    assert found.indicator.sum() == pytest.approx(found.estimate, rel=1e-6)
-
-
 def test_solve_says_where_the_elastic_stress_exceeds_the_strength():
     """Uniform tension of 1 between strengths: by 1 − 0.8 where c is 0.4, and nowhere where it is 0.6."""
     weak, strong = (solve(stretched(Tresca(c))) for c in (0.4, 0.6))
@@ -284,7 +268,7 @@ def test_strength_may_be_divided_by_what_the_shear_leaves(mu, c, of, exact):
 
 
 def test_strength_that_is_not_enough_has_a_factor_below_one():
-    found = strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), accuracy=0.01)
+    found = strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), accuracy=0.05)
     assert found.lower <= 0.6 * (1 + 1e-6) <= found.upper * (1 + 1e-6)
     for wrong, told in (({"of": ["botom"]}, "bottom"), ({"accuracy": 2.0}, "below 1")):
         with pytest.raises(InputError, match=told):

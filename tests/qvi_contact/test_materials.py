@@ -44,13 +44,9 @@ def test_one_material_in_pieces_is_one_material():
 
 @pytest.mark.parametrize(
     ("regions", "field"),
-    [
-        ([Region(SOFT, x=(0.0, 0.3))], "region"),
-        ([Region(SOFT, y=(1.0, 0.0))], "range"),
-        ([Region(Material(1.0, 0.0, "strain"))], "Region.material"),
-        ("soft", "ContactProblem.regions"),
-    ],
-)
+    [([Region(SOFT, x=(0.0, 0.3))], "region"), ([Region(SOFT, y=(1.0, 0.0))], "range"),
+     ([Region(Material(1.0, 0.0, "strain"))], "Region.material"), ("soft", "ContactProblem.regions")],
+)  # fmt: skip
 def test_bad_regions_are_refused(regions, field):
     mesh = TriangleMesh.rectangle((2, 2))
     conditions = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0, y=0), Traction("top", x=0, y=0)]
@@ -106,13 +102,10 @@ class TestRefusals:
 
     @pytest.mark.parametrize(
         "top",
-        [
-            [Contact("top", 0.2, gap=-1e-3)],
-            [Contact("top", 0.2, plate=RigidPlate(force_y=-1.0))],
-            [Displacement("top", y=-1e-3), Traction("top", x=0.0)],
-        ],
-        ids=["contact", "plate", "displacement"],
-    )
+        [[Contact("top", 0.2, gap=-1e-3)],
+         [Contact("top", 0.2, plate=RigidPlate(force_y=-1.0))],
+         [Displacement("top", y=-1e-3), Traction("top", x=0.0)]], ids=["contact", "plate", "displacement"],
+    )  # fmt: skip
     def test_closed_all_around(self, top):
         mesh = TriangleMesh.rectangle((2, 2))
         with pytest.raises(InputError, match=r"Material\.poisson.*traction"):

@@ -268,12 +268,9 @@ class TestJumpsInsideEdges:
     @pytest.mark.parametrize("at", [0.3, 0.77])
     @pytest.mark.parametrize(
         ("cohesion", "carried"),
-        [
-            (lambda x, _: np.where(x < 0.37, 1.0, 0.0), 0.37),
-            (lambda x, _: np.where(x < 0.37, 0.0, 1.0), 0.63),
-            (lambda x, _: np.abs(x - 0.37), (0.37**2 + 0.63**2) / 2.0),
-        ],
-    )
+        [(lambda x, _: np.where(x < 0.37, 1.0, 0.0), 0.37), (lambda x, _: np.where(x < 0.37, 0.0, 1.0), 0.63),
+         (lambda x, _: np.abs(x - 0.37), (0.37**2 + 0.63**2) / 2.0)],
+    )  # fmt: skip
     def test_no_less_than_the_integral(self, cohesion, carried, at):
         upper, _ = upper_bound(self.pushed(Contact.tresca("bottom", cohesion), at), ["push"])
         assert carried * (1.0 - EXACT) <= upper <= 1.02 * carried

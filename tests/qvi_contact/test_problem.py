@@ -49,14 +49,9 @@ def test_what_is_not_finite_is_refused(kind, name, value):
 
 @pytest.mark.parametrize(
     "friction",
-    [
-        lambda x, y: -x - y,
-        lambda x, y: x * y * np.nan,
-        lambda x: x,
-        lambda x, y: np.ones(len(x) + len(y) - 1),
-        lambda x, y: f"rough {x} {y}",
-    ],
-)
+    [lambda x, y: -x - y, lambda x, y: x * y * np.nan, lambda x: x, lambda x, y: np.ones(len(x) + len(y) - 1),
+     lambda x, y: f"rough {x} {y}"],
+)  # fmt: skip
 def test_bad_friction_functions_are_refused(friction):
     with pytest.raises(InputError, match=r"Contact\.friction"):
         discretize(compressed_plate(friction))
@@ -64,19 +59,14 @@ def test_bad_friction_functions_are_refused(friction):
 
 @pytest.mark.parametrize(
     ("conditions", "words"),
-    [
-        ([*FREE, Symmetry("left")], "component x of the edge around .* has no condition"),
-        ([*FREE, Symmetry("left"), Displacement("bottom", y=0.0)], "'bottom': component x"),
-        (
-            [*FREE, Symmetry("left"), Symmetry("bottom"), Contact("top", friction=0.1)],
-            r"already has the condition Traction\('top'\)",
-        ),
-        ([*FREE, Symmetry("left"), Symmetry("floor")], "'floor': name one of the edge sets"),
-        ([*FREE, Contact("left", friction=0, name="a"), Contact("bottom", friction=0, name="a")], "a name of its own"),
-        ("top", "give a list"),
-        ([*FREE, "bottom"], "each entry must be"),
-    ],
-)
+    [([*FREE, Symmetry("left")], "component x of the edge around .* has no condition"),
+     ([*FREE, Symmetry("left"), Displacement("bottom", y=0.0)], "'bottom': component x"),
+     ([*FREE, Symmetry("left"), Symmetry("bottom"), Contact("top", friction=0.1)],
+      r"already has the condition Traction\('top'\)"),
+     ([*FREE, Symmetry("left"), Symmetry("floor")], "'floor': name one of the edge sets"),
+     ([*FREE, Contact("left", friction=0, name="a"), Contact("bottom", friction=0, name="a")], "a name of its own"),
+     ("top", "give a list"), ([*FREE, "bottom"], "each entry must be")],
+)  # fmt: skip
 def test_overlap_omission_and_unknown_names_are_refused(conditions, words):
     with pytest.raises(InputError, match=words):
         ContactProblem(MESH, STEEL, conditions)

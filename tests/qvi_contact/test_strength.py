@@ -74,17 +74,12 @@ class TestCones:
 
 @pytest.mark.parametrize(
     ("make", "field"),
-    [
-        (lambda: Tresca(0.0), "Tresca.c"),
-        (lambda: Tresca(-1.0), "Tresca.c"),
-        (lambda: Mises(float("nan")), "Mises.yield_stress"),
-        (lambda: MohrCoulomb(1.0, 30.0), "MohrCoulomb.phi"),
-        (lambda: MohrCoulomb(0.0, 0.0), "MohrCoulomb.c"),
-        (lambda: MohrCoulomb(1.0, 0.5, -0.1), "MohrCoulomb.tension"),
-        (lambda: NoTension(0.0), "NoTension.crushing"),
-        (lambda: Material(1.0, 0.3, "strain", 2.0), "Material.strength"),
-    ],
-)
+    [(lambda: Tresca(0.0), "Tresca.c"), (lambda: Tresca(-1.0), "Tresca.c"),
+     (lambda: Mises(float("nan")), "Mises.yield_stress"),
+     (lambda: MohrCoulomb(1.0, 30.0), "MohrCoulomb.phi"), (lambda: MohrCoulomb(0.0, 0.0), "MohrCoulomb.c"),
+     (lambda: MohrCoulomb(1.0, 0.5, -0.1), "MohrCoulomb.tension"), (lambda: NoTension(0.0), "NoTension.crushing"),
+     (lambda: Material(1.0, 0.3, "strain", 2.0), "Material.strength")],
+)  # fmt: skip
 def test_bad_strengths_are_refused(make, field):
     with pytest.raises(InputError) as caught:
         make()
@@ -100,15 +95,9 @@ def body(strength, other=None):
 
 @pytest.mark.parametrize(
     "strength",
-    [
-        Tresca(1.5),
-        Mises(Expression("1 + x")),
-        MohrCoulomb(2.0, 0.5),
-        MohrCoulomb(2.0, 0.5, 0.1),
-        NoTension(),
-        NoTension(4.0),
-    ],
-)
+    [Tresca(1.5), Mises(Expression("1 + x")), MohrCoulomb(2.0, 0.5), MohrCoulomb(2.0, 0.5, 0.1), NoTension(),
+     NoTension(4.0)],
+)  # fmt: skip
 def test_files_hold_strengths(strength):
     for problem in (body(strength), body(None, strength), body(strength, strength)):
         again = problem_from_toml(problem_to_toml(problem)).problem

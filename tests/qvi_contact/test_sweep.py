@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -138,9 +137,6 @@ def test_values_by_way_of_a_history_are_other_problems():
     forces = [step.contacts["plate"].tangential_force for step in solve_sweep(PLATE, "offset", path).steps]
     assert forces[2] == pytest.approx(forces[0], rel=1e-8)
     assert all(abs(one - other) > 1e-3 * abs(one) for one, other in pairwise(forces))
-
-
-FILE = Path(__file__).parents[2] / "examples" / "compressed_plate.toml"
 
 
 def command(*arguments):

@@ -5,6 +5,7 @@ z = r = (p, t).
 """
 
 from fractions import Fraction
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -18,7 +19,8 @@ from tests.cases import examples
 from tests.solvers.conftest import Root, one_contact, random_problem
 
 
-def solved() -> tuple[FrictionQVI, list[np.ndarray]]:
+@cache
+def solved():
     qvi = random_problem(0)
     solution = solve_qvi(qvi, inner="direct:clarabel")
     assert solution.solved
@@ -27,36 +29,28 @@ def solved() -> tuple[FrictionQVI, list[np.ndarray]]:
     return qvi, [solution.z, solution.normal_multiplier, solution.tangential_multiplier]
 
 
-def wrong(parts: list[np.ndarray], what: str) -> list[np.ndarray | None]:
-    z, m_N, m_T = (part.copy() for part in parts)
-    if what == "one sign of m_T":
-        m_T[np.abs(m_T).argmax()] *= -1
-    elif what == "all signs of m_T":
-        m_T *= -1
-    elif what == "sign of m_N":
-        m_N[m_N.argmax()] *= -1
-    elif what == "z shifted":
-        z[0] += 1e-5 * np.abs(z).max()
-    elif what == "m_N dropped":
-        m_N[:] = 0
-    elif what == "m_T dropped":
-        m_T[:] = 0
-    elif what == "z zero":
-        z[:] = 0
-    elif what == "everything zero":
-        z[:], m_N[:], m_T[:] = 0, 0, 0
-    return [z, m_N, m_T]
+def largest(values):
+    """1 at the largest entry, 0 elsewhere."""
+    return np.arange(len(values)) == np.abs(values).argmax()
 
 
-@pytest.mark.parametrize(
-    "what",
-    ["one sign of m_T", "all signs of m_T", "sign of m_N", "z shifted", "m_N dropped", "m_T dropped", "z zero",
-     "everything zero"],
-)  # fmt: skip
+WRONG = {
+    "one sign of m_T": lambda z, m_N, m_T: (z, m_N, m_T * (1 - 2 * largest(m_T))),
+    "all signs of m_T": lambda z, m_N, m_T: (z, m_N, -m_T),
+    "sign of m_N": lambda z, m_N, m_T: (z, m_N * (1 - 2 * largest(m_N)), m_T),
+    "z shifted": lambda z, m_N, m_T: (z * (1 + 1e-5 * largest(z)), m_N, m_T),
+    "m_N dropped": lambda z, m_N, m_T: (z, 0 * m_N, m_T),
+    "m_T dropped": lambda z, m_N, m_T: (z, m_N, 0 * m_T),
+    "z zero": lambda z, m_N, m_T: (0 * z, m_N, m_T),
+    "everything zero": lambda z, m_N, m_T: (0 * z, 0 * m_N, 0 * m_T),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
 def test_wrong_results_fail(what):
     qvi, parts = solved()
     assert certify(qvi, *parts).passed
-    certificate = certify(qvi, *wrong(parts, what))
+    certificate = certify(qvi, *WRONG[what](*parts))
     assert not certificate.passed
     assert certificate.accuracy > 1e-7
 
@@ -74,7 +68,7 @@ def test_a_wrong_tangential_sign_shows_in_every_measure_that_knows_it():
     plain = certify(qvi, *parts)
     assert plain.worst in plain.summary()
     assert plain.limits["natural_map"] == pytest.approx(1e-5)
-    measures = certify(qvi, *wrong(parts, "all signs of m_T")).measures
+    measures = certify(qvi, *WRONG["all signs of m_T"](*parts)).measures
     for name in ("stationarity", "sign", "complementarity_tangential", "energy_gap", "natural_map"):
         assert measures[name] > 1e-2, name
 
@@ -94,17 +88,9 @@ def test_a_factorisation_of_another_matrix_hides_no_error():
     K, rows, one = np.diag([1.0, 2.0, 1.5, 1.2]), np.eye(4)[:2], np.ones(1)
     f = np.array([-1.0, 0.4, 1.5, 1.2])
     qvi = FrictionQVI.from_arrays(
-        K=K,
-        f=f,
-        N=rows[:1],
-        n0=0.0 * one,
-        T=rows[1:],
-        t0=0.0 * one,
-        mu=0.5 * one,
-        W=one,
-        root=Root(np.sqrt(K), times=1e10),
-        load=f,
-    )
+        K=K, f=f, N=rows[:1], n0=0.0 * one, T=rows[1:], t0=0.0 * one, mu=0.5 * one, W=one,
+        root=Root(np.sqrt(K), times=1e10), load=f,
+    )  # fmt: skip
     solution = solve_qvi(qvi)
     parts = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     wrong = solution.z + np.array([0.0, 0.0, 0.0, 1e-3])  # where the contact does not feel it
@@ -245,7 +231,6 @@ def test_it_fails_at_random_distances(name, direction, exponent, consistent):
 
 
 SCALES = {"stress": 2.0, "displacement": 0.5, "energy": 4.0}  # k = 4
-STEP = SCALES["stress"] / SCALES["displacement"]
 NAMES = ("normal", "friction", "sign", "complementarity_normal", "complementarity_tangential", "natural_map",
          "alart_curnier", "bipotential")  # fmt: skip
 finite = st.floats(-3.0, 3.0)

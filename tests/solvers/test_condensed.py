@@ -15,7 +15,7 @@ from solvers.condensed import FRICTION_SHARES
 from solvers.factorisation import available_backends, set_default
 from solvers.inequality import TractionFactor
 from tests.cases import every_pair, thinned
-from tests.solvers.conftest import LAWS, Root, chain, dragged_block, one_contact, random_problem
+from tests.solvers.conftest import LAWS, Root, chain, one_contact, random_problem
 from tests.solvers.test_laws import violations
 
 
@@ -69,21 +69,6 @@ def test_not_unique_returns_one_of_the_three(nonunique):
 def test_one_contact_always_has_a_certified_answer(friction, load):
     """|coupling| < 1 and mu of any size: a solution exists, since a stuck, slipping or open one always does."""
     condensed(one_contact(friction, load))
-
-
-@pytest.mark.parametrize("method", [None, "condensed"])
-@pytest.mark.parametrize("factor", [1.0001, 1.01, 3.0])
-def test_dragged_beyond_friction_is_infeasible(method, factor):
-    solution = solve_qvi(dragged_block(0.3 * factor), method=method)
-    assert solution.status is Status.INFEASIBLE, solution.message
-    assert "cannot be carried" in solution.message
-    assert solution.farkas is not None
-    assert np.isnan(solution.z).all()
-
-
-@pytest.mark.parametrize("factor", [1.0 - 1e-6, 0.99, -0.99, 0.0])
-def test_dragged_within_friction_is_carried(factor):
-    assert condensed(dragged_block(0.3 * factor)).z == pytest.approx([1.0, 0.3 * factor], abs=1e-9)
 
 
 def rooted(seed, spoilt, **law):

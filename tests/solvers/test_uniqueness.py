@@ -120,9 +120,3 @@ def test_large_contacts_say_why_there_is_none():
     assert found.bound is found.sharper is None
     assert not found.satisfied
     assert f"{2 * m} contact rows" in found.sentence()
-
-
-def test_solutions_compute_it_once_and_only_when_asked():
-    solution = solve_qvi(one_contact(0.5, (-1.0, -3.0)))
-    assert "uniqueness" not in vars(solution)
-    assert solution.uniqueness is solution.uniqueness

@@ -22,13 +22,14 @@ def command(*words):
     return CliRunner().invoke(group, ["bracket", *map(str, words)], standalone_mode=False)
 
 
+@pytest.mark.usefixtures("outlined")
 def test_guaranteed_example_with_all_files(tmp_path):
     """A stack of blocks that only friction holds along its joints: the bounds, picture and displacements."""
-    picture, fields = tmp_path / "apart.png", tmp_path / "moved.vtu"
+    picture, fields = tmp_path / "apart.svg", tmp_path / "moved.vtu"
     done = command(EXAMPLES / "stacked_blocks.toml", "--plot", picture, "--vtk", fields)
     assert done.return_value == 0
     assert "as friction alone holds a body" in done.stdout
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert picture.stat().st_size > 1000
     assert b"displacement" in fields.read_bytes()
 
 

@@ -123,13 +123,10 @@ class TestNorms:
 
     @pytest.mark.parametrize(
         "problem",
-        [
-            compressed_plate(0.5, (3, 3), width=2.0),
-            compressed_plate(0.5, (3, 3), height=3.0, plane="strain", poisson=0.4),
-            ssnv128((3, 3), friction=0.5),
-            sliding_block((3, 2))[0],
-        ],
-    )
+        [compressed_plate(0.5, (3, 3), width=2.0),
+         compressed_plate(0.5, (3, 3), height=3.0, plane="strain", poisson=0.4), ssnv128((3, 3), friction=0.5),
+         sliding_block((3, 2))[0]],
+    )  # fmt: skip
     def test_finite_elements_stay_below(self, problem):
         for sense in (1, -1):
             proved = rectangle_norm(problem, shared(problem, sense))

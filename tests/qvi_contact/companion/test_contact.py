@@ -13,7 +13,6 @@ from qvi_contact import (
     ContactState,
     Displacement,
     Material,
-    Region,
     RigidPlate,
     Symmetry,
     Traction,
@@ -241,35 +240,6 @@ class TestDraggedBlock:
         assert companion.status is Status.INFEASIBLE
         assert not companion.has_state
         assert "reduce" in companion.status.advice
-
-
-def squeezed(mesh, joints=()):
-    """Pressed from all sides by loads that shear it as well; two materials."""
-    conditions = [
-        Symmetry("bottom"),
-        Displacement("left", x=lambda _, y: 1e-3 * y),
-        Traction("left", y=0.0),
-        Traction("right", x=lambda _, y: -10.0 - 3.0 * y, y=lambda _, y: 4.0 * y * (1.0 - y)),
-        Traction("top", x=lambda x, _: 3.0 * x * (2.0 - x), y=lambda x, _: -12.0 + x),
-    ]
-    regions = [Region(FOAM, x=(0.3, 1.5), y=(0.4, 0.7))]
-    return ContactProblem(mesh, STEEL, [*conditions, *joints], regions=regions)
-
-
-JOINTS = {
-    "parallel": [("a", "horizontal", 0.4), ("b", "horizontal", 0.7)],
-    "ending inside": [("a", "horizontal", 0.4, 0.3, 1.5)],
-    "crossing": [("a", "horizontal", 0.4), ("b", "vertical", 0.8)],
-    "wall": [
-        ("a", "horizontal", 0.4), ("b", "horizontal", 0.7), ("c", "vertical", 0.8, 0.0, 0.4),
-        ("d", "vertical", 1.5, 0.4, 0.7), ("e", "vertical", 0.3, 0.7, 1.0),
-    ],
-}  # fmt: skip
-LAWS = {
-    "rough": {"friction": 20.0},
-    "glued": {"friction": 0.0, "cohesion": 1e4, "law": "bilateral"},
-    "tied": {"friction": 0.0, "law": "tied"},
-}
 
 
 class TestPlates:

@@ -41,19 +41,12 @@ class TestBadInput:
 
     @pytest.mark.parametrize(
         ("bounds", "message"),
-        [
-            ({"roof": np.zeros((3, 3))}, "contacts (plate)"),
-            ({}, "every contact"),
-            ([1.0], "mapping"),
-            ({"plate": np.zeros((2, 3))}, "shape"),
-            ({"plate": np.zeros(3)}, "shape"),
-            ({"plate": "rough"}, "numbers"),
-            ({"plate": np.full((3, 3), np.nan)}, "finite"),
-            ({"plate": np.full((3, 3), np.inf)}, "finite"),
-            ({"plate": np.array([[1.0, 1.0, 1.0], [1.0, -1.01, 1.0], [1.0, 1.0, 1.0]])}, "≥ 0"),
-            ({"plate": np.array([[1.0, 1.0, 1.0], [-1e-3, 1.0, 1.0], [1.0, 1.0, 1.0]])}, "≥ 0"),
-        ],
-    )
+        [({"roof": np.zeros((3, 3))}, "contacts (plate)"), ({}, "every contact"), ([1.0], "mapping"),
+         ({"plate": np.zeros((2, 3))}, "shape"), ({"plate": np.zeros(3)}, "shape"), ({"plate": "rough"}, "numbers"),
+         ({"plate": np.full((3, 3), np.nan)}, "finite"), ({"plate": np.full((3, 3), np.inf)}, "finite"),
+         ({"plate": np.array([[1.0, 1.0, 1.0], [1.0, -1.01, 1.0], [1.0, 1.0, 1.0]])}, "≥ 0"),
+         ({"plate": np.array([[1.0, 1.0, 1.0], [-1e-3, 1.0, 1.0], [1.0, 1.0, 1.0]])}, "≥ 0")],
+    )  # fmt: skip
     def test_bounds(self, bounds, message):
         with pytest.raises(InputError, match=re.escape(message)):
             solve_companion(PLATE, bounds=bounds)
@@ -99,14 +92,9 @@ class TestReasons:
 
     @pytest.mark.parametrize(
         ("load", "force"),
-        [
-            (lambda x: 1.0 + x**19, 1.05),
-            (np.sqrt, 2.0 / 3.0),
-            (lambda x: np.where(x < 0.123, 2.0, 0.0), 0.246),
-            (lambda x: peak(x, PEAK, 5e-4), 5e-4 * np.sqrt(np.pi)),
-        ],
-        ids=["polynomial", "root", "step", "peak"],
-    )
+        [(lambda x: 1.0 + x**19, 1.05), (np.sqrt, 2.0 / 3.0), (lambda x: np.where(x < 0.123, 2.0, 0.0), 0.246),
+         (lambda x: peak(x, PEAK, 5e-4), 5e-4 * np.sqrt(np.pi))], ids=["polynomial", "root", "step", "peak"],
+    )  # fmt: skip
     def test_loads_are_integrated(self, load, force):
         problem = block(Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -load(x) + 0 * y))
         companion = solve_companion(problem)
