@@ -16,15 +16,13 @@ The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Protocol, get_args
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, diags_array, eye_array, vstack
 
-from solvers.basics.checks import finite_number, one_of, real_array, whole_number
+from solvers.basics.checks import real_array
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import Matrix, Sparse, Vector
@@ -36,6 +34,7 @@ from solvers.inequality.rows import independent_rows
 from solvers.inner.linear_program import is_failure, one_line
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
+from solvers.settings import FixedPointOptions
 from solvers.solution import Iteration, Outcome
 
 # In which unknowns the inner problems are posed.
@@ -52,8 +51,6 @@ from solvers.solution import Iteration, Outcome
 # |T z + t0| ≤ 0 they would have no interior, and several of them that depend on each other contradict one another in
 # rounding. Rows of N that are bilateral are no inequalities at all; they become 0 ≤ 1.
 
-
-Form = Literal["auto", "full", "condensed"]
 
 CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
@@ -185,7 +182,7 @@ class CondensedForm:
         return self._simplified.restore(replace(inner, z=z, nu=nu))
 
 
-def make_form(qvi: FrictionQVI, form: Form) -> ProblemForm:
+def make_form(qvi: FrictionQVI, form: str) -> ProblemForm:
     """Choose and build; a problem whose contact tractions do not depend on z stays in full form."""
     simplified = Simplified.of(qvi)
     if form == "full" or (form == "auto" and 2 * qvi.m > CONDENSED_LIMIT):
@@ -259,8 +256,6 @@ class Anderson:
         self._last = np.inf
 
 
-Variant = Literal["plain", "damped", "anderson"]
-
 _INNER_FACTOR = 1e-4  # inner tolerance = this × outer, within the two limits below: the error of z(s) goes with
 _INNER_LIMITS = (1e-12, 1e-6)  # √tolerance where a point touches without load
 _RECOVERIES = 12
@@ -272,48 +267,6 @@ _ROUND_OFF = 1e-13  # of the bonded pressure
 _BREAKS = 6
 _NOISE = 1e-4  # a cycle smaller than this is the inner solver's noise, not the map's
 _OTHER_INNER = "Take another inner solver, listed by solvers.available(), or cells that are less thin."
-
-
-@dataclass(frozen=True)
-class FixedPointOptions:
-    """Options of the fixed point.
-
-    Attributes
-    ----------
-    variant : "anderson" (default), "damped" s + θ (g − s), or "plain" s ← g
-    damping : θ of "damped" and mixing β of "anderson", in (0, 1]
-    memory : number of earlier iterations "anderson" uses
-    max_iterations : outer iterations
-    initial : pressure s (m,) ≥ 0 to start from; default that of the bonded solution (one linear solve)
-    inner_tolerance : default 1e-4 × tolerance, between 1e-12 and 1e-6
-    patience : iterations without progress before the iteration counts as stalled
-    form : unknowns of the inner problems, "auto" (default), "full" or "condensed", see `forms`
-    inner_options : settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for;
-        some back ends ignore names they do not know
-    callback : called with every `Iteration`
-
-    """
-
-    variant: Variant = "anderson"
-    damping: float = 0.5
-    memory: int = 5
-    max_iterations: int = 100
-    initial: ArrayLike | None = None
-    inner_tolerance: float | None = None
-    patience: int = 15
-    form: Form = "auto"
-    inner_options: Mapping[str, Any] | None = None
-    callback: Callable[[Iteration], object] | None = None
-
-    def __post_init__(self) -> None:
-        one_of("variant", self.variant, get_args(Variant))
-        one_of("form", self.form, get_args(Form))
-        if not 0 < finite_number("damping", self.damping) <= 1:
-            raise InputError("damping", self.damping, "give a number in (0, 1]")
-        for name in ("memory", "max_iterations", "patience"):
-            whole_number(name, getattr(self, name))
-        if self.inner_tolerance is not None and not 0 < finite_number("inner_tolerance", self.inner_tolerance) < 1:
-            raise InputError("inner_tolerance", self.inner_tolerance, "give a number between 0 and 1")
 
 
 @dataclass(eq=False)

@@ -25,18 +25,18 @@ a ray though there is a solution; then other directions d are tried.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import lstsq
 
-from solvers.basics.checks import whole_number
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.certificate.certificate import certify
 from solvers.inequality.problem import Compliance, FrictionQVI, Law
+from solvers.settings import PivotingOptions
 from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution
 
 LARGEST = 200
@@ -48,24 +48,6 @@ _POLISHING = 4  # corrections of a vertex
 _STEPS = 3  # of the bound, from no friction on
 _SETTLED = 1e-11  # change of the bound, over the bonded tractions, that is none
 _RANK = 1e-11  # singular values of active rows below this share of the largest are none
-
-
-@dataclass(frozen=True)
-class PivotingOptions:
-    """Options of pivoting.
-
-    Attributes
-    ----------
-    max_iterations : vertices, and corrections of one, at most
-    callback : called with an `Iteration` for every vertex, and every correction of one
-
-    """
-
-    max_iterations: int = 1000  # more than there are: a few directions, guesses of signs, and corrections
-    callback: Callable[[Iteration], object] | None = None
-
-    def __post_init__(self) -> None:
-        whole_number("max_iterations", self.max_iterations)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,152 +4,38 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
 from itertools import chain
-from typing import Any, Final, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.names import closest
-from solvers.basics.progress import Log, Progress, checked_limit, deadline, report
+from solvers.basics.progress import Log, Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
 from solvers.certificate.feasibility import refuted
-from solvers.condensed.method import EXACT, LAST, CondensedOptions, CondensedRun
+from solvers.condensed.method import EXACT, LAST, CondensedRun
 from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
-from solvers.errors import InputError, SolveError, SolverUnavailableError
+from solvers.errors import InputError, SolveError
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.choice import Request
-from solvers.fixed_point import CONDENSED_LIMIT, FixedPointOptions, initial_pressure, solve_fixed_point
+from solvers.fixed_point import CONDENSED_LIMIT, initial_pressure, solve_fixed_point
 from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
-from solvers.pivoting import PivotingOptions, affordable, another_solution, solve_pivoting
+from solvers.pivoting import affordable, another_solution, solve_pivoting
+from solvers.settings import (
+    DEFAULT_INNER,
+    STARTED,
+    CondensedOptions,
+    FixedPointOptions,
+    Options,
+    PivotingOptions,
+    Settings,
+    UzawaOptions,
+)
 from solvers.solution import Attempt, Outcome, QVISolution, Start, finish, judged, out_of_time
-from solvers.uzawa import UzawaOptions, solve_uzawa
-
-Method = Literal["condensed", "fixed-point", "pivoting", "uzawa"]
-METHODS: tuple[str, ...] = ("condensed", "fixed-point", "pivoting", "uzawa")
-
-DEFAULT_INNER = "qp:clarabel"
-
-_OPTIONS = {
-    "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions, "pivoting": PivotingOptions,
-}  # fmt: skip
-
-_Options = TypeVar("_Options", CondensedOptions, FixedPointOptions, UzawaOptions, PivotingOptions)
-
-_STARTED = ("condensed", "fixed-point")  # methods that take a start
-_START = "initial"
-"""Option that chooses no method: a state is for the condensed method and the fixed point, a pressure for the latter."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How a problem is solved: the keyword arguments of `solve_qvi`, checked when they are put together by `of`.
-
-    Attributes
-    ----------
-    method : str, optional
-        "condensed", "fixed-point", "pivoting" or "uzawa". By default "condensed"; where that fails "pivoting" if the
-        contact is small, and "fixed-point" if it is not large, for as long again as the first took at most, or 15
-        seconds if that is more; another method if an inner solver or options are given that only that one takes.
-        `initial` is no such option. Once checked: the method that is taken, or begins.
-    inner : str, optional
-        Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
-    tolerance : float
-        Of the certificate, relative (see `certificate`).
-    throw : bool
-        Raise `SolveError` instead of returning a result whose status is not "solved".
-    factorisation : str
-        "pardiso", "superlu" or "dense"; "auto" takes "dense" for up to 500 unknowns, else the first of the others that
-        is installed.
-    threads : int, optional
-        For factorisation and dense linear algebra; by default one for small problems, else all cores.
-    time_limit : float, optional
-        Seconds for everything together. The best state so far is returned when they are over, with the status
-        "time_limit" unless its certificate passes. Looked at in every iteration, and handed on to inner solvers that
-        take a limit; a factorisation, and an inner solve by another one, is not interrupted.
-    verbose : bool
-        Print a header, a line an iteration, and a footer with status and times.
-    options : mapping
-        All other keyword arguments: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
-        `UzawaOptions`. By default `max_iterations` counts the iterations of the condensed method and the fixed point,
-        and `callback` hears of all. `initial` is the `QVISolution` of a problem with the same unknowns and rows, from
-        which the condensed method and the fixed point begin, or a pressure (m,), from which the fixed point does. Two
-        iterations of the condensed method tell whether such a state is near; if it is not, the usual start is taken.
-    by_default : bool
-        Whether the method was not asked for, so that the other `ATTEMPTS` may follow.
-
-    """
-
-    method: str
-    inner: str = DEFAULT_INNER
-    tolerance: float = 1e-8
-    throw: bool = False
-    factorisation: str = "auto"
-    threads: int | None = None
-    time_limit: float | None = None
-    verbose: bool = False
-    options: Mapping[str, Any] = field(default_factory=dict)
-    by_default: bool = False
-
-    @classmethod
-    def of(cls, method: str | None = None, inner: str | None = None, **given: Any) -> Settings:
-        """Raise what `solve_qvi` raises of these keyword arguments for any problem, before anything is computed."""
-        options = {name: value for name, value in given.items() if name not in _OWN}
-        own = {name: value for name, value in given.items() if name in _OWN}
-        if method is not None and not (isinstance(method, str) and method in METHODS):
-            raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
-        if inner is not None:
-            check_name(inner)
-        chosen = method or _method_with(inner, set(options).difference((_START,)))
-        default = method is None and chosen == "condensed"
-        made = cls(chosen, DEFAULT_INNER if inner is None else inner, options=options, by_default=default, **own)
-        if not (isinstance(made.tolerance, int | float) and 0 < made.tolerance < 1):
-            raise InputError("tolerance", made.tolerance, "give a number between 0 and 1")
-        function_or_none("callback", options.get("callback"))
-        for name in ("throw", "verbose"):
-            true_or_false(name, getattr(made, name))
-        checked_limit(made.time_limit)
-        Request.checked(made.factorisation, made.threads)
-        left_out = _START if chosen in _STARTED else ""  # a start is checked with the problem
-        _checked_options(_OPTIONS[chosen], chosen, {name: each for name, each in options.items() if name != left_out})
-        return made
-
-    def starting(self, initial: object) -> Settings:
-        """The same from another start."""
-        return dataclasses.replace(self, options={**self.options, _START: initial})
-
-    @property
-    def takes_state(self) -> bool:
-        """Whether a state may be added as `initial`; it changes no method."""
-        return self.method in _STARTED
-
-
-_OWN = frozenset(each.name for each in dataclasses.fields(Settings)) - {"method", "inner", "options", "by_default"}
-
-
-def _method_with(inner: str | None, given: set[str]) -> str:
-    """The method that an inner solver asks for, or the first of those that have most of the options given."""
-    if inner is not None:
-        return "fixed-point"
-    has = {method: len(given & {each.name for each in dataclasses.fields(kind)}) for method, kind in _OPTIONS.items()}
-    return max(has, key=has.__getitem__)
-
-
-def _checked_options(kind: type[_Options], method: str, given: Mapping[str, Any]) -> _Options:
-    """Options as checked data; an unknown one lists those that exist."""
-    names: list[str] = [each.name for each in dataclasses.fields(kind)]
-    for name, value in given.items():
-        if name not in names:
-            near = closest(name, [*names, "method", "inner", *_OWN])
-            listed = f"method {method!r} has the options {', '.join(names)}"
-            raise InputError(name, value, listed if near is None else f"did you mean {near!r}? Otherwise: {listed}")
-    return kind(**given)
+from solvers.uzawa import solve_uzawa
 
 
 def solve_qvi(
@@ -169,7 +55,7 @@ def solve_qvi(
     qvi : FrictionQVI
         The problem, dimensionless.
     method, inner, tolerance, time_limit, verbose, **settings
-        See `Settings`, its `options` by their names.
+        See `solvers.settings.Settings`, its `options` by their names.
 
     Returns
     -------
@@ -184,11 +70,11 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    given = {"tolerance": tolerance, "time_limit": time_limit, "verbose": verbose, **settings}
-    checked = Settings.of(method, inner, **given)
+    named = {"method": method, "inner": inner, "tolerance": tolerance, "time_limit": time_limit, "verbose": verbose}
+    checked = Settings.of(None, {**named, **settings})
     with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log:
         log.begin(facts_of(qvi, checked))
-        solution = solved(qvi, checked)
+        solution = solved(qvi, checked, checked.initial)
         log.end(str(solution.status), solution.message, solution.timings, solution.solved)
     if checked.throw and not solution.solved:
         raise SolveError(solution.message)
@@ -198,7 +84,7 @@ def solve_qvi(
 def facts_of(qvi: FrictionQVI, settings: Settings) -> dict[str, object]:
     """What the header of a narration says of a problem and of how it is solved."""
     equations = {"equations": qvi.p} if qvi.p else {}
-    how = {"method": settings.method, "tolerance": f"{settings.tolerance:g}"}
+    how = {"method": settings.chosen, "tolerance": f"{settings.tolerance:g}"}
     return {"unknowns": qvi.n, "contact rows": qvi.m, **equations, **how}
 
 
@@ -357,32 +243,29 @@ class Search:
 
     """
 
-    def __init__(self, qvi: FrictionQVI, settings: Settings) -> None:
-        self.qvi, self.settings, self.inner = qvi, settings, settings.inner
+    def __init__(self, qvi: FrictionQVI, settings: Settings, initial: object) -> None:
+        self.qvi, self.settings, self.inner = qvi, settings, settings.inner or DEFAULT_INNER
         self.attempts: tuple[Attempt, ...] = ()
         self.best: Outcome | None = None
         self.run: CondensedRun | None = None
         self._began = time.perf_counter()
-        self._given = dict(settings.options)
+        self._given = {"callback": settings.callback, **settings.options}
         self._pressure: Vector | None = None
-        given = settings.options.get(_START)
-        if given is not None and settings.takes_state:
-            start = Start.of(given) if isinstance(given, QVISolution) else given
+        if initial is not None and settings.takes_state:
+            start = Start.of(initial) if isinstance(initial, QVISolution) else initial
             state = start if isinstance(start, Start) else None
             self._pressure = initial_pressure(qvi, start if state is None else state.pressure)
-            if settings.method == "fixed-point":
-                self._given[_START] = self._pressure
-            elif state is None and settings.by_default:
-                del self._given[_START]
-            else:
-                self._given[_START] = start
+            if settings.chosen == "fixed-point":
+                self._given["initial"] = self._pressure
+            elif state is not None or not settings.by_default:  # a pressure is for what may follow
+                self._given["initial"] = start
 
     @property
     def seconds(self) -> float:
         """Since it began, without the factorisation."""
         return time.perf_counter() - self._began - (self.run.setup if self.run else 0.0)
 
-    def options(self, kind: type[_Options]) -> _Options:
+    def options(self, kind: type[Options]) -> Options:
         """Those of the method under way."""
         return kind(**self._given)
 
@@ -447,9 +330,9 @@ class Search:
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
         self.inner, last, subject = DEFAULT_INNER, first, ""
         for way in later:
-            self._given = {"callback": self.settings.options.get("callback")}
-            if way.method in _STARTED:
-                self._given |= {_START: self._pressure}
+            self._given = {"callback": self.settings.callback}
+            if way.method in STARTED:
+                self._given |= {"initial": self._pressure}
                 self._given |= {} if limit is None else {"max_iterations": limit - first.iterations}
             report(Progress(way.method, remark=tried))
             with deadline(seconds):
@@ -470,15 +353,15 @@ class Search:
         return dataclasses.replace(found, message=f"{found.message} {remark}", attempts=self.attempts)
 
 
-def solved(qvi: FrictionQVI, settings: Settings) -> QVISolution:
-    """Solve with checked settings: by a method, where it was not asked for by the other `ATTEMPTS` too."""
+def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVISolution:
+    """Solve from a start: by the method of the settings, where it was not asked for by the other `ATTEMPTS` too."""
     with qvi.stiffness.using(settings.factorisation, settings.threads):
-        search = Search(qvi, settings)
-        solution = search.by(settings.method)
+        search = Search(qvi, settings, initial)
+        solution = search.by(settings.chosen)
         if settings.by_default:
             solution = search.fallen_back(solution)
             if solution.solved and not deadline.over:
-                doubted = solution.method != settings.method or bool(solution.remarks)
+                doubted = solution.method != settings.chosen or bool(solution.remarks)
                 remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
                 solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
         return solution

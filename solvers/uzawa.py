@@ -31,13 +31,9 @@ shrinks the step.
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 
-from solvers.basics.checks import one_of, positive_number, whole_number
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
@@ -45,51 +41,12 @@ from solvers.certificate.certificate import certify
 from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inequality.rows import largest
 from solvers.inner.registry import versions
+from solvers.settings import UzawaOptions
 from solvers.solution import Iteration, Outcome
-
-Rule = Literal["printed", "accumulating"]
-Decay = Literal["geometric", "harmonic"]
 
 _CYCLE_PERIOD = 8
 _CYCLE_EVERY = 64
 _RECORD_ALL = 1000
-
-
-@dataclass(frozen=True)
-class UzawaOptions:
-    """Options of the Uzawa procedure.
-
-    Attributes
-    ----------
-    rule : "accumulating" (default) or "printed", see the module
-    omega_T : step of λ_T, a displacement (dimensionless)
-    omega_N : step of λ_N, displacement per stress; default 1 / the spectral radius of N K⁻¹ Nᵀ W
-    step_decay : iterations k0 in which a shrinking step halves; None: it does not shrink
-    decay : "geometric", ω_T 2^(−i / k0), or "harmonic", ω_T / (1 + i / k0)
-    max_iterations : limit
-    iterations : do exactly this many, without any stopping test (the paper's 30)
-    callback : called with every recorded `Iteration`
-
-    """
-
-    rule: Rule = "accumulating"
-    omega_T: float = 0.01  # noqa: N815
-    omega_N: float | None = None  # noqa: N815
-    step_decay: float | None = None
-    decay: Decay = "geometric"
-    max_iterations: int = 100_000
-    iterations: int | None = None
-    callback: Callable[[Iteration], object] | None = None
-
-    def __post_init__(self) -> None:
-        for name, choices in (("rule", get_args(Rule)), ("decay", get_args(Decay))):
-            one_of(name, getattr(self, name), choices)
-        for name in ("omega_T", "omega_N", "step_decay"):
-            if getattr(self, name) is not None:
-                positive_number(name, getattr(self, name))
-        for name in ("max_iterations", "iterations"):
-            if getattr(self, name) is not None:
-                whole_number(name, getattr(self, name))
 
 
 def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Outcome:
@@ -159,7 +116,7 @@ def _default_step(qvi: FrictionQVI, compliance: Compliance) -> float:
     return 1.0 / radius
 
 
-def _update(qvi: FrictionQVI, lam: Vector, sigma: Vector, omega_N: float, omega_T: float, rule: Rule) -> Vector:
+def _update(qvi: FrictionQVI, lam: Vector, sigma: Vector, omega_N: float, omega_T: float, rule: str) -> Vector:
     """(4.2)-(4.4)."""
     m = qvi.m
     sigma_N, sigma_T, old = sigma[:m], sigma[m:], lam[m:]

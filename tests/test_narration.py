@@ -25,8 +25,8 @@ from qvi_contact.cli import group
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from solvers.basics import Log, Progress, report
+from solvers.settings import METHODS
 from solvers.solution import Iteration
-from solvers.solve import METHODS
 
 NAME = "qvi_contact"
 DRAGGED = Path(__file__).parent.parent / "examples" / "dragged_block_holds.toml"

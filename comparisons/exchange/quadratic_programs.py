@@ -13,13 +13,13 @@ from qvi_contact import ContactProblem, solve
 from qvi_contact.basics.writing import replacing, write_text
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers.basics.types import Sparse, Vector
-from solvers.fixed_point import Form, make_form
+from solvers.fixed_point import make_form
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerProblem
 
 TEST_SET = "friction_contact.py"
 SPARSE_TEST_SET = "friction_contact_sparse.py"
-FORMS: tuple[Form, ...] = ("full", "condensed")
+FORMS: tuple[str, ...] = ("full", "condensed")
 
 _SPARSE = '''"""The sparse problems: qpbenchmark friction_contact_sparse.py --results-path FILE run."""
 

@@ -34,7 +34,7 @@ from qvi_contact import (
 from qvi_contact.gallery import ssnv128
 from solvers import FrictionQVI, Law, QVISolution, certify, solve_qvi
 from solvers.basics.types import Vector
-from solvers.fixed_point import Form, ProblemForm, make_form
+from solvers.fixed_point import ProblemForm, make_form
 from solvers.inner.problem import Centre
 from solvers.inner.registry import make_inner
 
@@ -73,15 +73,15 @@ class Instance:
     def __init__(self, described: Described) -> None:
         self.described = described
         self.qvi = described.build()
-        self._forms: dict[Form, ProblemForm] = {}
-        self._centres: dict[Form, Centre] = {}
+        self._forms: dict[str, ProblemForm] = {}
+        self._centres: dict[str, Centre] = {}
 
     @cached_property
     def reference(self) -> QVISolution:
         """By the condensed method; for bounds and facts only, never for judging a result."""
         return solve_qvi(self.qvi, tolerance=_REFERENCE)
 
-    def form(self, name: Form) -> ProblemForm:
+    def form(self, name: str) -> ProblemForm:
         """The problem in these unknowns; what that costs is not part of any time."""
         if name not in self._forms:
             self._forms[name] = make_form(self.qvi, name)
@@ -109,7 +109,7 @@ class Instance:
             bound = self.qvi.threshold(self.qvi.pressure(found.z))
         return tuple(met[1:])
 
-    def centre(self, name: Form) -> Centre:
+    def centre(self, name: str) -> Centre:
         """Where all inner problems are posed: at the answer of the loop's first step, which is not one of them.
 
         As in the outer loop itself, whose problems are posed at its last answer: rounding in what they are made of then

@@ -26,7 +26,6 @@ from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS, Instance, instance
 from solvers import Certificate, certify, solve_qvi
 from solvers.basics.status import Status
-from solvers.fixed_point import Form
 from solvers.inner.problem import InnerSolution
 from solvers.inner.registry import make_inner
 
@@ -93,13 +92,13 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @cache
-def _first_use(task: str, form: Form, solver: str, level: str) -> None:
+def _first_use(task: str, form: str, solver: str, level: str) -> None:
     """Once in a process, on the smallest problem."""
     _repeated(instance(_FIRST), task, form, solver, level, runs=1)
 
 
 def _repeated(
-    problem: Instance, task: str, form: Form, solver: str, level: str, runs: int
+    problem: Instance, task: str, form: str, solver: str, level: str, runs: int
 ) -> tuple[list[Answer], list[float]]:
     """Answers of the first run, and wall times of up to `runs` runs, fewer where they take long."""
     run = _outer if task == OUTER else _inner
@@ -110,7 +109,7 @@ def _repeated(
     return answers, seconds
 
 
-def _inner(problem: Instance, task: str, name: Form, solver: str, level: str) -> tuple[float, list[Answer]]:
+def _inner(problem: Instance, task: str, name: str, solver: str, level: str) -> tuple[float, list[Answer]]:
     """Inner problems, all posed at one centre so that cold and warm ones are the same.
 
     They are judged by the certificate of the inner problem on the original data, in all unknowns whatever the form.
@@ -134,7 +133,7 @@ def _inner(problem: Instance, task: str, name: Form, solver: str, level: str) ->
     return seconds, answers
 
 
-def _outer(problem: Instance, task: str, form: Form, solver: str, level: str) -> tuple[float, list[Answer]]:  # noqa: ARG001
+def _outer(problem: Instance, task: str, form: str, solver: str, level: str) -> tuple[float, list[Answer]]:  # noqa: ARG001
     settings: dict[str, Any] = {"method": solver, **accuracies.options(solver, level)}
     if solver not in METHODS:
         settings = {

@@ -222,6 +222,17 @@ class Varying(Kind):
         return writer.field(path, value)
 
 
+class Angle(Varying):
+    """A field, which a file may write as an expression of constants and t: that is one number."""
+
+    def read(self, value: Any, reader: Reader) -> Any:
+        """A number where it does not depend on x and y."""
+        try:
+            return reader.scalar(value) if isinstance(value, str) else reader.field(value)
+        except InputError:
+            return reader.field(value)
+
+
 class Scalar(Number):
     """A number, which a file may write as an expression of constants and t."""
 
@@ -447,13 +458,15 @@ def file_keys(kind: type) -> dict[str, Key]:
     return found | getattr(kind, "in_files", {})
 
 
+def inlined(kind: type) -> list[type]:
+    """The classes whose fields stand beside those of this one."""
+    return [each.kind.of for each in keys_of(kind).values() if isinstance(each.kind, Inline)]
+
+
 def is_needed(kind: type, name: str) -> bool:
     """Whether a table must have this key."""
     own = file_keys(kind)[name].needed
-    if own is not None:
-        return own
-    inner = next((each.kind.of for each in keys_of(kind).values() if isinstance(each.kind, Inline)), kind)
-    return not any(name in defaults_of(each) for each in (kind, inner))
+    return not any(name in defaults_of(each) for each in (kind, *inlined(kind))) if own is None else own
 
 
 def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (), partly: bool = False) -> Any:
@@ -523,15 +536,18 @@ def check_keys(stated: Any) -> None:
 
 
 def described(kind: type) -> dict[str, str]:
-    """What the docstring of a class says of each of its parameters; nothing where docstrings are left out."""
+    """What docstrings of a class, and of those above it, say of each of its parameters; nothing without docstrings."""
     found: dict[str, str] = {}
-    names: list[str] = []
-    _, _, listed = inspect.cleandoc(kind.__doc__ or "").partition("Parameters\n----------\n")
-    for line in listed.partition("\n\n")[0].splitlines():
-        if not line.startswith(" "):
-            names = line.partition(" : ")[0].split(", ")
-        for name in names if line.startswith(" ") else ():
-            found[name] = f"{found[name]} {line.strip()}" if name in found else line.strip()
+    for each in reversed(kind.__mro__[:-1]):
+        own: dict[str, str] = {}
+        names: list[str] = []
+        _, _, listed = inspect.cleandoc(each.__doc__ or "").partition("Parameters\n----------\n")
+        for line in listed.partition("\n\n")[0].splitlines():
+            if not line.startswith(" "):
+                names = line.partition(" : ")[0].split(", ")
+            for name in names if line.startswith(" ") else ():
+                own[name] = f"{own[name]} {line.strip()}" if name in own else line.strip()
+        found |= own
     return found
 
 

@@ -64,7 +64,7 @@ from qvi_contact.version import __version__
 from solvers import Iteration, solve_qvi
 from solvers.basics.progress import Log, deadline
 from solvers.factorisation import FactorisationError
-from solvers.solve import Settings
+from solvers.settings import Settings
 
 _DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
 _CELL_DEGREE = 5  # of φ: the work of its stresses is then integrated exactly
@@ -288,7 +288,7 @@ def bracket(
     options: dict[str, Any] = {"callback": callback}
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
-    _ = Settings.of(**options)
+    _ = Settings.of(None, options)
     given = fixed_bound_problem(result)
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
         log.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from qvi_contact.basics.schema import Choice, Number, Whole, described, keys_of
+from qvi_contact.basics.schema import Choice, Number, Whole, defaults_of, described, keys_of
 from qvi_contact.basics.terminal import Group, run
-from qvi_contact.files.options import RefineOptions, SolveOptions
+from qvi_contact.files.options import RefineOptions
+from qvi_contact.solution.settings import Settings
 from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
     from solvers import available
     from solvers.factorisation import available_backends
     from solvers.factorisation.choice import OTHERS
-    from solvers.solve import METHODS
+    from solvers.settings import METHODS
 
     known: dict[str | None, Iterable[str]] = {"method": METHODS, "inner": available()}
     return [word for word in known.get(option.name, (*OTHERS, *available_backends())) if word.startswith(begun)]
@@ -43,7 +44,9 @@ def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
 
 def _options(declared: type, *names: str, **texts: str) -> Callable[[_Command], _Command]:
     """Options as a class declares them, with other texts for some."""
-    said = {name: text.rpartition(": `")[0] + "." for name, text in described(declared).items()} | texts
+    said = {name: text.rpartition(": `")[0] + "." for name, text in described(declared).items()}
+    given = {name: value for name, value in defaults_of(declared).items() if value is not None and name in said}
+    said |= {name: f"{said[name]}  [default: {value}]" for name, value in given.items()} | texts
 
     def decorated(command: _Command) -> _Command:
         for name in reversed(names):
@@ -76,8 +79,8 @@ def _writes(*names: str, **texts: str) -> Callable[[_Command], _Command]:
 
 
 _FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind: the shell completes its name
-_ELEMENT = _options(SolveOptions, "degree", "law_on")
-_TIME_LIMIT = _options(SolveOptions, "time_limit")
+_ELEMENT = _options(Settings, "degree", "law_on")
+_TIME_LIMIT = _options(Settings, "time_limit")
 _VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 
@@ -95,21 +98,19 @@ def _opened(
     from qvi_contact.command.outputs import checked_targets
     from qvi_contact.errors import InputError
     from qvi_contact.files.problem_file import load_problem
-    from solvers.solve import Settings
 
     targets = checked_targets(file, **{name: given[name] for name in _TARGETS if name in given})
     problem_file = load_problem(file)
     if single and problem_file.times:
         remedy = f"{single} needs a single problem: give a file without [history]"
         raise InputError("history", f"{len(problem_file.times)} steps", remedy)
-    known = keys_of(SolveOptions)
+    known = keys_of(Settings)
     typed = {name: value for name, value in given.items() if name in known and value is not None}
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         element, stated = problem_file.element, problem_file.solve_options
         options = {name: value for name, value in stated.items() if name not in element}
-        if "method" in typed and typed["method"] != Settings.of(**options).method:
-            kept = ("inner", "tolerance", "factorisation", "threads", "time_limit")
-            options = {name: value for name, value in options.items() if name in kept}
+        if "method" in typed and typed["method"] != Settings.of(None, options).chosen:
+            options = {name: value for name, value in options.items() if name in known}
         yield problem_file, targets, options | element | typed
 
 
@@ -141,7 +142,7 @@ def group() -> None:
 @group.command(short_help="Solve a problem: forces, states, certificate.")
 @_FILE
 @_ELEMENT
-@_options(SolveOptions, "method", "inner", "factorisation", "threads", "tolerance", "time_limit")
+@_options(Settings, "method", "inner", "factorisation", "threads", "tolerance", "time_limit")
 @_VERBOSE
 @_JSON
 @_writes("plot", "vtk", "npz", "save_json", "report")
@@ -378,7 +379,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
 @group.command(short_help="Look for other solutions of the same problem.")
 @_FILE
 @_ELEMENT
-@_options(SolveOptions, "tolerance", "time_limit")
+@_options(Settings, "tolerance", "time_limit")
 @_VERBOSE
 @_JSON
 @_writes("plot", "vtk", "npz", "save_json")
@@ -425,7 +426,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     "[default: estimated]",
 )
 @_options(
-    SolveOptions, "degree", "law_on", "method", "inner", "tolerance", "time_limit",
+    Settings, "degree", "law_on", "method", "inner", "tolerance", "time_limit",
     degree="Degree of the element, 3 to 11; 5 by default.",
 )  # fmt: skip
 @_VERBOSE
@@ -651,7 +652,7 @@ def methods(as_json: bool) -> None:
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
     from solvers.factorisation.base import DENSE
-    from solvers.solve import METHODS
+    from solvers.settings import METHODS
 
     factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
     if as_json:

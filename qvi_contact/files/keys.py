@@ -29,6 +29,7 @@ from qvi_contact.basics.schema import (
     defaults_of,
     described,
     file_keys,
+    inlined,
     is_needed,
 )
 from qvi_contact.basics.units import Units
@@ -102,13 +103,17 @@ class Key(NamedTuple):
 def keys(table: type) -> Iterator[Key]:
     """The keys of a table, in the order of its class."""
     texts: dict[str, str] = {}
-    for kind in (*reversed(table.__mro__[:-1]), material.Material):
-        texts = {**texts, **described(kind), **_below(kind)} if kind in table.__mro__ else described(kind) | texts
-    for name, each in file_keys(table).items():
+    defaults: dict[str, Any] = {}
+    for kind in (*inlined(table), table):
+        defaults |= defaults_of(kind)
+        texts |= described(kind)
+        for each in reversed(kind.__mro__[:-1]):
+            texts |= _below(each)
+    for name, own in file_keys(table).items():
         found = re.fullmatch(r"(.+): `\w+ = ([^`]+)`\.", texts.get(name, ""))  # without docstrings there is nothing
         meaning, example = (found[1], f"{name} = {found[2]}") if found is not None else ("", "")
-        default = "needed" if is_needed(table, name) else _default(defaults_of(table).get(name))
-        yield Key(name, _values(each.kind), default, meaning, example)
+        default = "needed" if is_needed(table, name) else _default(defaults.get(name))
+        yield Key(name, _values(own.kind), default, meaning, example)
 
 
 def listed(name: str = "") -> Iterator[str]:

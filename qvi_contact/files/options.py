@@ -1,9 +1,12 @@
 """Options of `qvi_contact.solve` and `qvi_contact.refine` that problem files and the command line may give."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any
 
+from qvi_contact.basics.schema import Inline
 from qvi_contact.errors import InputError
+from qvi_contact.solution.settings import Settings
+from solvers.settings import CondensedOptions, FixedPointOptions, UzawaOptions
 
 
 def law_of_rows(contact_rows: Any) -> Any:
@@ -11,86 +14,19 @@ def law_of_rows(contact_rows: Any) -> Any:
     return {"bernstein": "edges", "gauss": "points"}.get(str(contact_rows), contact_rows)
 
 
+_OF_ALL = ("max_iterations", "initial", "callback")  # methods
+
+
 @dataclass(frozen=True, kw_only=True)
 class SolveOptions:
-    """Defaults for `qvi_contact.solve`; all but the first eight are options of a method.
+    """Defaults for `qvi_contact.solve`: its settings, and the options of the methods."""
 
-    Parameters
-    ----------
-    degree : int, optional
-        Degree of the element, 3 to 12; 4 by default: `degree = 5`.
-    law_on : str, optional
-        Where the contact law holds: on whole edges, or at points. edges by default; points where friction varies
-        along an edge, and on bilateral contacts with friction: `law_on = "points"`.
-    method : str, optional
-        condensed (by default), fixed-point, pivoting or uzawa: `method = "fixed-point"`.
-    inner : str, optional
-        Inner solver of the fixed point, see `qvi-contact methods`; qp:clarabel by default: `inner =
-        "direct:clarabel"`.
-    tolerance : float, optional
-        Accuracy that the certificate must confirm; 1e-8 by default: `tolerance = 1e-9`.
-    factorisation : str, optional
-        Sparse factorisation, see `qvi-contact methods`; auto by default: `factorisation = "superlu"`.
-    threads : int, optional
-        Threads of the linear algebra; one for small problems by default, else all cores: `threads = 2`.
-    time_limit : float, optional
-        Seconds for everything; no limit by default: `time_limit = 60.0`.
-    gap : float, optional
-        Condensed: complementarity at the end, relative; 1e-14 by default: `gap = 1e-12`.
-    system : str, optional
-        Condensed: Newton's matrices, auto (by default), dense or sparse: `system = "sparse"`.
-    variant : str, optional
-        Fixed point: anderson (by default), damped or plain: `variant = "damped"`.
-    damping : float, optional
-        Fixed point: damping or mixing, above 0, at most 1; 0.5 by default: `damping = 0.2`.
-    memory : int, optional
-        Fixed point: earlier iterations that anderson uses; 5 by default: `memory = 10`.
-    max_iterations : int, optional
-        Iterations at most; each method has its own default: `max_iterations = 200`.
-    inner_tolerance : float, optional
-        Fixed point: tolerance of the inner solver: `inner_tolerance = 1e-12`.
-    patience : int, optional
-        Fixed point: iterations without progress before it counts as stalled; 15 by default: `patience = 30`.
-    form : str, optional
-        Fixed point: unknowns of the inner problems, auto (by default), full or condensed: `form = "full"`.
-    rule : str, optional
-        Uzawa: accumulating (by default) or printed, as in the paper: `rule = "printed"`.
-    omega_T : float, optional
-        Uzawa: step of the tangential multiplier; 0.01 by default: `omega_T = 0.001`.
-    omega_N : float, optional
-        Uzawa: step of the normal multiplier; from the matrix by default: `omega_N = 0.5`.
-    step_decay : float, optional
-        Uzawa: iterations in which the step halves; it does not shrink by default: `step_decay = 200.0`.
-    decay : str, optional
-        Uzawa: geometric (by default) or harmonic: `decay = "harmonic"`.
-    iterations : int, optional
-        Uzawa: do exactly so many, without any test: `iterations = 30`.
-
-    """
-
-    degree: int | None = None
-    law_on: Literal["edges", "points"] | None = None
-    method: str | None = None
-    inner: str | None = None
-    tolerance: float | None = None
-    factorisation: str | None = None
-    threads: int | None = None
-    time_limit: float | None = None
-    gap: float | None = None
-    system: str | None = None
-    variant: str | None = None
-    damping: float | None = None
-    memory: int | None = None
+    settings: Annotated[Any, Inline(Settings, ("verbose", "throw", "callback", "initial", "options"))] = None
+    condensed: Annotated[Any, Inline(CondensedOptions, _OF_ALL)] = None
+    fixed_point: Annotated[Any, Inline(FixedPointOptions, (*_OF_ALL, "inner_options"))] = None
+    uzawa: Annotated[Any, Inline(UzawaOptions, _OF_ALL)] = None
     max_iterations: int | None = None
-    inner_tolerance: float | None = None
-    patience: int | None = None
-    form: str | None = None
-    rule: str | None = None
-    omega_T: float | None = None  # noqa: N815  # the name of the option
-    omega_N: float | None = None  # noqa: N815  # the name of the option
-    step_decay: float | None = None
-    decay: str | None = None
-    iterations: int | None = None
+    """Iterations at most; each method has its own default: `max_iterations = 200`."""
 
     @staticmethod
     def given(data: Any) -> Any:

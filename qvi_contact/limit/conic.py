@@ -26,6 +26,7 @@ _REGULAR: Final = 1e-12  # added to its matrices: by default 1e-8, in which fans
 _REFINED: Final = 30  # steps of its iterative refinement, at most
 _DAMPED: Final = 1e-14  # added to the normal equations of E, whose rows may depend on each other
 _SWEEPS: Final = 4  # of the projection on E x = e
+HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 _ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
@@ -95,6 +96,8 @@ class ConicProgram:
         scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
         scale[scale == 0.0] = 1.0
         A = sparse.csc_array(A @ sparse.diags_array(1.0 / scale))
+        q, unit = self.q / scale, float(np.abs(b).max(initial=0.0)) or 1.0  # its tolerances are for numbers of size 1
+        q /= float(np.abs(q).max(initial=0.0)) or 1.0
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
         gap = _COARSER if sum(len(cone.g) for cone in self.cones) > _LARGE else _TOLERANCE
@@ -105,12 +108,12 @@ class ConicProgram:
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         n = len(self.q)
         answer = clarabel.DefaultSolver(
-            sparse.csc_matrix((n, n)), self.q / scale, sparse.csc_matrix(A), b, kinds, settings
+            sparse.csc_matrix((n, n)), q, sparse.csc_matrix(A), b / unit, kinds, settings
         ).solve()
-        word, x = str(answer.status), np.array(answer.x) / scale
+        word, x = str(answer.status), unit * np.array(answer.x) / scale
         if word.endswith("PrimalInfeasible"):
             return INFEASIBLE
-        if word.endswith("DualInfeasible"):
+        if word.endswith("DualInfeasible") and self._falls():
             return UNBOUNDED
         if word == "MaxTime":
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
@@ -119,6 +122,17 @@ class ConicProgram:
                 f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
             )
         return np.asarray(x)
+
+    def _falls(self) -> bool:
+        """Whether there is a direction in which q·x falls for ever, and not by rounding only."""
+        cones = [Cones(cone.G, np.zeros_like(cone.g)) for cone in self.cones]
+        L = sparse.csr_array(sparse.vstack([self.L, -self.q[None]]))
+        program = replace(self, e=np.zeros_like(self.e), L=L, h=np.append(np.zeros_like(self.h), 1.0), cones=cones)
+        found = program.solve()
+        if isinstance(found, str):
+            return False
+        x, violation = program.repaired(found)
+        return violation <= HELD and float(self.q @ x) < -HELD * float(np.abs(self.q) @ np.abs(x))
 
     def projected(self, x: FloatArray) -> FloatArray:
         """The nearest point with E x = e, rows of which may depend on each other."""

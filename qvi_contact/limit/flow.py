@@ -43,7 +43,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import INFEASIBLE, Cones, ConicProgram
+from qvi_contact.limit.conic import HELD, INFEASIBLE, Cones, ConicProgram
 from qvi_contact.limit.linear import edge_coefficients
 from qvi_contact.limit.stresses import CarriedStress, YieldCones, coefficients_of, part_corners
 from qvi_contact.mechanism.bodies import FLUID
@@ -53,7 +53,6 @@ from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 _ALONG: Final = np.linspace(0.0, 1.0, 33)  # places of an edge where fields of contacts are looked at
-_HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 _FREE: Final = 1e-12  # of squared unit vectors, in which nothing is prescribed
 _NULL: Final = 1e-10  # of the largest singular value of conditions on rigid parts
 
@@ -318,10 +317,10 @@ class Velocities:
 class FlowProgram:
     """The program of a problem; stresses over S, lengths over that of the mesh."""
 
-    def __init__(self, problem: ContactProblem, names: Sequence[str], cones: YieldCones, scales: Scales) -> None:
-        self.problem, self.names, self.cones, self.scales = problem, tuple(names), cones, scales
-        self.k = cones.degree
-        self.space = Velocities(problem, self.k + 1, cones.strong)
+    def __init__(self, problem: ContactProblem, names: Sequence[str], degree: int, scales: Scales) -> None:
+        self.problem, self.names, self.scales, self.k = problem, tuple(names), scales, degree
+        self.cones = YieldCones.of(problem, degree, above=True)
+        self.space = Velocities(problem, self.k + 1, self.cones.strong)
 
     def solved(self, share: float = 0.0) -> Flow:
         """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions.
@@ -332,14 +331,15 @@ class FlowProgram:
         size = self.space.basis.shape[1]
         live = sum((works[name] for name in works if name in self.names), np.zeros(size))
         dead = sum((works[name] for name in works if name not in self.names), np.zeros(size))
-        program, layout = self._program(np.asarray(live), np.asarray(dead))
+        unit = float(np.abs(live).max(initial=0.0)) or 1.0  # the velocities found have the power of a load of size 1
+        program, layout = self._program(np.asarray(live) / unit, np.asarray(dead))
         found = program.solve()
         if isinstance(found, str):
             return Flow(np.inf if found == INFEASIBLE else -np.inf, 0.0)
         x, violation = program.repaired(self._raised(program, found, size), share)
         x = self._raised(program, x, size)
         power = float(live @ x[:size])
-        if not violation <= _HELD or not power > 0.0:
+        if not violation <= HELD or not power > 0.0:
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"
@@ -375,7 +375,7 @@ class FlowProgram:
         size = contacts.size
         q = np.zeros(size)
         q[:n] = -dead
-        q[n : n + rows] = cones.high / self.scales.stress
+        q[n : n + rows] = cones.limit / self.scales.stress
         q[start_m + len(mean) :] = contacts.costs
         # strain rows of the coefficients that yield, times their weights: (ε_xx − ε_yy)/2, ε_xy, tr ε/2
         at = cones.yielding
@@ -622,7 +622,7 @@ class FlowProgram:
         v = space.basis @ x[:n]
         velocities = np.stack([v[2 * space.global_], v[2 * space.global_ + 1]], axis=-1)
         strain = (self._strain @ v).reshape(-1, 3, cones.count, 3)
-        spent = x[n : n + rows] * cones.high / self.scales.stress
+        spent = x[n : n + rows] * cones.limit / self.scales.stress
         cell = cones.coefficient // (3 * cones.count)
         dissipation = np.asarray(np.bincount(cell, spent, space.mesh.cell_count), dtype=np.float64)
         found = {}

@@ -19,7 +19,7 @@ from qvi_contact.limit.flow import BodyMotion, FlowProgram, gap_in_cells
 from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
 from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
 from qvi_contact.limit.proof import Statement, carried, proof_of
-from qvi_contact.limit.stresses import StressProgram, YieldCones, coefficients_of
+from qvi_contact.limit.stresses import StressProgram, coefficients_of
 from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
@@ -236,11 +236,10 @@ def limit_proof(
     with deadline(time_limit):
         posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
         low, names = posed.low, posed.names
-        cones = YieldCones.of(problem, low.space.degree - 2)
-        program = FlowProgram(problem, names, cones, low.scales)
+        program = FlowProgram(problem, names, low.space.traction_degree, low.scales)
 
         def below(stated: Statement) -> dict[str, Any]:
-            return carried(stated, StressProgram(low, posed.high, cones))
+            return carried(stated, StressProgram(low, posed.high))
 
         def by_blocks(stated: Statement) -> dict[str, Any]:
             mechanism = upper_bound(problem, names)[1] if names else find_mechanism(problem)
@@ -255,7 +254,7 @@ def limit_proof(
             return exceeded(stated, program, flow)
 
         upper = [by_flow, by_blocks] if names and problem.yields else [by_blocks]
-        return proof_of(problem, names, cones.degree, {"lower": [below] if names else [], "upper": upper})
+        return proof_of(problem, names, program.k, {"lower": [below] if names else [], "upper": upper})
 
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
@@ -317,9 +316,8 @@ class LimitProblem:
     def _yielding(self, of_blocks: float, mechanism: Mechanism | None) -> LimitAnalysis:
         """Both sides of a body that yields: rigid blocks are one way of giving way, and others may be easier."""
         degree = self.low.space.traction_degree
-        cones = YieldCones.of(self.problem, degree)
-        carried = StressProgram(self.low, self.high, cones).carried()
-        flow = FlowProgram(self.problem, self.names, cones, self.low.scales).solved()
+        carried = StressProgram(self.low, self.high).carried()
+        flow = FlowProgram(self.problem, self.names, degree, self.low.scales).solved()
         upper = min(flow.bound, of_blocks)
         if of_blocks > flow.bound:
             mechanism = None
@@ -548,12 +546,17 @@ def _between(factors: tuple[float, float], shares: tuple[float, float], stale: i
 def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:
     """The problem with strengths of what is chosen over the factor; regions without a name count as the body."""
 
+    def flatter(phi: Field) -> Field:
+        if callable(phi):
+            return lambda x, y: np.arctan(np.tan(phi(x, y)) / factor)
+        return math.atan(math.tan(phi) / factor)
+
     def weaker(material: Material) -> Material:
         strength = material.strength
         given = {} if strength is None else {each.name: getattr(strength, each.name) for each in fields(strength)}
         less: dict[str, Any] = {name: times(value, 1.0 / factor) for name, value in given.items() if value is not None}
         if "phi" in less:
-            less["phi"] = math.atan(math.tan(given["phi"]) / factor)
+            less["phi"] = flatter(given["phi"])
         return material if strength is None else replace(material, strength=replace(strength, **less))
 
     def slipperier(contact: Contact) -> Contact:

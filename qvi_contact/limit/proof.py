@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -25,7 +25,7 @@ from qvi_contact.limit.rational import Given, OutOfBalanceError, Vector, dot, le
 from qvi_contact.limit.stresses import lattice, part_corners
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
-from qvi_contact.problem.material import Mises, Strength
+from qvi_contact.problem.material import Mises, MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
 
 if TYPE_CHECKING:
@@ -200,13 +200,15 @@ class Statement:
 
     def _cones(self, law: Strength, plane: Literal["stress", "strain"]) -> Iterator[dict[str, Any]]:
         """The cones of a strength as `check_proof` reads them."""
+        if isinstance(law, MohrCoulomb) and callable(law.phi):
+            law = replace(law, phi=float(_number("MohrCoulomb.phi", law.phi, *self.mesh.vertices.T)))
         for cone in law.cones(plane):
             value = _number(cone.name, cone.field, *self.mesh.vertices.T)
             found: dict[str, Any] = {"a": [str(value), "0", "0"]}
             if isinstance(law, Mises):
                 found |= {"f2": "4/3", "gamma2": "1/3" if cone.mean else "0"}
             else:
-                found |= {"f": str(Fraction(cone.factor)), "beta": str(Fraction(cone.pressure))}
+                found |= {"f": str(Fraction(float(cone.factor))), "beta": str(Fraction(float(cone.pressure)))}
             yield found
 
     def _contact(self, contact: Contact) -> dict[str, Any]:

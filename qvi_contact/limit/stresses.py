@@ -19,9 +19,10 @@ In `docs/theory.md`: (D36).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -29,20 +30,27 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
-from qvi_contact.limit.conic import INFEASIBLE, UNBOUNDED, Cones, ConicProgram
+from qvi_contact.errors import InputError
+from qvi_contact.limit.conic import HELD, INFEASIBLE, UNBOUNDED, Cones, ConicProgram
 from qvi_contact.limit.linear import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
+from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
+
+_Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
 
 _SAMPLES: Final = 6  # degree of the lattice at which fields are looked at
 _AFFINE: Final = 1e-10  # share of a field's size that is rounding
 
 _TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
-_HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 
 
 @dataclass(frozen=True, eq=False)
 class YieldCones:
-    """Rows |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S on coefficients, S = σ_xx + σ_yy.
+    """Rows |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S on coefficients, S = σ_xx + σ_yy, for one side of the limit load.
+
+    Where the angle of friction of a `MohrCoulomb` body varies from φ₀ to φ₁ on a part, stresses keep the cones of both,
+    and so those of all angles between: 2c cos φ − S sin φ ≥ 0 is concave in φ. What flow dissipates is that of one cone
+    around all of them, β = sin φ₁ with a larger by (S sin φ₁ − S sin φ₀) at the largest S that can be carried.
 
     Attributes
     ----------
@@ -52,8 +60,8 @@ class YieldCones:
         Which coefficient each row is about: ((triangle · 3) + part) · count + its number.
     first : (r,) bool array
         Whether it is the first cone of its coefficient.
-    low, high : (r,) arrays
-        a for stresses, not above the truth, and for dissipation, not below it [stress].
+    limit : (r,) array
+        a, for stresses not above the truth, and for dissipation not below it [stress].
     pressure, mean : (r,) arrays
         β and γ.
     strong : (cells,) bool array
@@ -64,33 +72,28 @@ class YieldCones:
     degree: int
     coefficient: IntArray
     first: BoolArray
-    low: FloatArray
-    high: FloatArray
+    limit: FloatArray
     pressure: FloatArray
     mean: FloatArray
     strong: BoolArray
 
     @classmethod
-    def of(cls, problem: ContactProblem, degree: int) -> YieldCones:
-        """Those of a problem on triangles for stresses of a degree."""
+    def of(cls, problem: ContactProblem, degree: int, *, above: bool) -> YieldCones:
+        """Those of a problem for stresses of a degree, or `above`, for what flow dissipates."""
         count, number = len(exponents(degree)), problem.cell_materials
-        per_cell = np.arange(3 * count)
-        at, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=bool)]
-        low, high, pressure, mean = ([np.zeros(0)] for _ in range(4))
-        for index in np.unique(number):
-            material = problem.materials[index]
+        found = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
+        for index, material in enumerate(problem.materials):
             cells = np.flatnonzero(number == index)
-            for place, cone in enumerate(() if material.strength is None else material.strength.cones(material.plane)):
-                below, above = _on_parts(problem, cells, degree, cone.name, cone.field)
-                at.append((3 * count * cells[:, None] + per_cell).ravel())
-                first.append(np.full(below.size, place == 0))
-                low.append(cone.factor * below.ravel())
-                high.append(cone.factor * above.ravel())
-                pressure.append(np.full(below.size, cone.pressure))
-                mean.append(np.full(below.size, cone.mean))
+            if material.strength is None or not len(cells):
+                continue
+            at = 3 * count * cells[:, None, None] + np.arange(3 * count).reshape(3, count)
+            cones = _above if above else _below
+            for place, (cone, a, pressure) in enumerate(cones(problem, cells, degree, material)):
+                parts = np.broadcast_arrays(at, place == 0, a, pressure, cone.mean)
+                found.append(tuple(part.ravel() for part in parts))
+        coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*found, strict=True))
         strong = np.array([material.strength is None for material in problem.materials])[number]
-        a_low, a_high, beta, gamma = (np.concatenate(part) for part in (low, high, pressure, mean))
-        return cls(degree, np.concatenate(at), np.concatenate(first), a_low, a_high, beta, gamma, strong)
+        return cls(degree, coefficient.astype(np.int64), first, limit, pressure, mean, strong)
 
     @property
     def count(self) -> int:
@@ -120,7 +123,7 @@ def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatA
     total, difference = stress[..., 0] + stress[..., 1], stress[..., 0] - stress[..., 1]
     for index, material in enumerate(problem.materials):
         chosen = problem.cell_materials == index
-        for cone in () if material.strength is None else material.strength.cones(material.plane):
+        for cone in _cones(material, lambda angles: angles(x[chosen], y[chosen])):  # noqa: B023
             S = total[chosen]
             radius = np.sqrt(difference[chosen] ** 2 + 4.0 * stress[chosen, :, 2] ** 2 + (cone.mean * S) ** 2)
             strength = evaluate(cone.name, cone.field, x[chosen], y[chosen], minimum=0.0)
@@ -159,25 +162,74 @@ def coefficients_of(
     return np.asarray(found), float(misfit / max(np.abs(seen).max(initial=0.0), 1e-300))
 
 
+def _cones(material: Material, at: Callable[[Callable[[FloatArray, FloatArray], FloatArray]], FloatArray]
+           ) -> list[YieldCone]:  # fmt: skip
+    """The cones of a material's strength, for the angles that `at` makes of a `MohrCoulomb.angles` that varies."""
+    law = material.strength
+    if isinstance(law, MohrCoulomb) and callable(law.phi):
+        return list(law.cones(material.plane, at(law.angles)))
+    return [] if law is None else list(law.cones(material.plane))
+
+
+def _extremes(problem: ContactProblem, cells: IntArray, material: Material) -> tuple[list[YieldCone], list[YieldCone]]:
+    """The cones for the least and for the largest angle of friction on each part (n, 3, 1)."""
+    x, y = _sampled(problem, cells)
+    least, largest = (
+        _cones(material, lambda angles: extreme(angles(x, y), axis=-1, keepdims=True))  # noqa: B023
+        for extreme in (np.min, np.max)
+    )
+    return least, largest
+
+
+def _below(problem: ContactProblem, cells: IntArray, degree: int, material: Material) -> Iterator[_Limits]:
+    """Cones with a and β (n, 3, count) that stresses keep: those of both extreme angles, which hold for all between."""
+    least, largest = _extremes(problem, cells, material)
+    for one, other in zip(least, largest, strict=True):
+        strength = _on_parts(problem, cells, degree, one)[0]
+        yield one, one.factor * strength, one.pressure
+        if np.ndim(one.factor) or np.ndim(one.pressure):
+            yield one, other.factor * strength, other.pressure
+
+
+def _above(problem: ContactProblem, cells: IntArray, degree: int, material: Material) -> Iterator[_Limits]:
+    """Cones with a and β (n, 3, count) around those of all angles; the least a/β is the largest S."""
+    least, largest = _extremes(problem, cells, material)
+    strengths = [_on_parts(problem, cells, degree, cone)[1:] for cone in least]
+    reach = np.full((len(cells), 3, 1), np.inf)
+    for cone, (_, most) in zip(least, strengths, strict=True):
+        beta = np.broadcast_to(np.asarray(cone.pressure), reach.shape)
+        reach = np.minimum(reach, np.divide(cone.factor * most, beta, out=np.full_like(reach, np.inf), where=beta > 0))
+    for one, other, (strength, _) in zip(least, largest, strengths, strict=True):
+        steeper = np.broadcast_to(np.asarray(other.pressure) - np.asarray(one.pressure), reach.shape)
+        if not np.isfinite(reach[steeper > 0.0]).all():
+            remedy = "give it a tension cut-off (tension=…), or a region of its own to what has no friction"
+            raise InputError("MohrCoulomb.phi", 0.0, f"is zero beside places where it is not: {remedy}")
+        more = np.multiply(reach, steeper, out=np.zeros_like(reach), where=steeper > 0.0)
+        yield one, np.maximum(one.factor, other.factor) * strength + more, other.pressure
+
+
+def _sampled(problem: ContactProblem, cells: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 3, g) on the parts of triangles at which fields are looked at."""
+    x, y = np.moveaxis(lattice(_SAMPLES) @ part_corners(problem.mesh.vertices[problem.mesh.cells[cells]]), -1, 0)
+    return x, y
+
+
 def _on_parts(
-    problem: ContactProblem, cells: IntArray, degree: int, name: str, field: object
-) -> tuple[FloatArray, FloatArray]:
-    """A field of strength for each coefficient (n, 3, count): for stresses, and for what flow dissipates."""
+    problem: ContactProblem, cells: IntArray, degree: int, cone: YieldCone
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Its field for each coefficient (n, 3, count), for stresses and for what flow dissipates; the most (n, 3, 1)."""
     shape = (len(cells), 3, len(exponents(degree)))
-    if not callable(field):
-        value = np.full(shape, float(field))  # type: ignore[arg-type]
-        return value, value
-    parts = part_corners(problem.mesh.vertices[problem.mesh.cells[cells]])
+    if not callable(cone.field):
+        value = np.full(shape, float(cone.field))
+        return value, value, value[..., :1]
     samples = lattice(_SAMPLES)
-    x, y = np.moveaxis(samples @ parts, -1, 0)
-    seen = evaluate(name, field, x, y, minimum=0.0)
-    at_corners = [int(np.flatnonzero(samples[:, i] == 1.0)[0]) for i in range(3)]
-    corners = seen[..., at_corners]
-    affine = np.abs(seen - corners @ samples.T).max(axis=-1) <= _AFFINE * np.abs(seen).max()
+    seen = evaluate(cone.name, cone.field, *_sampled(problem, cells), minimum=0.0)
+    least, most = seen.min(axis=-1, keepdims=True), seen.max(axis=-1, keepdims=True)
+    corners = seen[..., [int(np.flatnonzero(samples[:, i] == 1.0)[0]) for i in range(3)]]
+    affine = np.abs(seen - corners @ samples.T).max(axis=-1, keepdims=True) <= _AFFINE * np.abs(seen).max()
     own = corners @ lattice(degree).T
     means = corners @ ((exponents(degree) + 1.0) / (degree + 3.0)).T
-    low = np.where(affine[..., None], own, seen.min(axis=-1)[..., None])
-    return low, np.where(affine[..., None], means, seen.max(axis=-1)[..., None])
+    return np.where(affine, own, least), np.where(affine, means, most), most
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,14 +266,16 @@ class StressProgram:
     ----------
     low, high : Discretization
         The problem at both factors, in the same units and degrees of freedom.
-    cones : YieldCones
-        What its body can carry.
 
     """
 
     low: Discretization
     high: Discretization
-    cones: YieldCones
+
+    @cached_property
+    def cones(self) -> YieldCones:
+        """What its body can carry."""
+        return YieldCones.of(self.low.problem, self.low.space.traction_degree, above=False)
 
     def carried(self) -> CarriedStress:
         """The largest factor, with signs of bilateral pressure that a first program without friction there suggests."""
@@ -247,7 +301,7 @@ class StressProgram:
         if isinstance(found, str):
             return CarriedStress({INFEASIBLE: -np.inf, UNBOUNDED: np.inf}[found], 0.0)
         x, violation = program.repaired(found, share)
-        if violation > _HELD:  # the solver has given up: nothing is proved
+        if violation > HELD:  # the solver has given up: nothing is proved
             return CarriedStress(-np.inf, 0.0)
         tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
         stress = (self._matrix @ x + self._constant).reshape(-1, 3, self.cones.count, 3)
@@ -282,7 +336,7 @@ class StressProgram:
             c_xx, c_yy, c_xy = (self._constant[at + i] for i in range(3))
             beta, gamma = cones.pressure[chosen], cones.mean[chosen]
             parts = [
-                (sparse.diags_array(beta) @ (xx + yy), cones.low[chosen] / unit - beta * (c_xx + c_yy)),
+                (sparse.diags_array(beta) @ (xx + yy), cones.limit[chosen] / unit - beta * (c_xx + c_yy)),
                 (-(xx - yy), c_xx - c_yy),
                 (-2.0 * xy, 2.0 * c_xy),
             ]

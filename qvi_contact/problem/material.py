@@ -26,8 +26,8 @@ from typing import Annotated, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray
-from qvi_contact.basics.schema import Inline, Name, Positive, Scalar, Tagged, Varying, check_keys
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.schema import Angle, Inline, Name, Positive, Scalar, Tagged, Varying, check_keys
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -47,9 +47,9 @@ class YieldCone(NamedTuple):
         What messages call the field behind a, such as "Tresca.c".
     field : float or function of (x, y)
         The field, at least 0 [stress].
-    factor : float
-        a over that field.
-    pressure : float
+    factor : float or array
+        a over that field; an array where it is for several angles of friction.
+    pressure : float or array
         β.
     mean : float
         γ.
@@ -58,8 +58,8 @@ class YieldCone(NamedTuple):
 
     name: str
     field: Field
-    factor: float
-    pressure: float = 0.0
+    factor: float | FloatArray
+    pressure: float | FloatArray = 0.0
     mean: float = 0.0
 
 
@@ -115,11 +115,14 @@ class Mises:
 class MohrCoulomb:
     """Cohesion and friction: |τ| ≤ c − σ tan φ on every plane, and no tension above the cut-off.
 
+    Where φ varies on a part of a triangle, limit loads count there from below with what each of its angles carries,
+    from above with a cone around all of them. That has no end where φ begins at zero without a cut-off.
+
     Parameters
     ----------
     c : float or function of (x, y)
         Cohesion, at least 0 [stress]: `c = 20.0`.
-    phi : float
+    phi : float or function of (x, y)
         Angle of friction φ, from 0 to below π/2 [rad]: `phi = "30 * pi / 180"`.
     tension : float or function of (x, y), optional
         Largest tensile stress t, at least 0 [stress]; without it c cot φ is: `tension = 0.0`.
@@ -127,22 +130,29 @@ class MohrCoulomb:
     """
 
     c: Annotated[Field, Varying(0.0)]
-    phi: Annotated[float, Scalar()]
+    phi: Annotated[Field, Angle(0.0)]
     tension: Annotated[Field, Varying(0.0)] | None = None
     kind: ClassVar[str] = "mohr-coulomb"
 
     def __post_init__(self) -> None:
         check_keys(self)
-        phi = float(self.phi)
-        if not 0.0 <= phi < math.pi / 2.0:
-            remedy = "give the angle of friction in radians, from 0 to below pi/2: 30 degrees are 0.5236"
-            raise InputError("MohrCoulomb.phi", phi, remedy)
-        if phi == 0.0:
-            Varying(0.0, positive=True).check("MohrCoulomb.c", self.c)
+        if not callable(self.phi):
+            self.angles(np.zeros(1), np.zeros(1))
+            if self.phi == 0.0:
+                Varying(0.0, positive=True).check("MohrCoulomb.c", self.c)
 
-    def cones(self, plane: Plane) -> Iterator[YieldCone]:
-        """Its cones in that plane state."""
-        sine, cosine = math.sin(self.phi), math.cos(self.phi)
+    def angles(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """The angle of friction φ at points; `InputError` if it is out of its range."""
+        phi = evaluate("MohrCoulomb.phi", self.phi, x, y, minimum=0.0)
+        if (phi >= math.pi / 2.0).any():
+            remedy = "give the angle of friction in radians, from 0 to below pi/2: 30 degrees are 0.5236"
+            raise InputError("MohrCoulomb.phi", float(phi.max()), remedy)
+        return phi
+
+    def cones(self, plane: Plane, phi: FloatArray | float | None = None) -> Iterator[YieldCone]:
+        """Its cones in that plane state, for given angles where φ is no number."""
+        phi = self.phi if phi is None else phi
+        sine, cosine = np.sin(phi), np.cos(phi)
         yield YieldCone("MohrCoulomb.c", self.c, 2.0 * cosine, sine)
         if plane == "stress":
             yield YieldCone("MohrCoulomb.c", self.c, 4.0 * cosine / (1.0 + sine), 1.0)

@@ -308,7 +308,7 @@ def solve_history(
         if store is not None:
             fingerprint = run_digest(steps, {**settings.stated, "warm_start": warm_start})
             results = load("qvi_contact.files.step_store").StepStore(store, fingerprint, len(steps), discretized)
-        warm = warm_start and settings.how.takes_state
+        warm = warm_start and settings.takes_state
         for number in range(len(results) + 1, len(steps) + 1):
             before = results[number - 2] if number > 1 else None
             if before is None:

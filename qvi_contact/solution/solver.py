@@ -95,23 +95,22 @@ def solved(
             given = discretize(known, degree=settings.degree, law_on=settings.law)
             known = _fitted(given, settings)
             attempts = () if known is given else (UNITS,)
-        space, rule, how = known.space, known.rule, settings.how
-        if how.method == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
+        space, rule = known.space, known.rule
+        if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
             remedy = (
                 "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish where "
                 "the shear does not: leave law_on out, or give 'points'"
             )
             raise InputError("law_on", rule.law_on, remedy)
         element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
-        log.begin({"cells": len(space.triangles), "element": element, **facts_of(known.qvi, how)})
+        log.begin({"cells": len(space.triangles), "element": element, **facts_of(known.qvi, settings)})
         initial = settings.initial if before is None else before
-        if initial is not None:
-            how = how.starting(_initial(initial, known))
-        solution = solve_checked(known.qvi, how)
+        start = None if initial is None else _initial(initial, known)
+        solution = solve_checked(known.qvi, settings, start)
         attempts += solution.attempts
         if _reached(known, solution):
             known = known.with_far_obstacles()
-            solution = solve_checked(known.qvi, how)
+            solution = solve_checked(known.qvi, settings, start)
             attempts += (FAR_OBSTACLES, *solution.attempts)
         result = _judged(ContactResult(known, replace(solution, attempts=attempts)))
         log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)

@@ -339,7 +339,7 @@ class SweepTask:
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
         chosen = _checked_names(problem, parameter, names)
-        warm = true_or_false("warm_start", warm_start) and settings.how.takes_state
+        warm = true_or_false("warm_start", warm_start) and settings.takes_state
         return cls(problem, parameter, chosen, settings, warm)
 
     def changed(self, value: float) -> ContactProblem:

@@ -25,7 +25,6 @@ __getattr__ = front(
             "start_near",
             "CentralPath",
         ),
-        "method": ("CondensedOptions",),
         "systems": ("DenseSystem", "FRICTION_SHARES", "PathWeights"),
     },
 )

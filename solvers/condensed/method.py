@@ -27,25 +27,23 @@ In `docs/theory.md`: (D8).
 """
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from solvers.basics.checks import one_of, whole_number
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import DenseCoordinates, SparseCoordinates, obstacle
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
 from solvers.condensed.systems import Coordinates, Expansion, PathWeights, SystemName
-from solvers.errors import InputError
 from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
+from solvers.settings import CondensedOptions
 from solvers.solution import Attempt, Iteration, Outcome, Start
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
@@ -71,43 +69,9 @@ _ONE_START = 300  # iterations of one start
 LAST: Final = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)
 """How a start ends that no other follows."""
 
-SYSTEMS: Final = ("auto", "dense", "sparse")
 _FORMS: Final[dict[SystemName, str]] = {"dense": "condensed", "sparse": "full"}  # of the result
 _FITTED = 1e-7  # slack residual from which on friction has its own share, see `InteriorPoint.settle`
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
-
-
-@dataclass(frozen=True)
-class CondensedOptions:
-    """Options of the condensed method.
-
-    Attributes
-    ----------
-    gap : complementarity at which the interior point method stops, relative to stress × displacement × length; less
-        by the square of the least share that a point's bound has in its contact, where that is below 2e-3, or 5e-4 in
-        sparse systems
-    max_iterations : factorisations of the Newton matrix at most
-    initial : the `Start` to begin near, optional; not used where it does not fit, or is not near
-    system : linear systems of Newton's method: "dense" on what the contact feels, "sparse" in all unknowns, or "auto",
-        what takes less time by the count of operations. With equations or points without friction they are dense
-    callback : called with every `Iteration`
-
-    """
-
-    gap: float = 1e-14
-    max_iterations: int = 600
-    initial: object = None
-    system: Literal["auto", "dense", "sparse"] = "auto"
-    callback: Callable[[Iteration], object] | None = None
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.gap, int | float) and 0 < self.gap < 1):
-            raise InputError("gap", self.gap, "give a number between 0 and 1")
-        whole_number("max_iterations", self.max_iterations)
-        if not (self.initial is None or isinstance(self.initial, Start)):
-            remedy = "give the result of an earlier problem: the condensed method cannot start from a pressure alone"
-            raise InputError("initial", type(self.initial).__name__, remedy)
-        one_of("system", self.system, SYSTEMS)
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from solvers import available
 from solvers.factorisation import DENSE, available_backends
-from solvers.solve import METHODS
+from solvers.settings import METHODS
 from tests.cases import examples
 from tests.qvi_contact.broken_files import TRIANGLES, mutated
 

@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from qvi_contact import (
     solve,
     strength_reduction_factor,
 )
+from qvi_contact.limit import limit_load
 from tests.cases import thinned
 
 E = 1e-9
@@ -75,6 +77,31 @@ def test_strength_that_grows_with_height():
     assert limit.upper == pytest.approx(2.0, rel=1e-6)
 
 
+def test_friction_that_varies():
+    """Pressed along y in proportion to 2c tan(45° + φ/2) = 2 (3 + x), every column yields at once."""
+    gaps = []
+    for cells in (2, 4):
+        strength = MohrCoulomb(1.0, lambda x, _: 2.0 * np.arctan(3.0 + x) - np.pi / 2.0)
+        pressed = Traction("top", x=0.0, y=lambda x, _: -3.0 - x)
+        sides = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0, y=0)]
+        mesh = TriangleMesh.rectangle((cells, 1))
+        limit = limit_load(ContactProblem(mesh, Material(10.0, 0.3, "strain", strength), [pressed, *sides]), ["top"])
+        assert limit.lower <= 2.0 <= limit.upper
+        gaps.append(limit.upper - limit.lower)
+    assert gaps[1] < 0.6 * gaps[0] < 0.4
+    constant = limit_load(stretched(MohrCoulomb(0.5, lambda x, _: 0.3 + 0.0 * x)), ["top"])
+    assert [constant.lower, constant.upper] == pytest.approx([in_tension(0.5, 0.3)] * 2, rel=1e-5)
+
+
+def test_friction_that_begins_at_zero_has_a_bound_with_a_cut_off_only():
+    growing = lambda x, _: 0.3 * x  # noqa: E731
+    with pytest.raises(InputError, match="cut-off"):
+        limit_load(stretched(MohrCoulomb(0.5, growing)), ["top"])
+    limit = limit_load(stretched(MohrCoulomb(0.5, growing, 0.2)), ["top"])
+    assert limit.lower == pytest.approx(0.2, rel=1e-5)
+    assert 0.2 <= limit.upper < 0.25
+
+
 def block(strength, mu, pressure):
     """A block under the same pressure all around and in pure shear, on a rough base."""
     return ContactProblem(
@@ -102,6 +129,17 @@ def test_a_rough_base_or_the_block_gives_way(mu, c):
     assert limit.lower <= limit.upper
     assert limit.collapse.gap.min() >= 0.0
     assert limit.collapse.gap.sum() >= limit.upper - limit.lower - 1e-6  # rigid blocks may be nearer
+
+
+@pytest.mark.parametrize("small", [1e-10, 1e9])
+def test_neither_side_minds_how_large_a_load_is_beside_the_others(small):
+    """The same block with the shear stated in another size, which is then multiplied by as much more."""
+    problem = block(Tresca(1.2), 2.0, 2.0)
+    times = [replace(each, x=small) if each.x == 1.0 else each for each in problem.conditions if each.name == "shear"]
+    times = [replace(each, y=small * each.y) if each.y is not None else each for each in times]
+    others = [each for each in problem.conditions if each.name != "shear"]
+    limit = limit_load_factor(replace(problem, conditions=[*others, *times]), ["shear"])
+    assert [small * limit.lower, small * limit.upper] == pytest.approx([1.2, 1.2], rel=1e-5)
 
 
 def test_what_the_other_loads_break_carries_no_multiple():

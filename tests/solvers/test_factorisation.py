@@ -26,7 +26,7 @@ from solvers.factorisation import (
     set_default,
     thread_count,
 )
-from solvers.solve import METHODS
+from solvers.settings import METHODS
 
 BACKENDS_HERE = list(available_backends())
 BACKEND = pytest.mark.parametrize("backend", [*BACKENDS_HERE, DENSE])

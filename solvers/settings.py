@@ -1,0 +1,329 @@
+"""How a problem is solved: every option of the methods once, with its check, for all who take it.
+
+    Settings(method="condensed", tolerance=1e-9, options={"gap": 1e-12})
+
+What an option means ends with an example, as problem files have it: they, and the command line, are made from these
+classes, so nothing here imports NumPy before something is checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Final, Self, TypeVar
+
+from solvers.basics.names import closest
+from solvers.errors import InputError, SolverUnavailableError
+
+METHODS: Final = ("condensed", "fixed-point", "pivoting", "uzawa")
+
+DEFAULT_INNER: Final = "qp:clarabel"
+"""Inner solver of the fixed point where none is asked for."""
+
+STARTED: Final = ("condensed", "fixed-point")
+"""Methods that take a start: a state is for both, a pressure for the fixed point."""
+
+SYSTEMS: Final = ("auto", "dense", "sparse")
+VARIANTS: Final = ("plain", "damped", "anderson")
+FORMS: Final = ("auto", "full", "condensed")
+RULES: Final = ("printed", "accumulating")
+DECAYS: Final = ("geometric", "harmonic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CondensedOptions:
+    """Options of the condensed method, beside `initial`, the `Start` to begin near, and `callback`, see `Settings`.
+
+    At most 600 factorisations of Newton's matrix, unless `max_iterations` says otherwise.
+
+    Parameters
+    ----------
+    gap : float
+        Condensed: complementarity at the end, relative to stress × displacement × length: `gap = 1e-12`.
+    system : str
+        Condensed: Newton's matrices, "dense" on what the contact feels, "sparse" in all unknowns, or "auto", what takes
+        less time by the count of operations: `system = "sparse"`.
+
+    Notes
+    -----
+    The gap becomes less by the square of the least share that a point's bound has in its contact, where that is below
+    2e-3, or 5e-4 in sparse systems. With equations or points without friction matrices are dense.
+
+    """
+
+    gap: float = 1e-14
+    max_iterations: int = 600
+    initial: Any = None
+    system: str = "auto"
+    callback: Callable[[Any], object] | None = None
+
+    def __post_init__(self) -> None:
+        from solvers.basics.checks import one_of, whole_number
+
+        if not (isinstance(self.gap, int | float) and 0 < self.gap < 1):
+            raise InputError("gap", self.gap, "give a number between 0 and 1")
+        whole_number("max_iterations", self.max_iterations)
+        if self.initial is not None:
+            from solvers.solution import Start
+
+            if not isinstance(self.initial, Start):
+                remedy = "give the result of an earlier problem: the condensed method cannot start from a pressure"
+                raise InputError("initial", type(self.initial).__name__, f"{remedy} alone")
+        one_of("system", self.system, SYSTEMS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FixedPointOptions:
+    """Options of the fixed point, beside `initial`, the pressure s (m,) ≥ 0 to start from, and `callback`.
+
+    By default it starts from the pressure of the bonded solution (one linear solve). At most 100 outer iterations,
+    unless `max_iterations` says otherwise.
+
+    Parameters
+    ----------
+    variant : str
+        Fixed point: "anderson", "damped" s + θ (g − s), or "plain" s ← g: `variant = "damped"`.
+    damping : float
+        Fixed point: θ of "damped" and mixing β of "anderson", above 0, at most 1: `damping = 0.2`.
+    memory : int
+        Fixed point: earlier iterations that "anderson" uses: `memory = 10`.
+    inner_tolerance : float, optional
+        Fixed point: tolerance of the inner solver; 1e-4 × tolerance by default, between 1e-12 and 1e-6:
+        `inner_tolerance = 1e-12`.
+    patience : int
+        Fixed point: iterations without progress before it counts as stalled: `patience = 30`.
+    form : str
+        Fixed point: unknowns of the inner problems, "auto", "full" or "condensed": `form = "full"`.
+    inner_options : mapping, optional
+        Settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for; some back
+        ends ignore names they do not know.
+
+    """
+
+    variant: str = "anderson"
+    damping: float = 0.5
+    memory: int = 5
+    max_iterations: int = 100
+    initial: Any = None
+    inner_tolerance: float | None = None
+    patience: int = 15
+    form: str = "auto"
+    inner_options: Mapping[str, Any] | None = None
+    callback: Callable[[Any], object] | None = None
+
+    def __post_init__(self) -> None:
+        from solvers.basics.checks import finite_number, one_of, whole_number
+
+        one_of("variant", self.variant, VARIANTS)
+        one_of("form", self.form, FORMS)
+        if not 0 < finite_number("damping", self.damping) <= 1:
+            raise InputError("damping", self.damping, "give a number in (0, 1]")
+        for name in ("memory", "max_iterations", "patience"):
+            whole_number(name, getattr(self, name))
+        if self.inner_tolerance is not None and not 0 < finite_number("inner_tolerance", self.inner_tolerance) < 1:
+            raise InputError("inner_tolerance", self.inner_tolerance, "give a number between 0 and 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class UzawaOptions:
+    """Options of the Uzawa procedure, beside `callback`; at most 100 000 iterations.
+
+    Parameters
+    ----------
+    rule : str
+        Uzawa: "accumulating", or "printed" as in the paper, see `solvers.uzawa`: `rule = "printed"`.
+    omega_T : float
+        Uzawa: step of the tangential multiplier, a displacement (dimensionless): `omega_T = 0.001`.
+    omega_N : float, optional
+        Uzawa: step of the normal multiplier, displacement per stress; 1 / the spectral radius of N K⁻¹ Nᵀ W by default:
+        `omega_N = 0.5`.
+    step_decay : float, optional
+        Uzawa: iterations k₀ in which the step halves; it does not shrink by default: `step_decay = 200.0`.
+    decay : str
+        Uzawa: "geometric", ω_T 2^(−i / k₀), or "harmonic", ω_T / (1 + i / k₀): `decay = "harmonic"`.
+    iterations : int, optional
+        Uzawa: do exactly so many, without any test (the paper's 30): `iterations = 30`.
+
+    """
+
+    rule: str = "accumulating"
+    omega_T: float = 0.01  # noqa: N815  # the letter of the paper
+    omega_N: float | None = None  # noqa: N815
+    step_decay: float | None = None
+    decay: str = "geometric"
+    max_iterations: int = 100_000
+    iterations: int | None = None
+    callback: Callable[[Any], object] | None = None
+
+    def __post_init__(self) -> None:
+        from solvers.basics.checks import one_of, positive_number, whole_number
+
+        one_of("rule", self.rule, RULES)
+        one_of("decay", self.decay, DECAYS)
+        for name in ("omega_T", "omega_N", "step_decay"):
+            if getattr(self, name) is not None:
+                positive_number(name, getattr(self, name))
+        for name in ("max_iterations", "iterations"):
+            if getattr(self, name) is not None:
+                whole_number(name, getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PivotingOptions:
+    """Options of pivoting: at most 1000 vertices, and corrections of one, and `callback` for each."""
+
+    max_iterations: int = 1000  # more than there are: a few directions, guesses of signs, and corrections
+    callback: Callable[[Any], object] | None = None
+
+    def __post_init__(self) -> None:
+        from solvers.basics.checks import whole_number
+
+        whole_number("max_iterations", self.max_iterations)
+
+
+OPTIONS: Final[Mapping[str, Any]] = {
+    "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions, "pivoting": PivotingOptions,
+}  # fmt: skip
+
+Options = TypeVar("Options", CondensedOptions, FixedPointOptions, UzawaOptions, PivotingOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a problem is solved.
+
+    Parameters
+    ----------
+    method : str, optional
+        condensed (by default), fixed-point, pivoting or uzawa: `method = "fixed-point"`.
+    inner : str, optional
+        Inner solver of the fixed point, see `qvi-contact methods`; qp:clarabel by default: `inner =
+        "direct:clarabel"`.
+    tolerance : float
+        Accuracy that the certificate must confirm, dimensionless: `tolerance = 1e-9`.
+    factorisation : str
+        Factorisation, see `qvi-contact methods`: `factorisation = "superlu"`.
+    threads : int, optional
+        Threads of factorisations and dense linear algebra; one for small problems by default, else all cores: `threads
+        = 2`.
+    time_limit : float, optional
+        Seconds for everything together: all steps or values, methods, retries and inner problems; no limit by default:
+        `time_limit = 60.0`.
+    verbose : bool
+        Print a header, a line an iteration, step or value, and a footer with status and times.
+    throw : bool
+        Raise `SolveError` where a solve does not end with the status "solved".
+    callback : callable, optional
+        Called with every `solvers.Iteration` of any method. Histories, sweeps and refinement have another one.
+    initial : optional
+        Where the condensed method and the fixed point begin; it chooses no method. For `solve_qvi` the `QVISolution` of
+        a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. Two iterations of the
+        condensed method tell whether such a state is near; if it is not, the usual start is taken.
+    options : mapping
+        Options of the method, by name: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
+        `UzawaOptions`. By default `max_iterations` counts the iterations of the condensed method and the fixed point.
+
+    Raises
+    ------
+    InputError
+        If one of them is wrong.
+    SolverUnavailableError
+        If method, inner solver or factorisation is unknown or not installed.
+
+    Notes
+    -----
+    "condensed" solves the inequality directly on what the contact feels, by an interior point method; "fixed-point"
+    iterates on the friction bound, with convex inner problems; "pivoting" goes from vertex to vertex, for small
+    contacts; "uzawa" is the paper's iteration (4.1)-(4.4). By default "condensed"; where that fails "pivoting" and
+    "fixed-point", as far as the contact is small enough for them, for as long again as the first took at most, or 15
+    seconds if that is more. Another one is taken if an inner solver or options are given that only that one takes.
+
+    Inner solvers are "qp:" and a name of qpsolvers, "direct:clarabel", or "socp:" and a name of cvxpy;
+    `solvers.available()` lists what is installed. Factorisations are "pardiso", "superlu" and "dense"; "auto" takes
+    "dense" for up to 500 unknowns, else the first of the others that is installed.
+
+    When the time is over the best state so far is returned, with the status "time_limit" unless its certificate passes.
+    It is looked at in every iteration, and handed on to inner solvers that take a limit; a factorisation under way, and
+    an inner solve by another one, is not interrupted. A factorisation that is estimated to take more than twice the
+    time left, or twice the memory of the machine, is not begun; the message has the estimate.
+
+    """
+
+    method: str | None = None
+    inner: str | None = None
+    tolerance: float = 1e-8
+    factorisation: str = "auto"
+    threads: int | None = None
+    time_limit: float | None = None
+    verbose: bool = False
+    throw: bool = False
+    callback: Callable[[Any], object] | None = None
+    initial: Any = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        from solvers.basics.checks import function_or_none, mapping, true_or_false
+        from solvers.basics.progress import checked_limit
+        from solvers.factorisation.choice import Request
+        from solvers.inner.registry import check_name
+
+        mapping("options", self.options, "options by name")
+        if self.method is not None and not (isinstance(self.method, str) and self.method in METHODS):
+            raise SolverUnavailableError("method", self.method, f"choose one of {', '.join(METHODS)}")
+        if self.inner is not None:
+            check_name(self.inner)
+        if not (isinstance(self.tolerance, int | float) and 0 < self.tolerance < 1):
+            raise InputError("tolerance", self.tolerance, "give a number between 0 and 1")
+        function_or_none("callback", self.callback)
+        for name in ("throw", "verbose"):
+            true_or_false(name, getattr(self, name))
+        checked_limit(self.time_limit)
+        Request.checked(self.factorisation, self.threads)
+        kind, given = OPTIONS[self.chosen], dict(self.options)
+        if self.initial is not None and not self.takes_state:
+            given["initial"] = self.initial  # is refused; others are checked with the problem
+        names = list(kind.__dataclass_fields__)
+        for name, value in given.items():
+            if name not in names:
+                near = closest(name, [*names, *self.__dataclass_fields__.keys() - {name}])
+                listed = f"method {self.chosen!r} has the options {', '.join(names)}"
+                raise InputError(name, value, listed if near is None else f"did you mean {near!r}? Otherwise: {listed}")
+        kind(**given)
+
+    @classmethod
+    def of(cls, settings: Self | None, changes: Mapping[str, Any]) -> Self:
+        """These settings, or the usual ones, with changes of fields and of options of the method; checked."""
+        if settings is not None and not isinstance(settings, cls):
+            raise InputError("settings", settings, "give Settings, or their fields by name, such as method='uzawa'")
+        if settings is not None and not changes:
+            return settings
+        from solvers.basics.checks import mapping
+
+        own, options = dict[str, Any](), dict[str, Any]({} if settings is None else settings.options)
+        for name, value in changes.items():
+            (own if name in cls.__dataclass_fields__ else options)[name] = value
+        options.update(mapping("options", own.pop("options", {}), "options by name"))
+        return cls(**own, options=options) if settings is None else replace(settings, **own, options=options)
+
+    @cached_property
+    def chosen(self) -> str:
+        """The method that is taken, or begins: the one asked for, or of the first that have most of the options."""
+        if self.method is not None:
+            return self.method
+        if self.inner is not None:
+            return "fixed-point"
+        if not self.options:
+            return METHODS[0]
+        given = set(self.options)
+        return max(OPTIONS, key=lambda method: len(given & OPTIONS[method].__dataclass_fields__.keys()))
+
+    @property
+    def by_default(self) -> bool:
+        """Whether the method was not asked for, so that other attempts may follow."""
+        return self.method is None and self.chosen == METHODS[0]
+
+    @property
+    def takes_state(self) -> bool:
+        """Whether the method begins at a state that is given."""
+        return self.chosen in STARTED
