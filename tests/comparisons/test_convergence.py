@@ -11,7 +11,7 @@ from comparisons.convergence.outer import study as loops
 from comparisons.convergence.uzawa import study as steps
 from solvers import solve_qvi
 from solvers.certificate import uniqueness_bound
-from tests.comparisons.parts import committed
+from tests.comparisons.conftest import committed
 
 
 class TestRates:

@@ -20,7 +20,7 @@ from qvi_contact import (
 )
 from qvi_contact.gallery import compressed_plate
 from tests.cases import EFFORT, examples
-from tests.comparisons.parts import committed, rows_of
+from tests.comparisons.conftest import committed, rows_of
 
 STRENUOUS = {
     "thin": (3,), "gaps": (1, 4), "units": (4, 5), "friction": (2,), "everything": (1, 2), "incompressible": (0, 1),

@@ -35,8 +35,8 @@ from comparisons.lab.studies import (
 )
 from qvi_contact import InputError
 from qvi_contact.runs import FAILURES, Outcome, database
-from tests.comparisons.parts import row
-from tests.run_processes import eventually, marked, started
+from tests.comparisons.conftest import row
+from tests.run_tasks import eventually, marked, started
 
 PLACES = [(mesh, mu, 7) for mesh in (8, 16) for mu in (0.1, 0.2, 0.5)]
 DEMO = Study(

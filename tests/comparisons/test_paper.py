@@ -17,7 +17,7 @@ import pytest
 
 from comparisons import paper as room
 from solvers import available
-from tests.comparisons.parts import command
+from tests.comparisons.conftest import command
 
 TABLE_1 = {0.0: "209.15", 0.05: "210.67", 0.1: "212.05", 0.15: "212.86", 0.2: "213.44", 0.25: "213.81", 0.3: "213.89"}
 FIGURES = {2: (0.0, "210.58"), 3: (0.1, "237.19"), 4: (0.2, "254.41"), 5: (0.3, "259.65")}

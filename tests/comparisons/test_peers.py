@@ -19,7 +19,7 @@ from comparisons import LIMITS, SETTLED
 from comparisons import peers as room
 from qvi_contact import InputError, TriangleMesh, graded_lines, solve
 from qvi_contact.gallery import compressed_plate
-from tests.comparisons.parts import committed, row
+from tests.comparisons.conftest import committed, row
 
 CODES_FOLDER = Path(import_module("comparisons.peers.codes").__file__).parent
 LIMIT = {friction: value for friction, (value, _) in LIMITS.items()}

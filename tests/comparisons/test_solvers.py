@@ -10,7 +10,7 @@ from comparisons.solvers import report as room
 from qvi_contact import InputError
 from solvers import Status, available, solve_qvi
 from solvers.inner import BackendFailure, attempt, make_inner
-from tests.comparisons.parts import row
+from tests.comparisons.conftest import row
 
 INNER_SOLVERS = [name for name in accuracies.installed() if name not in accuracies.METHODS]
 CASE = {

@@ -32,8 +32,7 @@ from qvi_contact import (
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
-from tests.comparisons.conftest import outlines
-from tests.comparisons.parts import REPORTS, command
+from tests.comparisons.conftest import REPORTS, command, outlines
 
 SHOWN = {"rings": "[m]", "corner-rates": "[length]", "wedge": "[length]"}
 """Problems whose bodies are drawn, and the unit of their axes: two files in other units, two without."""

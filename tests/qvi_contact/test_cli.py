@@ -18,7 +18,7 @@ from solvers import available
 from solvers.factorisation import DENSE, available_backends
 from solvers.settings import METHODS
 from tests.cases import examples
-from tests.qvi_contact.broken_files import TRIANGLES, mutated
+from tests.qvi_contact.builders import TRIANGLES, mutated
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

@@ -39,7 +39,7 @@ from qvi_contact.command import (
 from qvi_contact.files import problem_from_toml, summary
 from qvi_contact.solution import ContactPath
 from qvi_contact.units import Units
-from tests.qvi_contact.broken_files import PROBLEMS
+from tests.qvi_contact.builders import PROBLEMS
 
 TEXT = (PROBLEMS / "pressed.toml").read_text(encoding="utf-8")
 

@@ -35,7 +35,7 @@ from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from tests.cases import examples
-from tests.qvi_contact.broken_files import PRINTED, RICH
+from tests.qvi_contact.builders import PRINTED, RICH
 
 SMALL = """
 version = 1
