@@ -27,6 +27,7 @@ from comparisons.wild.generator import FAMILIES, Wild, wild_problem
 from comparisons.wild.judge import EXISTS, UNDECIDED, Comparison, compare, enumerated, wrong
 from qvi_contact import ContactResult, InputError, QVIError, solve
 from solvers import Status
+from solvers.basics.names import known_name
 from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
 
@@ -56,8 +57,7 @@ SECOND: Final = "qp:daqp"
 def declared(families: Sequence[str], each: int, first: int = 0) -> Study:
     """Problems `first`, `first` + 1, … of these families, or of all; a run that is stopped has as many of each."""
     for name in families:
-        if name not in FAMILIES:
-            raise InputError("only", name, f"there is no such family: choose among {', '.join(FAMILIES)}")
+        known_name("only", name, {"families": FAMILIES})
     chosen = [name for name in FAMILIES if not families or name in families]
     cases = [{"number": number, "family": name} for number in range(first, first + each) for name in chosen]
     return Study("wild", 4, "comparisons.wild.study:solve_case", cases, (*PACKAGES, "daqp"))

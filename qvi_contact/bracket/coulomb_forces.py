@@ -22,7 +22,7 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.friction_norm import FrictionNorm
-from qvi_contact.bracket.parts import Bounds, CellFields, tractions_on
+from qvi_contact.bracket.parts import EDGE_POINTS, Bounds, CellFields, tractions_on
 from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
@@ -30,10 +30,10 @@ from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
 from qvi_contact.solution.contact_path import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import obstacle_work, support_work
 
 _CUTS: Final = (1e-6, 1e-1)
@@ -407,13 +407,18 @@ class _Pairs:
         u = self.stress.dofs
         other = u + known.basis @ change
         fields = self.model.fields
-        zeta = scales.stress * cell_stresses(known, other, fields.t)[1] - fields.stress
+        dual = CellFields.of(known, other, companion.degree).less(fields)
         strain = self.body.body.body.strain(z, slice(None), fields.t[:, -2:]) * (self.unit / scales.length)
         compliance = known.problem.compliances
-        apart = strain - np.einsum("ckl,cgl->cgk", compliance, zeta)
-        size = np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart)
+        apart = strain - np.einsum("ckl,cgl->cgk", compliance, dual.stress)
+        size = float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart))
         inside = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
-        inside += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, zeta, compliance, fields.at_rest))  # −∫ ε⁰ : ζ
+        inside += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, dual.stress, compliance, fields.at_rest))  # ε⁰
+        stretched, t = self.body.contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
+        for own, each in zip(fields.springs, dual.springs, strict=True):
+            missed = each.missed(companion.along(each.name, stretched, t))  # k (d + ζ/k): springs bear −τ and −ζ
+            size += float((each.weights * missed**2).sum())
+            inside -= float((each.weights * own.traction * missed).sum())
         loads = float(companion.state.load @ z + self.body.contacts.resultants @ plates)
         work = inside - loads * scales.energy
         for along in (support_work, obstacle_work):

@@ -82,12 +82,12 @@ class Bracket:
     lower, upper : float
         −J*(τ) and J(v) [stress × length²]; −∞ or ∞ where no admissible stress or displacement was found.
     strain : float
-        ½ ∫ τ : c : τ, to compare the gap with [stress × length²].
+        ½ ∫ τ : c : τ, with the energy of springs, to compare the gap with [stress × length²].
     bulk : (ny, nx) or (cells,) array
         ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0; on a rectilinear mesh by
         row and column, 0 outside the body.
     contacts : mapping
-        The parts on the edges of each contact that is not tied; tied ones have none.
+        The parts on the edges of each contact that is not tied; tied ones have only those of springs.
     cells : (ny, nx) or (cells,) array
         All parts by cell: those of an edge belong to its cell, on a joint to both halves.
     outer : float
@@ -199,12 +199,18 @@ class Bracket:
 
     @property
     def parts(self) -> dict[str, float]:
-        """The gap by origin: "bulk", "contact" and "friction" [stress × length²]; without a lower bound no meaning."""
-        return {
+        """The gap by origin: "bulk", "contact", "friction", "springs" if there are some [stress × length²].
+
+        Without a lower bound it has no meaning.
+        """
+        found = {
             "bulk": float(self.bulk.sum()),
             "contact": float(sum(part.contact.sum() for part in self.contacts.values())),
             "friction": float(sum(part.friction.sum() for part in self.contacts.values())),
         }
+        if any(contact.has_springs for contact in self.problem.contacts):
+            found["springs"] = float(sum(part.springs.sum() for part in self.contacts.values()))
+        return found
 
     @property
     def shown_parts(self) -> dict[str, float]:

@@ -273,6 +273,10 @@ def _not_of_the_kind(contact: Contact) -> str:
         f"Bounds under friction are for Coulomb's law without a limit of the shear stress: {name} has one.": (
             rough and contact.shear_limit is not None
         ),
+        f"Bounds under friction are not for springs along a contact without springs across it: give {name} a normal "
+        "stiffness, or no tangential one.": (
+            rough and contact.tangential_stiffness is not None and contact.normal_stiffness is None
+        ),
     }
     return next((reason for reason, applies in found.items() if applies), "")
 
@@ -494,15 +498,17 @@ class LeastChange:
 
 
 def held_directions(problem: ContactProblem) -> list[FloatArray]:
-    """Directions (k, 2) in which each boundary edge holds displacements; tied contacts hold both."""
+    """Directions (k, 2) in which each boundary edge holds displacements; tied contacts hold both, but for springs."""
     found: list[list[FloatArray]] = [[] for _ in range(len(problem.mesh.boundary))]
     for given in problem.prescribed(Displacement):
         for edge, direction in zip(given.index.tolist(), given.direction, strict=True):
             found[edge].append(direction)
     for contact in problem.contacts:
         if contact.law == "tied" and contact not in problem.joints:
+            rigid = [each is None for each in (contact.normal_stiffness, contact.tangential_stiffness)]
             for edge in problem.mesh.edge_set(contact.edges).tolist():
-                found[edge] += list(np.eye(2))
+                both = np.stack([problem.mesh.boundary.normal[edge], problem.mesh.boundary.tangent[edge]])
+                found[edge] += list(np.eye(2) if all(rigid) else both[rigid])
     return [np.array(directions).reshape(-1, 2) for directions in found]
 
 
@@ -515,7 +521,12 @@ def spans(directions: FloatArray, wanted: FloatArray) -> bool:
 
 
 def _vanishing(problem: ContactProblem, name: str) -> set[int]:
-    """Vertices where s of a contact must be 0: kinks, and where what meets it holds the normal part of R v."""
+    """Vertices where s of a contact must be 0: kinks, and where what meets it holds the normal part of R v.
+
+    There are none where springs across the contact take μ s v_T upon themselves.
+    """
+    if any(contact.name == name and contact.normal_stiffness is not None for contact in problem.contacts):
+        return set()
     places = {tuple(place): vertex for vertex, place in enumerate(problem.mesh.vertices.tolist())}
     found: set[int] = set()
     try:

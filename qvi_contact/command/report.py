@@ -1,24 +1,28 @@
-"""Results and problems as plain text for a terminal."""
+"""What commands say of results, problems and limit loads: plain text for a terminal, and documents for programs."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.shown import Certainty, Rounding, shown
 from qvi_contact.basics.units import Units
+from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult, plate_numbers
-from qvi_contact.verification.verification import Verification
 from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Branches
-    from qvi_contact.refinement import Refinement, RefinementRound
+    from qvi_contact.files.problem_file import ProblemFile
+    from qvi_contact.limit.load_factor import LimitLoad
+    from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
     from qvi_contact.refinement.outcome import Outcome
 
 STATES = [state.name.lower() for state in ContactState]
@@ -145,18 +149,6 @@ def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]
     """The remarks of all results, each once."""
     remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
     yield from (f"remark: {units.filled(remark)}" for remark in remarks)
-
-
-def verification_lines(checked: Sequence[Verification], values: Sequence[float], label: str = "t") -> Iterator[str]:
-    """The table of the one result; of several the verdict of each step, and the table of the first that fails."""
-    if len(checked) == 1:
-        yield from ("", checked[0].table())
-        return
-    failed = next((found for found in checked if not found.passed), None)
-    for number, (found, value) in enumerate(zip(checked, values, strict=False), 1):
-        yield f"step {number}, {label} = {value:.6g}: {found.summary()}"
-    if failed is not None:
-        yield from ("", failed.table())
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
@@ -325,3 +317,92 @@ def _unit(found: Outcome, units: Units) -> str:
     from qvi_contact.refinement.outcome import unit_of
 
     return unit_of(found.quantity, units)
+
+
+_REMEDY = "give a file written by qvi-contact limit --proof"
+
+
+def checked_proof(path: str) -> tuple[bool, str]:
+    """Whether a proof file holds, and what people read of it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is no proof file.
+
+    """
+    from qvi_contact.limit.check_proof import check, sentences
+
+    try:
+        proof = json.loads(Path(path).read_text(encoding="utf-8"))
+        *proved, counted = check(proof)
+    except OSError as error:
+        raise InputError("file", path, f"cannot be read ({error.strerror}): {_REMEDY}") from error
+    except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
+        raise InputError("file", path, f"is no proof file: {_REMEDY}") from error
+    except json.JSONDecodeError as error:
+        raise InputError("file", path, f"is no JSON ({error}): {_REMEDY}") from error
+    except ValueError as error:
+        return False, f"not proved: {error}"
+    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
+    return True, "\n".join([*sentences(*proved), f"checked: {checked}"])
+
+
+def limit_lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:
+    """What people read."""
+    found = [f"{', '.join(loads)}: {limit_sentence(limit)}"]
+    if refinement is not None:
+        found.append(refinement.message)
+        if refinement.status != "reached":
+            found.append(refinement.status.advice)
+    return found
+
+
+def limit_sentence(limit: LimitLoad) -> str:
+    """How much the mesh and the body carry."""
+    if limit.upper == -math.inf:
+        return "no multiple can be carried"
+    if limit.upper == limit.lower == math.inf:
+        return "no upper limit"
+    if limit.collapse is not None and not limit.collapse.guaranteed:
+        numbers = f"{_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
+        return (
+            f"estimates of what the body carries are {numbers}; they are no bounds, as sides are arcs or the body "
+            "force is no polynomial of the mesh"
+        )
+    mesh = "this mesh carries " + _multiple(limit.lower)
+    body = "no stress of the body carries more than " + _multiple(limit.upper)
+    return f"{mesh} these loads; {body if limit.upper < math.inf else 'for the body there is no upper limit'}"
+
+
+def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
+    """The same for programs: factors that are not finite are None, `outcome` says what they stand for."""
+    outcome = "none" if limit.upper == -math.inf else "unbounded" if limit.upper == math.inf else "bounded"
+    lower, upper = (value + 0.0 if math.isfinite(value) else None for value in (limit.lower, limit.upper))
+    bounds = limit.collapse is None or limit.collapse.guaranteed
+    known: dict[str, Any] = {
+        "outcome": outcome,
+        "bounds": bounds,
+        "factor": lower,
+        "upper": upper,
+        "message": limit_sentence(limit),
+    }
+    if refinement is not None:
+        known["refinement"] = {
+            "status": refinement.status.value,
+            "target": refinement.target,
+            "estimate": refinement.estimate if math.isfinite(refinement.estimate) else None,
+            "guaranteed": refinement.guaranteed,
+            "certainty": str(refinement.certainty),
+            "unknowns": refinement.rounds[-1].unknowns,
+            "rounds": len(refinement.rounds),
+            "message": refinement.message,
+        }
+    return known
+
+
+def _multiple(factor: float) -> str:
+    """A factor in a sentence."""
+    if math.isinf(factor):
+        return "any multiple of" if factor > 0.0 else "no multiple of"
+    return f"{factor + 0.0:.9g} times"

@@ -9,7 +9,7 @@ Two directions at a coefficient prescribe both components. Along arcs, whose dir
 those of the polynomials n·v and t·v instead (see `along_arcs`): w = R v for all of them, and Q = R⁻¹ edge by edge.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -154,6 +154,11 @@ class Supports:
     inverse: sparse.csr_array
     slanted: bool
     reasons: tuple[str, ...]
+
+    def with_springs(self, count: int) -> "Supports":
+        """The same, with as many degrees of freedom more that nothing prescribes."""
+        axes, inverse = (sparse.block_diag([Q, sparse.eye_array(count)], "csr") for Q in (self.axes, self.inverse))
+        return replace(self, axes=sparse.csr_array(axes), inverse=sparse.csr_array(inverse))
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,8 +308,8 @@ def _along_arcs(Q: sparse.csr_array, arcs: list[_OnArcs], degree: int) -> tuple[
     keep[inside] = 0.0
     others = sparse.diags_array(keep)
     inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
-    own, beside = _spread(inside, inside, inverse, size), _spread(inside, at_ends, inverse @ B, size)
-    rows = _spread(inside, inside, A, size) + _spread(inside, at_ends, B, size)
+    own, beside = spread(inside, inside, inverse, size), spread(inside, at_ends, inverse @ B, size)
+    rows = spread(inside, inside, A, size) + spread(inside, at_ends, B, size)
     whole = others @ Q @ others
     return sparse.csr_array(whole + own - beside @ whole), sparse.csr_array(whole.T + rows)
 
@@ -326,7 +331,7 @@ def _blocks(arcs: list[_OnArcs], degree: int) -> tuple[IntArray, IntArray, Float
     return inside, at_ends, A, B
 
 
-def _spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
+def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
     """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
     at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))

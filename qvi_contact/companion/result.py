@@ -37,7 +37,7 @@ class CompanionParts:
     Attributes
     ----------
     strain : float
-        ½ ∫ (ε − ε⁰):C:(ε − ε⁰), the elastic energy; ε⁰ is an initial strain.
+        ½ ∫ (ε − ε⁰):C:(ε − ε⁰), the elastic energy, and that of springs; ε⁰ is an initial strain.
     load : float
         ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the motions of plates under the forces F.
     friction : float
@@ -115,7 +115,7 @@ class CompanionState:
     contacts : Contacts
         The contacts; arrays over their n coefficients.
     v : (size,) array
-        Degrees of freedom.
+        Degrees of freedom, after those of the body the stretches of springs.
     c : (2 n,) array
         Relative displacements, normal ones first.
     plates : (q,) array
@@ -248,26 +248,26 @@ class CompanionResult(PicklesFields):
 
     def obstacle(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Where a contact's obstacle stands: g and w, with the motion of a plate, as `trace` gives v_N and v_T."""
-        trace, chosen = self._trace(name)
-        state, contacts = self._state, self._state.contacts
-        moved = contacts.plates(state.plates)
-        shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
-        normal, tangential = trace.gap + moved[: contacts.count][chosen], trace.offset + moved[contacts.count :][chosen]
-        normal, tangential = trace.on_edges(normal, tangential)
-        return normal @ shape.T, tangential @ shape.T
+        contacts = self._state.contacts
+        return self.along(name, contacts.obstacle + contacts.plates(self._state.plates), t)
 
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
 
         Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along their tangents. On a joint these
-        are the jumps, on a rigid plate what the body moves beyond it.
+        are the jumps, on a rigid plate what the body moves beyond it, with springs what these leave of it.
         """
+        return self.along(name, self._state.c, t)
+
+    def stretch(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """How far springs along a contact yield, as `trace` gives v_N and v_T; 0 where there are none."""
+        return self.along(name, self._state.contacts.stretched(self._state.v), t)
+
+    def along(self, name: str, coefficients: FloatArray, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Dimensionless coefficients (2 n,) of all contacts as values on the edges of one, as `trace` gives them."""
         trace, chosen = self._trace(name)
-        state = self._state
-        n = state.contacts.count
         shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
-        normal, tangential = state.c[:n][chosen], state.c[n:][chosen]
-        normal, tangential = trace.on_edges(normal, tangential)
+        normal, tangential = trace.on_edges(*coefficients.reshape(2, -1)[:, chosen])
         return normal @ shape.T, tangential @ shape.T
 
     @cached_property
@@ -326,7 +326,7 @@ class CompanionResult(PicklesFields):
 
     @property
     def _v(self) -> FloatArray:
-        return self._state.v
+        return self._state.v[: self.space.size]
 
     def _trace(self, name: str) -> tuple[DisplacementContact, slice]:
         traces = self._state.contacts.traces

@@ -24,7 +24,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
-from qvi_contact.problem.initial_strain import is_strained
+from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
@@ -63,7 +63,8 @@ def solve_companion(
         v_N ≤ g  (= g, and v_T = w where tied)
 
     with q the motions of plates under F, relative to which v_N and v_T count on their contacts; a fluid in a contact
-    adds ∫ p_w v_N; ε⁰ is an initial strain. J(v) is an upper bound of the exact minimum for the same s.
+    adds ∫ p_w v_N; ε⁰ is an initial strain. Springs along a contact add ½ ∫ k d² for their stretches d, and v − d takes
+    the place of v in the conditions of the contact. J(v) is an upper bound of the exact minimum for the same s.
 
     Parameters
     ----------
@@ -139,7 +140,8 @@ def solve_companions(
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
-            load = model.load + model.body.initial_load - contacts[0].rows.T @ contacts[0].fluid
+            load, size = model.load + model.body.initial_load, model.body.space.size
+            load[:size] -= contacts[0].rows[:, :size].T @ contacts[0].fluid  # on the body, not on its springs
             condensed = CondensedBody.of(model.body, load, model.held, contacts[0].rows)
             duals = [dual_problem(each, condensed) for each in contacts]
         except (FactorisationError, MemoryError) as error:
@@ -186,13 +188,6 @@ def check_scope(problem: ContactProblem) -> None:
 
     An incompressible material has no stiffness: displacements would have to keep every area.
     """
-    for contact in problem.contacts:
-        if contact.has_springs:
-            remedy = (
-                "the displacement companion, and the bracket that needs it, have no springs along contacts yet: leave "
-                "them out, or judge the result by its certificate and a finer mesh"
-            )
-            raise InputError("Contact.normal_stiffness", contact.name, remedy)
     if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
         remedy = (
             "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
@@ -219,8 +214,11 @@ class _Model:
         scales = Scales.of(problem)
         space = DisplacementSpace.of(problem, cell, scales.length)
         at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
-        body = Elasticity(space, moduli(problem, scales), at_rest)
-        return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
+        body, held = Elasticity(space, moduli(problem, scales), at_rest), supports(problem, space, scales)
+        if any(contact.has_springs for contact in problem.contacts):
+            springs = Contacts.of(traces(problem, space, scales, None)[0], space.size).springs
+            body, held = replace(body, springs=springs), held.with_springs(springs.shape[0])
+        return cls(problem, scales, body, held, *load_vector(problem, body, scales))
 
     def traces(
         self, bounds: Mapping[str, ArrayLike] | None, slip_direction: Mapping[str, FloatArray]

@@ -35,9 +35,7 @@ from skfem.refdom import RefTri  # type: ignore[import-untyped]
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature, triangle_lattice
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import arc_offsets
-from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.topology import OPPOSITE
+from qvi_contact.mesh.edges import OPPOSITE, Edges, arc_offsets
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 

@@ -141,7 +141,7 @@ class TriangleEnergy(PicklesFields):
     def loaded(self, stress: FloatArray) -> BodyLoad:
         """What is added where the energy is ½ c(σ + τ):(σ + τ), with τ at the points of `StressSpace.cell_quadrature`.
 
-        That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.initial_strain`. With
+        That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.material`. With
         K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
         """
         space, order = self.space, _interior_first(self.space.element)

@@ -8,7 +8,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
-from qvi_contact.mesh.arcs import cross
+from qvi_contact.mesh.edges import cross
 from qvi_contact.plots.fields import COMPONENT_LABELS, draw_contours
 from qvi_contact.plots.labels import Written, alignment, beside
 from qvi_contact.plots.problem import draw_symbols

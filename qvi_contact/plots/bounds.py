@@ -7,7 +7,7 @@ import numpy as np
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket import Bracket
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import cross
+from qvi_contact.mesh.edges import cross
 from qvi_contact.plots.style import (
     BLUE,
     GREEN,

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.mesh.arcs import angles, arc_offsets
-from qvi_contact.mesh.edges import Edges, frames_along
-from qvi_contact.mesh.topology import chains
+from qvi_contact.mesh.edges import Edges, angles, arc_offsets, chains, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.style import CHORDS, lines
 

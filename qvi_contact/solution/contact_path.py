@@ -11,9 +11,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh.arcs import cross
-from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.topology import chains
+from qvi_contact.mesh.edges import Edges, chains, cross
 
 _ROUNDING: Final = 1e-12  # relative difference of two lengths that does not make an arc
 

@@ -26,7 +26,7 @@ from qvi_contact.discretization.loads import (
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, RigidPlate
-from qvi_contact.problem.initial_strain import is_strained
+from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding

@@ -10,7 +10,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, one_of, real_array
 from qvi_contact.discretization.loads import physical
-from qvi_contact.problem.initial_strain import is_strained, stress_along_z
+from qvi_contact.problem.material import is_strained, stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import principal_stresses, stress_in_cells

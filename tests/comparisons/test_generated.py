@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from comparisons.wild import bodies, estimates, generator, judge, limits, practical, report
+from comparisons.wild import bodies, estimates, generator, judge, limits, report
 from comparisons.wild import study as wild
 from qvi_contact import (
     Contact,
@@ -206,7 +206,7 @@ class TestEstimates:
     """Errors that `refine` tells."""
 
     def test_a_number_makes_the_same_problem_again(self):
-        one, same, other = (practical.stated(number) for number in (3, 3, 4))
+        one, same, other = (estimates.stated(number) for number in (3, 3, 4))
         made = [repr((each.problem.mesh.vertices.tolist(), each.problem.conditions)) for each in (one, same, other)]
         assert made[0] == made[1] != made[2]
         assert (one.quantity, one.target, one.degree) == (same.quantity, same.target, same.degree)

@@ -93,7 +93,7 @@ def folder(tmp_path_factory):
 
 
 class TestVerify:
-    """`qvi-contact verify`, and `qvi-contact solve --certificate`."""
+    """`qvi-contact verify`."""
 
     def test_what_solve_has_written_verifies(self, shell, folder, tmp_path):
         assert shell("solve", folder / "plate.toml", "--npz", tmp_path / "a.npz")[0] == 0
@@ -130,34 +130,22 @@ class TestVerify:
             status, out, err = shell("verify", folder / "plate.npz", "--tolerance", tolerance)
             assert (status, out, "tolerance" in err) == (2, "", True)
 
-    def test_solve_prints_the_certificate_on_request(self, shell, folder):
-        status, out, err = shell("solve", folder / "plate.toml", "--certificate")
-        assert (status, err) == (0, "")
-        assert "alart_curnier" in out
-        assert out.splitlines()[-1].startswith("verified: ")
-        assert "alart_curnier" not in shell("solve", folder / "plate.toml")[1]
-        for words, expected in ((["--certificate"], True), ([], False)):
-            document = answered(shell("solve", folder / "plate.toml", *words, "--json"))
-            assert ("verification" in document and document["verification"]["passed"]) == expected
-
     def test_a_tolerance_of_the_file_that_is_too_loose_is_status_1(self, shell, tmp_path):
         """The certificate of the solve is not what decides: here the verification disagrees."""
         path = plate_file(tmp_path, 0.2, solve_options={"tolerance": 1e-3})
-        assert shell("solve", path)[0] == 0
-        status, out, _ = shell("solve", path, "--certificate")
+        assert shell("solve", path, "--npz", tmp_path / "a.npz")[0] == 0
+        status, out, _ = shell("verify", tmp_path / "a.npz")
         assert (status, out.splitlines()[-1]) == (1, "not verified: tolerance")
 
 
 class TestHistory:
     """Problem files with times."""
 
-    def test_a_table_with_a_certificate_for_each_step(self, shell, cycle, tmp_path):
-        status, out, err = shell("solve", cycle, "--certificate", "--npz", tmp_path / "a.npz")
+    def test_a_table_with_a_row_for_each_step(self, shell, cycle, tmp_path):
+        status, out, err = shell("solve", cycle, "--npz", tmp_path / "a.npz")
         assert (status, err) == (0, "")
         rows = [line.split() for line in out.splitlines() if line[:1].isdigit()]
         assert [row[:3] for row in rows] == [["1", "0", "solved"], ["2", "0.25", "solved"], ["3", "0.5", "solved"]]
-        steps = [line.split(":")[0] for line in out.splitlines()[-3:]]
-        assert steps == [f"step {number}, t = {time}" for number, time in ((1, 0), (2, 0.25), (3, 0.5))]
         assert shell("verify", tmp_path / "a.npz")[0] == 0
 
     @pytest.mark.usefixtures("outlined")
@@ -335,11 +323,10 @@ class TestSweep:
         path = plate_file(tmp_path, 0.2)
         sweep = '\n[sweep]\nparameter = "friction"\nvalues = { start = 0.1, stop = 0.3, steps = 2 }\n'
         path.write_text(path.read_text(encoding="utf-8") + sweep, encoding="utf-8")
-        status, out, _ = shell("solve", path, "--certificate")
+        status, out, _ = shell("solve", path)
         rows = [line.split() for line in out.splitlines() if line[:2] == "0."]
         assert status == 0
         assert [row[:2] for row in rows] == [["0.1", "solved"], ["0.2", "solved"], ["0.3", "solved"]]
-        assert "friction = 0.3" in out
         assert "sweep: friction, 3 values" in shell("check", path)[1]
         named = answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))
         assert list(named["gap"]) == [0.0, 1e-4]
@@ -383,7 +370,7 @@ def test_guaranteed_example_with_all_files(tmp_path):
     done = command(EXAMPLES / "stacked_blocks.toml", "--plot", picture, "--vtk", fields)
     assert done.return_value == 0
     assert "as friction alone holds a body" in done.stdout
-    assert picture.stat().st_size > 1000
+    assert "<text>" in picture.read_text(encoding="utf-8")
     assert b"displacement" in fields.read_bytes()
 
 

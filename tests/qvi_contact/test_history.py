@@ -66,7 +66,7 @@ def test_layer_follows_the_closed_form(cells, grading):
     displacement, force = history.loop("top")
     assert history.status is Status.SOLVED
     assert displacement == pytest.approx(path)
-    assert force == pytest.approx(WIDTH * elastic_sliding(path), abs=1e-8 * WIDTH * PRESSURE)
+    assert force == pytest.approx(WIDTH * elastic_sliding(path), abs=1e-7 * WIDTH * PRESSURE)
     assert (history.dissipated >= -1e-12).all()
     by_base = solve_history([sheared_layer(0.0, cells, grading, offset=-u) for u in path[:9]]).loop("base")
     assert by_base[0] == pytest.approx(-path[:9])

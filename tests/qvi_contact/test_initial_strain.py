@@ -26,9 +26,7 @@ from qvi_contact import (
 from qvi_contact.element import compliance_roots
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import cantilever, compressed_plate, problem_from_state
-from qvi_contact.problem import PointData
-from qvi_contact.problem.fingerprint import problem_digest
-from qvi_contact.problem.initial_strain import stress_along_z
+from qvi_contact.problem import PointData, problem_digest, stress_along_z
 from tests.cases import examples
 from tests.qvi_contact.builders import holed, quarter, solved
 

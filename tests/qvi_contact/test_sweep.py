@@ -306,7 +306,7 @@ def test_on_the_command_line(tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "option"),
-    [(["--plot", "a.png"], "--plot"), (["--certificate"], "--certificate"), (["--workers", "0"], "--workers"),
+    [(["--plot", "a.png"], "--plot"), (["--npz", "a.npz"], "--npz"), (["--workers", "0"], "--workers"),
      (["--dask", "nowhere"], "--dask"), (["--set", "friction=0:1:0"], "--set"),
      (["--set", "friction=0:1:9999999"], "--set"), (["--set", "nobody.gap=0:1:3"], "--set")],
 )  # fmt: skip

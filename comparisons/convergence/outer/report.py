@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pandas import DataFrame, Series
 
-from comparisons.convergence.bodies import PLACE, in_words
+from comparisons.convergence.bodies import PLACE, STATES, in_words
 from comparisons.convergence.outer.study import CONDENSED, INNER, LOOPS, MAX_ITERATIONS, PATIENCE, PLAIN, TOLERANCE
 from comparisons.lab.drawing import drawn, failing_band, legend_below, panelled, plain_ticks
 from comparisons.lab.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-SOLUTIONS: Final = {"open": 0.0, "slip": 5.0 / 3.0, "stick": 17.0 / 9.0}
-"""The three solutions of the problem that has them: state → pressure r_N; by hand, see `bodies`."""
+SOLUTIONS: Final = {state: STATES[state][0] for state in ("open", "slip", "stick")}
+"""The three solutions of the problem that has them: state → pressure r_N."""
 
 _NUMBERS: Final = (
     "start", "iterations", "factor", "low", "high", "linearised", "exact", "sharper", "kappa", "normal", "slipping",

@@ -19,14 +19,11 @@ from comparisons.convergence.bodies import Reference, ending, plain_certificate,
 from comparisons.convergence.linearised import first_lasting
 from comparisons.lab.studies import Study
 from comparisons.paper.reference import load
+from comparisons.paper.study import SHRINKING
 from solvers import QVISolution, solve_qvi
 
 MOST: Final = 20_000
 """Iterations of Uzawa at most."""
-
-SHRINKING: Final = 100.0
-"""Iterations in which a shrinking step halves at first; it goes down like 1/(1 + i / k0)."""
-
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = {
     "Uzawa": {"method": "uzawa", "max_iterations": MOST},
