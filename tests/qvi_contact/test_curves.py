@@ -15,7 +15,7 @@ from qvi_contact.export import write_npz, write_vtu
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import fan
 from qvi_contact.mechanism import Rigid
-from qvi_contact.mesh import Curve, arc_offsets, frames_along
+from qvi_contact.mesh import Curve, arc_offsets, curves, frames_along
 from qvi_contact.plots import cell_outlines, edge_lines, runs
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.verification import verify_file
@@ -131,6 +131,7 @@ def test_ellipses_of_a_problem_file():
     found = with_arc('{ name = "inner", centre = [0.0, 0.0], axes = [0.75, 1.25], angle = 1.5707963267948966 }')
     kept = mesh.with_curve("inner", ellipse(1.0), 0.0, np.pi / 2.0).bends
     np.testing.assert_allclose(found.bends[:, : kept.shape[1]], kept[:, : found.bends.shape[1]], atol=1e-11)
+    np.testing.assert_allclose(curves.ellipse((0.0, 0.0), (1.25, 0.75))(np.arange(6.0)), ellipse(1.0)(np.arange(6.0)))
     pairs = mesh.edge_sets["inner"].tolist()
     for entry, field in (
         ('{ name = "inner", centre = [0.0, 0.0], axes = [0.75, 1.2], angle = 1.5707963267948966 }', "axes"),

@@ -311,6 +311,14 @@ class TestQuadrilaterals:
         meshio.write(tmp_path / "a.vtk", meshio.Mesh(np.c_[points, np.zeros(6)], blocks))
         assert TriangleMesh.load(tmp_path / "a.vtk").cells.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
 
+    @pytest.mark.parametrize(("kind", "count"), [("quad8", 8), ("quad9", 9)])
+    def test_of_second_order_they_are_their_corners(self, tmp_path, kind, count):
+        points = np.zeros((9, 3))
+        points[:, :2] = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+        body = meshio.Mesh(points[:count], [(kind, np.arange(count)[None])])
+        meshio.write(tmp_path / "a.msh", body, file_format="gmsh22")
+        assert TriangleMesh.load(tmp_path / "a.msh").cells.tolist() == [[0, 1, 2], [0, 2, 3]]
+
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no such files")
 def test_pipes_are_not_waited_for(tmp_path):

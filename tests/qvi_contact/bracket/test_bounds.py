@@ -67,6 +67,7 @@ def test_bounds_enclose_and_close(name, degree):
         assert found.cell_gaps.min() >= 0.0
         for parts in (found.cell_gaps, list(found.parts.values())):
             assert np.sum(parts) == pytest.approx(found.gap, rel=1e-5, abs=1e-9 * found.strain)
+        assert found.uniqueness.apart == 0.0
         assert (found.own, found.force_differences) == (None, {})  # a bound that is data needs no second displacement
         assert found.lower <= finest.upper
         assert found.upper >= finest.lower or not found.guaranteed
@@ -171,7 +172,9 @@ def test_force_differences_see_the_error_of_the_friction_bound(friction, degree,
     result = solve(replace(problem, mesh=problem.mesh.graded([(1.0, 1.0)], depth)), degree=degree)
     found = result.bracket
     error = abs(result.contacts["plate"].normal_force - LIMITS[friction])
-    assert 0.5 * error < found.force_differences["plate"].normal < 4.0 * error
+    forces = found.force_differences["plate"]
+    assert 0.5 * error < forces.normal < 4.0 * error
+    assert forces.tangential != forces.normal
     assert found.own.contacts["plate"].normal_force != found.companion.contacts["plate"].normal_force
 
 
