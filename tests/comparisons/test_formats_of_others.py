@@ -324,8 +324,6 @@ def test_broken_archives(tmp_path, changes, word):
     assert word in refused(lambda: load_qvi(path))
 
 
-pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 TINY = """

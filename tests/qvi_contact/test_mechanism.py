@@ -21,12 +21,6 @@ STEEL = Material(1000.0, 0.3)
 EXACT = 1e-9
 
 
-def turned(mesh, degrees):
-    """A mesh of triangles about the origin turned."""
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return TriangleMesh(mesh.vertices @ np.array([[c, s], [-s, c]]), mesh.cells, mesh.edge_sets, mesh.regions)
-
-
 def wall(mesh, wind=6.25, friction=1.0, unit=1.0):
     """A wall 1 × 4 of the weight 25, blown from the left: it tips at 6.25, and slides at 25 μ."""
     bottom = mesh.origin[1]

@@ -16,7 +16,6 @@ from qvi_contact import (
     History,
     InputError,
     Material,
-    Region,
     RigidPlate,
     Symmetry,
     Traction,
@@ -115,17 +114,6 @@ def test_all_names_are_listed_and_the_message_is_a_sentence(result):
     assert (type(again), str(again)) == (type(error), str(error))
     for odd in (3, None, ("fit",)):
         assert refused(lambda odd=odd: result.contacts[odd]).value == odd
-
-
-def test_a_region_that_the_mesh_has_not(result):
-    problem = result.problem
-    error = refused(
-        lambda: ContactProblem(
-            problem.mesh.with_region("core", [0]), problem.material, problem.conditions,
-            regions=[Region(Material(1.0, 0.3), name="cor")],
-        )
-    )  # fmt: skip
-    assert "did you mean 'core'?" in error.remedy
 
 
 FORMULA = r"$\foo$"

@@ -294,17 +294,6 @@ class TestFrame:
         assert (frame["state"] == "slip").sum() == (line.state == 2).sum() > 0
 
 
-def test_one_line_says_the_numbers(slanted):
-    line = slanted.contacts["plane <a>"]
-    shown = [slanted, slanted.problem, slanted.problem.mesh, line]
-    texts = [repr(found) for found in shown]
-    assert all("\n" not in text and len(text) < 250 for text in texts)
-    assert f"N = {line.normal_force:.6g}" in texts[0]
-    assert f"N = {line.normal_force:.6g}" in texts[3]
-    assert "plane <a>" in texts[1]
-    assert "12 triangles" in texts[2]
-
-
 def test_pieces_of_html_are_well_formed(slanted):
     line = slanted.contacts["plane <a>"]
     for found in (slanted, slanted.problem, slanted.problem.mesh, line):

@@ -265,7 +265,7 @@ def test_two_contacts_in_a_corner_and_a_joint(degree, law):
     assert (companion.contacts["wall"].slip < 0.0).all()
 
 
-OPEN, STICK, SLIP = 0, 1, 2
+STICK, SLIP = 1, 2
 
 
 def states(line):
