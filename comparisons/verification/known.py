@@ -50,7 +50,7 @@ from qvi_contact import (
 from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.limit import LimitLoad, StrengthReduction
 from qvi_contact.limit.load_factor import limit_load
-from qvi_contact.refinement.outcome import Measure as Quantity
+from qvi_contact.refinement.measure import Measure as Quantity
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"

@@ -433,6 +433,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     Examples:
         qvi-contact refine examples/trapezoid.toml --target 1e-4 --quantity base.normal_force
         qvi-contact refine examples/punch.toml --target 1e-4 --degree 4 --plot punch.png
+        qvi-contact refine examples/cylinder_on_block.toml --quantity contact.largest_pressure
         qvi-contact refine examples/compressed_plate.toml --quantity plate.normal_force --guaranteed
         qvi-contact refine examples/trapezoid.toml --npz answer.npz && qvi-contact verify answer.npz
         qvi-contact refine examples/trapezoid.toml --json --report trapezoid.html > trapezoid.json

@@ -308,7 +308,7 @@ def _error(each: RefinementRound) -> tuple[str, str]:
 
 
 def _unit(found: Outcome, units: Units) -> str:
-    from qvi_contact.refinement.outcome import unit_of
+    from qvi_contact.refinement.measure import unit_of
 
     return unit_of(found.quantity, units)
 

@@ -13,11 +13,10 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.limits import limit_strategy
+from qvi_contact.refinement.measure import Measure, Quantity
 from qvi_contact.refinement.outcome import (
     LimitFactor,
     LimitRefinement,
-    Measure,
-    Quantity,
     Refinement,
     RefinementRound,
     RefinementStatus,
@@ -117,10 +116,19 @@ def refine(
         Relative error asked for.
     quantity : str, function of a ContactResult, or LimitFactor
         "energy": the complementary energy, its error relative to the strain energy (½∫cσ:σ; this is the squared
-        relative error of the stresses in the energy norm, if there is no friction). "NAME.normal_force" or
-        "NAME.tangential_force": the resultant of the contact called NAME, relative to itself. Of a rigid plate or pin
-        also "NAME.force_x", "NAME.force_y", "NAME.moment", what it does to the body, and "NAME.x", "NAME.y",
-        "NAME.rotation", how far it moves. Or any function that gives one number, relative to itself.
+        relative error of the stresses in the energy norm, if there is no friction). "dissipation": the work lost in
+        friction, see `Energies`. All others are relative to themselves:
+
+        * "NAME.normal_force" or "NAME.tangential_force", the resultant of the contact called NAME; of a rigid plate or
+          pin also "NAME.force_x", "NAME.force_y", "NAME.moment", what it does to the body, and "NAME.x", "NAME.y",
+          "NAME.rotation", how far it moves.
+        * "NAME.largest_pressure" of a contact, "NAME.slip(x, y)" at a point of it.
+        * "von_mises(x, y)", a stress at a point: "xx", "yy", "xy", "von_mises", and "first", "second" for the principal
+          stresses σ₁ ≥ σ₂ in the plane. Where triangles meet it is that of the mean stress.
+        * "EDGES.largest_von_mises" or "EDGES.smallest_second" and the like: the extreme of such a stress along a named
+          edge set, joint or contact, on both sides of it. Where stresses are singular there is none: the value grows
+          from round to round, and its estimate does not fall.
+        * any function of a ContactResult that gives one number.
     max_unknowns : int
         Largest number of unknowns of an answer. The reference solution has up to about three times as many.
     max_rounds : int, optional

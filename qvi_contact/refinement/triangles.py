@@ -16,7 +16,8 @@ from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import has_coulomb
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.outcome import Measure, RefinementStatus
+from qvi_contact.refinement.measure import Measure
+from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.reference_solution import (
     Comparison,
     Places,

@@ -414,7 +414,8 @@ class ContactResult(PicklesFields, Attached):
         ----------
         quantity : str
             "NAME.normal_force" or "NAME.tangential_force" of a contact; "NAME.force_x", "NAME.force_y", "NAME.moment",
-            "NAME.x", "NAME.y" or "NAME.rotation" of a plate.
+            "NAME.x", "NAME.y" or "NAME.rotation" of a plate; at a point "NAME.slip(x, y)" of a contact, and stresses
+            "xx(x, y)", "yy(x, y)", "xy(x, y)".
         parameter : str
             "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap", "NAME.offset" or a stiffness of a contact,
             and what is given of its plate; "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor

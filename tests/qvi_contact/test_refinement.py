@@ -8,7 +8,7 @@ import pytest
 from scipy.sparse import csc_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
-from qvi_contact import InputError, RefinementStatus, TriangleMesh, discretize, refine, solve
+from qvi_contact import InputError, RefinementStatus, RigidPlate, TriangleMesh, discretize, refine, solve
 from qvi_contact.command import progress_line
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
@@ -326,11 +326,66 @@ def test_a_quantity_of_ones_own():
     assert outcome.status is RefinementStatus.REACHED
 
 
+class TestStressesAndSlip:
+    """What engineers look at: the largest stress along an edge, that at a point, slip, and what friction loses."""
+
+    @pytest.mark.parametrize(
+        "quantity", ["left.largest_first", "yy(1, 0)", "first(0.6, 0.8)", "right.largest_von_mises"]
+    )
+    def test_estimates_in_lames_ring(self, quantity):
+        """Radii 1 and 2, unit pressure in the bore: σ_θ = 5/3 there, and 2/3 at the rim."""
+        mesh = TriangleMesh.rectangle((2, 3), 1.0, np.pi / 2.0)
+        radius, angle = 1.0 + mesh.vertices[:, :1], mesh.vertices[:, 1:]
+        mesh = replace(mesh, vertices=radius * np.hstack([np.cos(angle), np.sin(angle)]).round(15))
+        mesh = mesh.with_arc("left", (0.0, 0.0), 1.0).with_arc("right", (0.0, 0.0), 2.0)
+        loads = [Traction("left", normal=-1.0, tangential=0.0), Traction("right", normal=0.0, tangential=0.0)]
+        ring = ContactProblem(mesh, Material(1.0, 0.3), [*loads, Symmetry("bottom"), Symmetry("top")])
+        outcome = refine(ring, None, 1e-9, quantity, degree=4, max_rounds=1)
+        exact = 2.0 / 3.0 if quantity.startswith("right") else 5.0 / 3.0
+        assert 0.3 <= outcome.error / abs(outcome.value - exact) <= 3.0
+
+    def test_a_block_that_widens(self):
+        """Pressure p on a smooth wall: the slip is ν p x/E, and σ_yy = −p."""
+        sides = [Symmetry("left"), Traction("right", 0.0, 0.0), Traction("top", x=0.0, y=-3.0)]
+        block = ContactProblem(TriangleMesh.rectangle((3, 1)), Material(10.0, 0.3), [*sides, Contact("bottom", 0.0)])
+        outcomes = {
+            quantity: refine(block, None, 1e-6, quantity)
+            for quantity in (
+                "bottom.slip(0.4, 0)",
+                "bottom.slip(1, 0)",
+                "bottom.largest_pressure",
+                "von_mises(0.2, 0.6)",
+            )
+        }
+        assert [each.value for each in outcomes.values()] == pytest.approx([0.036, 0.09, 3.0, 3.0])
+        assert all(each.status is RefinementStatus.REACHED for each in outcomes.values())
+
+    def test_what_friction_loses(self):
+        """A block that slides by 0.5 under the force 2 p loses μ 2 p · 0.5, less what its shear takes up."""
+        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        top = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0))
+        wall = Contact("bottom", 0.2, name="wall", offset=-0.5)
+        rigid = Material(1e6, 0.3)
+        outcome = refine(
+            ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), rigid, [*sides, wall, top]), None, 1e-5, "dissipation"
+        )
+        assert outcome.value == pytest.approx(0.2 * 6.0 * 0.5, rel=1e-4)
+
+    def test_a_singular_peak_is_not_reached(self):
+        """The pressure of the plate grows towards its corner, where it sticks."""
+        outcome = refine(plate(1.0), None, 1e-2, "plate.largest_pressure", max_rounds=3)
+        values = [each.value for each in outcome.rounds]
+        assert values == sorted(values)
+        assert outcome.status is not RefinementStatus.REACHED
+        assert outcome.estimate > 0.1
+
+
 @pytest.mark.parametrize(
     ("field", "value"),
     [
         *(("target", value) for value in (0.0, "small", 2.0)),
-        *(("quantity", value) for value in ("plate", "base.normal_force", 3)),
+        *(("quantity", value) for value in ("plate", "base.normal_force", 3, "plate.x", "left.largest_pressure")),
+        *(("quantity", value) for value in ("xx(1, a)", "xx(0.5)", "xx(9, 0)", "zz(0, 0)", "plate.slip(0.5, 0.5)")),
         *(("max_unknowns", value) for value in (0, 63)),
         *(("max_rounds", 0), ("thinnest", -1.0), ("throw", True), ("initial", None), ("degree", 12)),
     ],

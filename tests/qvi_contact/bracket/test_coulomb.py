@@ -522,6 +522,14 @@ class TestBlock:
         assert result.uniqueness.apart == found.apart < 0.07
         assert result.uniqueness.certainty == "estimate"
 
+    def test_a_corner_that_is_halved_often(self):
+        problem = pressed_block(0.2, (4, 2))
+        mesh = problem.mesh
+        for _ in range(24):
+            corner = np.argmax(mesh.vertices @ [1.0, -1.0])
+            mesh = mesh.refined((mesh.cells == corner).any(axis=1))
+        assert len(solve(replace(problem, mesh=mesh)).bracket.coulomb.forces) == 2
+
     def test_cohesion_and_an_offset(self):
         """The force of a finer mesh is inside, and those without are not."""
         law = {"cohesion": 0.01, "offset": 0.01}

@@ -150,10 +150,6 @@ class TestFields:
             cut.cell_displacement(tx, ty), abs=1e-13
         )
 
-    def test_corners(self, cut):
-        found = cut.cell_displacement([0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
-        assert cut.nodal_displacements == pytest.approx(found, abs=1e-13)
-
     def test_on_the_joint_the_mean_of_both_sides(self, cut):
         near = 1e-9
         mean = (cut.displacement(0.2, 0.4 - near) + cut.displacement(0.2, 0.4 + near)) / 2

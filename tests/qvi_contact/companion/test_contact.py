@@ -473,7 +473,7 @@ class TestOutput:
             lambda: lifted.plates,
             lambda: lifted.stress(0.5, 0.5),
             lambda: lifted.cell_strain([0.5], [0.5]),
-            lambda: lifted.nodal_displacements,
+            lambda: lifted.cell_displacement([0.5], [0.5]),
         ):
             with pytest.raises(InputError, match="infeasible"):
                 use()
