@@ -167,12 +167,9 @@ def refine(
     Notes
     -----
     The error told is 1.5 |q − q(reference solution)| where `Refinement.certainty` is "estimate", and no less than 1.5
-    times the step from the reference of the round before, nor than solves are accurate. It is an estimate, not a
-    bound. The reference is off to the same side as the answer, mostly by a few per cent of their difference: the
-    difference alone would be too small in five of six runs. With the factor, which allows for a reference that is off
-    by a third as much as the answer, the error was within what is told in 97 % of the generated problems of ``python -m
-    comparisons estimates``. Later rounds do not start from the answer of the round before: the condensed method, the
-    default, has no use for a start.
+    times the step from the reference of the round before, nor than solves are accurate: it is no bound. It held in
+    97 % of the problems of ``python -m comparisons estimates``; (D22) in `docs/theory.md` says why 1.5, and how far it
+    is from true errors of stresses at points. Rounds do not start from the answer before.
 
     """
     if not isinstance(problem, ContactProblem):

@@ -260,6 +260,9 @@ class Refinement(Outcome):
 class LimitRefinement(Outcome):
     """A limit load on a mesh refined until both of its sides are as near as asked for.
 
+    It is not guaranteed where tractions, or what enters them along contacts, are no polynomials that the mesh can
+    follow: loads are then met in their resultants on every edge.
+
     Attributes
     ----------
     limit : LimitLoad
@@ -271,12 +274,3 @@ class LimitRefinement(Outcome):
 
     limit: LimitLoad
     problem: ContactProblem
-
-    @property
-    def guaranteed(self) -> bool:
-        """Whether stresses in equilibrium carry the lower side at every point, up to rounding.
-
-        False where tractions, or what enters them along contacts, are no polynomials that the mesh can follow: loads
-        are then met in their resultants on every edge.
-        """
-        return super().guaranteed
