@@ -11,6 +11,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.shown import Certainty
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.types import load
@@ -237,11 +238,14 @@ class Refinement(Outcome):
     Attributes
     ----------
     result : ContactResult
-        On the last mesh that was solved; if there is none, the failed one on the first.
+        On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one.
+    history : History or None
+        All load steps on that mesh, if these were refined.
 
     """
 
     result: ContactResult
+    history: History | None = None
 
     @property
     def problem(self) -> ContactProblem:
