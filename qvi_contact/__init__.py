@@ -113,7 +113,7 @@ _ATTACHED.update(
         "bracket": ("qvi_contact.bracket", "bracket"),
         "displacement": ("qvi_contact.bracket", "displacement"),
         "remarks": ("qvi_contact.solution.remarks", "remarks"),
-        "undetermined_motions": ("qvi_contact.solution.undetermined", "undetermined_motions"),
+        "undetermined_motions": ("qvi_contact.solution.remarks", "undetermined_motions"),
         "uniqueness": ("qvi_contact.bracket", "uniqueness"),
     }
 )  # to results
@@ -182,7 +182,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
-        from qvi_contact.basics.retired import refuse_retired
+        from qvi_contact.errors import refuse_retired
 
         refuse_retired(name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

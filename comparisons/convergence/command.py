@@ -8,11 +8,11 @@ from comparisons.lab.commands import Experiment, Plan, experiment
 
 
 def _command(name: str, short_help: str, about: str) -> Experiment:
-    """The command of a study in the folder of that name."""
+    """The command of the study in the module of that name."""
 
     def plan(quick: bool) -> Plan:
-        study, report = (import_module(f"comparisons.convergence.{name}.{part}") for part in ("study", "report"))
-        return Plan([study.study(quick)], report.report)
+        module = import_module(f"comparisons.convergence.{name}")
+        return Plan([module.study(quick)], module.report)
 
     plan.__name__ = f"convergence_{name}"
     plan.__doc__ = f"{about}\n\n\b\nExample:\n    python -m comparisons convergence-{name} --quick"

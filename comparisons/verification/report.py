@@ -11,11 +11,12 @@ from typing import Any, Final
 from comparisons.lab.drawing import drawn
 from comparisons.lab.numbers import NOTHING
 from comparisons.lab.reports import Report, escaped, render
-from comparisons.lab.studies import finite_json, machine, versions
+from comparisons.lab.studies import machine, versions
 from comparisons.verification.chapters import benchmarks, exact
 from comparisons.verification.pictures import EXHIBITS, conservation, overview
 from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Problem, Row, crash
 from qvi_contact.basics.terminal import Advance
+from qvi_contact.files.export import json_ready
 from solvers.basics.names import known_name
 
 Document = dict[str, Any]
@@ -106,7 +107,7 @@ def as_record(row: Row) -> Document:
         "error": row.error, "measure": row.measure, "tolerance": row.tolerance, "ratio": row.ratio,
         "proof": row.proof.text, "certified": row.proof.passed, "passed": row.passed,
     }  # fmt: skip
-    return dict(finite_json(record, null=True))
+    return dict(json_ready(record))
 
 
 def as_json(document: Document) -> str:

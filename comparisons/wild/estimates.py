@@ -33,7 +33,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics.checks import Field
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.problem.conditions import Condition, Law
 from qvi_contact.refinement import RefinementStatus, places, reference_problem
 from qvi_contact.refinement.measure import Measure

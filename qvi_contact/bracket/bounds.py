@@ -59,7 +59,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
 from qvi_contact.problem.material import is_strained, varies
-from qvi_contact.solution.contact_path import leads_one_way, turning_senses
+from qvi_contact.solution.contact_line import leads_one_way, turning_senses
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__

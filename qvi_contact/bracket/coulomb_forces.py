@@ -32,7 +32,7 @@ from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
-from qvi_contact.solution.contact_path import leads_one_way
+from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import obstacle_work, support_work
 

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.shown import Certainty, shown
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import Certainty, Units, shown
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.parts import Bounds, EdgeParts
 from qvi_contact.companion import CompanionResult

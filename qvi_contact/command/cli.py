@@ -575,8 +575,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
             problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"], **space
         )
     if as_json:
-        upper = found.upper if found.upper < float("inf") else None
-        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": upper})
+        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": found.upper})
     else:
         above = (
             f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < float("inf") else "no bound above"

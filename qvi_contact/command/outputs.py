@@ -258,5 +258,7 @@ def write_limit(
 
 
 def json_text(document: object) -> str:
-    """A document as JSON."""
-    return json.dumps(document, indent=2, allow_nan=False)
+    """A document as JSON; numbers that are not finite are null."""
+    from qvi_contact.files.export import json_ready
+
+    return json.dumps(json_ready(document), indent=2, allow_nan=False)

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qvi_contact.basics.shown import Certainty, Rounding, shown
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary
 from qvi_contact.files.problem_file import ProblemFile
@@ -229,22 +228,21 @@ def branches_lines(result: ContactResult, found: Branches | None, units: Units) 
 
 
 def branches_document(result: ContactResult, found: Branches | None, units: Units) -> dict[str, Any]:
-    """The same for programs: a summary of each solution, the preferred one first; a distance not known is None."""
+    """The same for programs: a summary of each solution, the preferred one first; NaN is a distance not known."""
     results, distances = ((result,), (math.nan,)) if found is None else (found.results, found.distances)
     solutions = [
-        {"distance": distance if math.isfinite(distance) else None, **summary(each, units)}
-        for each, distance in zip(results, distances, strict=True)
+        {"distance": distance, **summary(each, units)} for each, distance in zip(results, distances, strict=True)
     ]
     return {"message": units.filled(result.message if found is None else found.message), "solutions": solutions}
 
 
 def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
-    """Outcome and rounds for programs: numbers that are not finite are None, errors are relative."""
+    """Outcome and rounds for programs; errors are relative."""
 
     def told(each: Outcome | RefinementRound) -> dict[str, Any]:
         return {
-            "value": _finite(each.value),
-            "estimate": _finite(each.estimate),
+            "value": each.value,
+            "estimate": each.estimate,
             "guaranteed": each.guaranteed,
             "certainty": str(each.certainty),
         }
@@ -253,7 +251,7 @@ def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
         "status": found.status.value,
         "quantity": found.quantity,
         **told(found),
-        "value": {"value": _finite(found.value), "unit": _unit(found, units)},
+        "value": {"value": found.value, "unit": _unit(found, units)},
         "target": found.target,
         "message": found.message,
         "advice": found.status.advice,
@@ -307,10 +305,6 @@ def _error(each: RefinementRound) -> tuple[str, str]:
     if not math.isfinite(each.estimate):
         return "-", ""
     return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _unit(found: Outcome, units: Units) -> str:
@@ -376,22 +370,21 @@ def limit_sentence(limit: LimitLoad) -> str:
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
-    """The same for programs: factors that are not finite are None, `outcome` says what they stand for."""
+    """The same for programs; `outcome` says what factors that are not finite stand for."""
     outcome = "none" if limit.upper == -math.inf else "unbounded" if limit.upper == math.inf else "bounded"
-    lower, upper = (value + 0.0 if math.isfinite(value) else None for value in (limit.lower, limit.upper))
     bounds = limit.collapse is None or limit.collapse.guaranteed
     known: dict[str, Any] = {
         "outcome": outcome,
         "bounds": bounds,
-        "factor": lower,
-        "upper": upper,
+        "factor": limit.lower + 0.0,
+        "upper": limit.upper + 0.0,
         "message": limit_sentence(limit),
     }
     if refinement is not None:
         known["refinement"] = {
             "status": refinement.status.value,
             "target": refinement.target,
-            "estimate": refinement.estimate if math.isfinite(refinement.estimate) else None,
+            "estimate": refinement.estimate,
             "guaranteed": refinement.guaranteed,
             "certainty": str(refinement.certainty),
             "unknowns": refinement.rounds[-1].unknowns,

@@ -19,8 +19,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import contact_states
-from qvi_contact.solution.contact_path import turning_senses
+from qvi_contact.solution.contact_line import contact_states, turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.names import Named, known_name

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
-from qvi_contact.basics.shown import Rounding
+from qvi_contact.basics.units import Rounding
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction

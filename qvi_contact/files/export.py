@@ -28,8 +28,7 @@ from qvi_contact.limit.stresses import part_corners
 from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
-from qvi_contact.solution.sampling import cell_factors, held_along_z, von_mises
-from qvi_contact.solution.stress import principal_stresses, stress_in_cells
+from qvi_contact.solution.stress import cell_factors, held_along_z, principal_stresses, stress_in_cells, von_mises
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -101,7 +100,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "element": element_of(result.discretization),
         **(_state(result, units) if result.has_state else dict.fromkeys(_STATE_KEYS)),
     }
-    return {key: _plain(value) for key, value in document.items()}
+    return {key: json_ready(value) for key, value in document.items()}
 
 
 def write_json(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
@@ -243,12 +242,12 @@ def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:
     return {"value": float(value), "unit": unit}
 
 
-def _plain(value: object) -> object:
-    """The same with None for what JSON has no number for."""
+def json_ready(value: Any) -> Any:
+    """The same for JSON, in mappings and lists too: Python's own numbers, and None for those that JSON has not."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
+        return {str(key): json_ready(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
+        return [json_ready(entry) for entry in value]
     if isinstance(value, (float, np.floating)):
         return float(value) if np.isfinite(value) else None
     if isinstance(value, (bool, np.bool_)):

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
     from qvi_contact.basics.units import Units
 
+# steps of a history
+
 _FORMAT: Final = "qvi_contact steps"
 _VERSION: Final = 1
 
@@ -154,6 +156,8 @@ class StepStore(Sequence[ContactResult]):
             raise InputError("store", archive.path, remedy)
         return archive
 
+
+# rows of a sweep
 
 SUMMARY_COLUMNS: Final = (
     "normal_force", "tangential_force", "share_open", "share_stick", "share_slip",

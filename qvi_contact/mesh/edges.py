@@ -116,6 +116,8 @@ def chains(ends: IntArray) -> list[IntArray]:
     return found
 
 
+# how edges bend
+
 _MORE: Final = 6  # Gauss points beside the coefficients: digits of ∫ cos θ where θ changes by 90°
 
 
@@ -210,6 +212,8 @@ def _from_first(bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray
     return along, across
 
 
+# triangles whose sides bend
+
 _STEPS: Final = 8  # of Newton's method for τ; it doubles the digits each time
 
 
@@ -289,6 +293,8 @@ def _arc(first: FloatArray, second: FloatArray, bend: FloatArray, t: FloatArray)
     slope = turned(chord * stretches(bend)[:, None], angles(bend, t[:, None])[:, 0])
     return first + arc_offsets(chord, bend, t[:, None])[:, 0], slope
 
+
+# edges with their normals and cells
 
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 

@@ -30,7 +30,7 @@ from qvi_contact.plots.style import (
 from qvi_contact.plots.symbols import ground, has_springs, springs
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, held_along_z, sample_body, stress_component
+from qvi_contact.solution.stress import cell_factors, held_along_z, sample_body, stress_component
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -321,6 +321,9 @@ def cell_materials(mesh: TriangleMesh, regions: Sequence[Region]) -> IntArray:
     return number
 
 
+# initial strain
+
+
 def is_strained(problem: ContactProblem) -> bool:
     """Whether a part of the body has an initial strain, be it constant."""
     return any(

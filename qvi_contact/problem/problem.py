@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field, evaluate
-from qvi_contact.basics.retired import refuse_retired
-from qvi_contact.errors import InputError, UnknownNameError
+from qvi_contact.errors import InputError, UnknownNameError, refuse_retired
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import (
@@ -420,6 +419,8 @@ def _raise_on_edge(mesh: TriangleMesh, name: str, component: int, edge: int, rem
     what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
     raise InputError("ContactProblem.conditions", name, f"{what} of the edge around ({x:.6g}, {y:.6g}) {remedy}")
 
+
+# what stored answers are told from those of other problems by; functions count by their values at some points
 
 _PASSING = ("callback", "threads", "throw")  # options that change no answer
 _PLACES = np.array([0.05, 0.2, 0.45, 0.7, 0.9])  # along an edge

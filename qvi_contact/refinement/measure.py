@@ -19,7 +19,7 @@ from qvi_contact.mesh.edges import Edges, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import COMPONENTS, cell_factors, held_along_z, stress_component
+from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component
 from solvers.basics.names import known_name
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]

@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_number
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import has_coulomb

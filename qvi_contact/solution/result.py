@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.attached import Attached
 from qvi_contact.basics.checks import FloatArray, real_array
-from qvi_contact.basics.shown import SHARE, Rounding
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import (
     LOAD_POINTS,
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket, Uniqueness
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.solution.derivatives import Side
-    from qvi_contact.solution.undetermined import UndeterminedMotion
+    from qvi_contact.solution.remarks import UndeterminedMotion
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 

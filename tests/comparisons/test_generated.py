@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from comparisons.wild import bodies, estimates, generator, judge, limits, report
+from comparisons.wild import bodies, estimates, generator, judge, limits
 from comparisons.wild import study as wild
 from qvi_contact import (
     Contact,
@@ -160,9 +160,9 @@ class TestEnumeration:
 
 def test_problems_of_a_small_study_are_counted():
     """From a number on."""
-    problems = report.problems_of(rows_of(wild.declared(["thin", "nonsense"], 1, 7)))
+    problems = wild.problems_of(rows_of(wild.declared(["thin", "nonsense"], 1, 7)))
     assert list(zip(problems.family, problems.number, strict=True)) == [("thin", 7), ("nonsense", 7)]
-    assert sum(report.values_of(problems)[name] for name in report.ORDER) == 2
+    assert sum(wild.values_of(problems)[name] for name in wild.ORDER) == 2
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +172,7 @@ def rows():
 
 
 def test_numbers_of_the_committed_run_are_those_of_its_rows(rows):
-    values = report.values_of(report.problems_of(rows))
+    values = wild.values_of(wild.problems_of(rows))
     outcomes = [row.result.get("outcome") for row in rows]  # none of what ran out of time
     assert (values["problems"], values["solved"], values["wrong"]) == (len(rows), outcomes.count("solved"), 0)
     open_ones = [row.result for row in rows if row.result.get("outcome") == "open"]
@@ -185,14 +185,14 @@ def test_what_must_not_happen_is_in_the_numbers_and_in_the_table(rows):
     one = next(row for row in rows if row.result.get("outcome") == "solved")
     wrong = replace(one, result={**one.result, "outcome": "wrong", "errors": ["tension"]})
     dead = replace(one, status="timeout", reason="more than 120 s", result={}, seconds=120.0)
-    problems = report.problems_of([one, wrong, dead])
-    values = report.values_of(problems)
+    problems = wild.problems_of([one, wrong, dead])
+    values = wild.values_of(problems)
     assert (values["solved"], values["wrong"], values["broken"], values["slow"]) == (1, 1, 1, 1)
     assert problems.trouble.sum() == 2
-    made = report.report([one, wrong, dead])
+    made = wild.report([one, wrong, dead])
     assert made.failed
     assert "tension" in made.text
-    assert not report.report([one]).failed
+    assert not wild.report([one]).failed
 
 
 def test_an_unknown_family_is_refused():

@@ -23,7 +23,6 @@ from comparisons.lab.commands import Plan, experiment
 from comparisons.lab.reports import render
 from comparisons.lab.studies import (
     Study,
-    finite_json,
     frame_of,
     largest_of,
     plain,
@@ -265,11 +264,6 @@ class TestExport:
         before = path.read_bytes()
         write_csv(path, read_csv(path))
         assert path.read_bytes() == before
-
-    def test_numbers_that_json_has_not(self):
-        found = finite_json({"a": [math.inf, 1.0], "b": {"c": (math.nan, -math.inf)}})
-        assert found == {"a": ["inf", 1.0], "b": {"c": ["nan", "-inf"]}}
-        assert finite_json({"a": [math.inf, 1.0]}, null=True) == {"a": [None, 1.0]}
 
 
 def comparable(path):

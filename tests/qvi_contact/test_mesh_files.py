@@ -9,7 +9,7 @@ import pytest
 import skfem
 
 from qvi_contact import InputError, TriangleMesh
-from qvi_contact.basics import handlers_kept
+from solvers.basics import handlers_kept
 
 meshio = pytest.importorskip("meshio")
 MUCH = 300_000_000

@@ -123,7 +123,7 @@ def test_closing_ends_what_is_under_way():
 WRITING = """
 import time, click
 from qvi_contact.basics import terminal
-from qvi_contact.basics.files import replacing
+from qvi_contact.basics.writing import replacing
 
 @click.command()
 def write():

@@ -21,8 +21,7 @@ import numpy as np
 from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.shown import Rounding, shown
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.basics.writing import page_template
 from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.report import (
@@ -50,7 +49,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult, plate_numbers
-from qvi_contact.solution.sampling import BodySamples, held_along_z, out_of_plane_factors, sample_body
+from qvi_contact.solution.stress import BodySamples, held_along_z, out_of_plane_factors, sample_body
 from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
