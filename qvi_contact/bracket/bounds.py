@@ -141,26 +141,13 @@ def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
-    """Bounds of the force that belongs to the one displacement that is not zero, if the problem is of that kind.
+    """Bounds of the force that belongs to the one displacement that is not zero, from those of J(u) [stress × length²].
 
-    Parameters
-    ----------
-    discretization : Discretization
-        The problem that is bracketed.
-    frictionless : bool
-        Whether its friction bounds are all zero.
-    lower, upper : float
-        Bounds of J(u) [stress × length²].
-
-    Returns
-    -------
-    dict
-        "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
-        driven by its offset, whose tangents do not turn back; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the
-        body where a plate moves; "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one
-        given by components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential"; empty where the problem
-        is of another kind.
-
+    "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
+    driven by its offset, whose tangents do not turn back; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the body
+    where a plate moves; "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one given by
+    components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential". Empty where the problem is of
+    another kind, or not `frictionless`, its friction bounds all zero.
     """
     problem = discretization.problem
     data: list[tuple[str, Field, bool, float]] = [("initial_strain", float(is_strained(problem)), False, 1.0)]
@@ -427,7 +414,6 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
         driven=force_bounds(discretization, not given.threshold.any(), lower, upper),
         result=stress.result,
         companion=companion,
-        cell_gaps=np.maximum(parts, 0.0),
     )
 
 

@@ -252,21 +252,9 @@ def edge_parts(
     bound: FloatArray,
     companion: CompanionResult,
 ) -> tuple[EdgeParts, FloatArray, FloatArray]:
-    """Parts of the gap on the edges of one contact.
+    """Parts of the gap on the edges of one contact, without springs, from Bernstein coefficients (edges, q) [stress].
 
-    Parameters
-    ----------
-    discretization, rows
-        Where.
-    normal, shear, bound : (edges, q) arrays
-        Bernstein coefficients of τ_N, τ_T and s [stress].
-    companion : CompanionResult
-        v.
-
-    Returns
-    -------
-    EdgeParts without springs, ∫ (g − v_N) ds and ∫ |v_T − w| ds on each edge (edges,) [length²].
-
+    Beside them ∫ (g − v_N) ds and ∫ |v_T − w| ds on each edge (edges,) [length²].
     """
     problem = discretization.problem
     contact = contact_named(problem, rows.name)

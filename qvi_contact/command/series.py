@@ -77,9 +77,7 @@ def solved_series(
 ) -> tuple[Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
     from qvi_contact.command.progress_line import solving
-    from qvi_contact.solution.history import solve_history
     from qvi_contact.solution.solver import solve
-    from qvi_contact.solution.sweep import Sweep
     from solvers.basics.progress import deadline
 
     if store is not None and not file.times:
@@ -92,6 +90,8 @@ def solved_series(
     title = file.title or ("sweep" if plan is not None else "history" if values else "solve")
     with solving(title, max(len(values), 1), verbose=verbose) as advance:
         if plan is not None:  # of a constant: each value is a problem of its own
+            from qvi_contact.solution.sweep import Sweep  # which one solve does without, as histories
+
             limit = options.pop("time_limit", None)
             steps: list[ContactResult] = []
             with deadline(limit):
@@ -105,6 +105,8 @@ def solved_series(
             return Series(plan.parameter, values, Sweep(plan.parameter, values, tuple(steps))), steps
         if not values:
             return None, (solve(file.problem, **options, verbose=verbose),)
+        from qvi_contact.solution.history import solve_history
+
         done = 0
 
         def told(number: int, _result: ContactResult) -> None:

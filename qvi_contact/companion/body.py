@@ -219,25 +219,16 @@ def _traction_load(problem: ContactProblem, body: Elasticity, scales: Scales) ->
         found = along_edges(problem.mesh, edges, given.name, given.value, load_points(space.degree))
         shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
         lengths = edges.length / scales.length
-        if edges.curved and given.turns:
-            along = vectors_along(edges.take(found.edge), given.direction[found.edge], found.t)
-            for component in (0, 1):
-                work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
-                np.add.at(load, 2 * space.along(edges) + component, work)
-        else:
-            _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
+        along = vectors_along(edges.take(found.edge), given.direction[found.edge], found.t, turns=given.turns)
+        for component in (0, 1):
+            work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
+            np.add.at(load, 2 * space.along(edges) + component, work)
         if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
             size = f"{found.error:.2g} [stress]"
             remarks.append(
                 f"{given.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
             )
     return load, tuple(dict.fromkeys(remarks))
-
-
-def _add(load: FloatArray, numbers: IntArray, work: FloatArray, direction: FloatArray) -> None:
-    """Add the work (e, p + 1) against coefficients along one direction for each edge (e, 2)."""
-    for component in (0, 1):
-        np.add.at(load, 2 * numbers + component, direction[:, [component]] * work)
 
 
 def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count: int) -> FloatArray:
@@ -267,13 +258,10 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     for edges, numbers, outward in outlines:
         values = (evaluate(name, field, *mesh.points_along(edges, t)) - base) / scales.stress
         lengths = edges.length / scales.length
-        if edges.curved:
-            along = vectors_along(edges, outward, t)
-            for component in (0, 1):
-                work = -lengths[:, None] * ((values * along[..., component]) @ shape)
-                np.add.at(load, 2 * numbers + component, work)
-        else:
-            _add(load, numbers, -lengths[:, None] * (values @ shape), outward)
+        along = vectors_along(edges, outward, t)
+        for component in (0, 1):
+            work = -lengths[:, None] * ((values * along[..., component]) @ shape)
+            np.add.at(load, 2 * numbers + component, work)
     return load
 
 

@@ -242,12 +242,21 @@ def _qvi(
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
     """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
-    n = contacts.count
+    n, found = contacts.count, list[int]()
     tied = np.tile(contacts.gathered("tied").astype(bool), 2)
     rank = np.where(tied, 0, np.where(np.arange(2 * n) < n, 1, 2))
-    found: list[int] = []
     for rows in groups(sparse.csr_array(B)):
-        found += _dependent(B, rows[np.argsort(rank[rows], kind="stable")])
+        columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
+        base = np.zeros((0, len(columns)))
+        for row in rows[np.argsort(rank[rows], kind="stable")].tolist():
+            rest = B[row, columns]
+            for _ in range(2):  # once more for orthogonality to rounding
+                rest = rest - (base @ rest) @ base
+            length = float(np.linalg.norm(rest))
+            if length > _DEPENDENT:
+                base = np.vstack([base, rest / length])
+            else:
+                found.append(row)
     return np.array(found, dtype=np.int64)
 
 
@@ -262,22 +271,6 @@ def groups(B: sparse.csr_array) -> list[IntArray]:
     order = np.argsort(group, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
     return [part for part in parts if len(part) > 1]
-
-
-def _dependent(B: FloatArray, rows: IntArray) -> list[int]:
-    """Those of the rows that follow from the ones before them."""
-    columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
-    base, found = np.zeros((0, len(columns))), []
-    for row in rows.tolist():
-        rest = B[row, columns]
-        for _ in range(2):  # once more for orthogonality to rounding
-            rest = rest - (base @ rest) @ base
-        length = float(np.linalg.norm(rest))
-        if length > _DEPENDENT:
-            base = np.vstack([base, rest / length])
-        else:
-            found.append(row)
-    return found
 
 
 def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
@@ -366,7 +359,13 @@ def admissible(
         held[over] = True
     v = problem.body.expand(values)
     c = contacts.rows @ v - contacts.plates(plates)
-    return v, c, _reasons(problem, c)
+    excess = _excess(problem, c)
+    worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
+    if worst <= _VIOLATED:
+        return v, c, ()
+    names = [trace.name for trace in contacts.traces for _ in range(trace.count)]
+    name = names[int(np.argmax(excess)) % contacts.count]
+    return v, c, (f"Prescribed displacements contradict the obstacle of {name!r}, by {worst:.1e} of their size.",)
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
@@ -378,18 +377,3 @@ def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
     slipping = contacts.gathered("slipping")
     backwards = np.where(np.isnan(slipping), 0.0, np.maximum(-slipping * difference[n:], 0.0))
     return np.concatenate([normal, np.where(tied | (slipping == 0.0), np.abs(difference[n:]), backwards)])
-
-
-def _reasons(problem: DualProblem, c: FloatArray) -> tuple[str, ...]:
-    excess = _excess(problem, c)
-    size = max(1.0, float(np.abs(c).max(initial=0.0)))
-    worst = float(excess.max(initial=0.0)) / size
-    if worst <= _VIOLATED:
-        return ()
-    index = int(np.argmax(excess)) % problem.contacts.count
-    start = 0
-    for trace in problem.contacts.traces:
-        if index < start + trace.count:
-            break
-        start += trace.count
-    return (f"Prescribed displacements contradict the obstacle of {trace.name!r}, by {worst:.1e} of their size.",)

@@ -127,8 +127,6 @@ class CompanionState:
         Bound of |τ_T|.
     load : (size,) array
         Load vector.
-    reasons : tuple of str
-        Conditions that could not be met.
 
     """
 
@@ -140,7 +138,6 @@ class CompanionState:
     live: BoolArray
     bound: FloatArray
     load: FloatArray
-    reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,12 +151,10 @@ class CompanionResult(PicklesFields):
     ----------
     problem : ContactProblem
         The problem.
-    degree : int
-        Degree p of the displacements.
     scales : Scales
         Units of the dimensionless model.
-    space, body
-        The displacement space and the body, dimensionless.
+    body
+        The body, dimensionless.
     status : Status
         How the solve ended; ``status.advice`` says what to do.
     certificate : Certificate
@@ -177,9 +172,7 @@ class CompanionResult(PicklesFields):
     """
 
     problem: ContactProblem
-    degree: int
     scales: Scales
-    space: DisplacementSpace
     body: Elasticity
     status: Status
     certificate: Certificate
@@ -190,6 +183,16 @@ class CompanionResult(PicklesFields):
 
     def __repr__(self) -> str:
         return f"<CompanionResult {self.message}>"
+
+    @property
+    def space(self) -> DisplacementSpace:
+        """The displacement space, dimensionless."""
+        return self.body.space
+
+    @property
+    def degree(self) -> int:
+        """Degree p of the displacements."""
+        return self.space.degree
 
     @property
     def unknowns(self) -> int:
@@ -308,15 +311,6 @@ class CompanionResult(PicklesFields):
             found[trace.name] = plate_motion(plate, x, y, turn)
         return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
 
-    @cached_property
-    def nodal_displacements(self) -> FloatArray:
-        """Displacements of the c corners of every cell, in the order of ``problem.mesh.cells``, (cells, c, 2) [length].
-
-        Cells on the two sides of a joint have corners of their own.
-        """
-        corners = self.space.table[:, self.space.cell.corners]
-        return np.asarray(self._v.reshape(-1, 2)[corners] * self.scales.displacement)
-
     @property
     def _state(self) -> CompanionState:
         if self.state is None:
@@ -360,19 +354,12 @@ class CompanionResult(PicklesFields):
         )
         order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
         x, y = (self.problem.mesh.origin + scales.length * trace.places).T
-        return CompanionContact(
-            trace.name,
-            x[order],
-            y[order],
-            trace.weights[order] * scales.length,
-            (normal - np.where(state.live[:n][chosen], trace.fluid / trace.weights, 0.0))[order] * scales.stress,
-            tangential[order] * scales.stress,
-            bound[order] * scales.stress,
-            gap[order] * scales.displacement,
-            slip[order] * scales.displacement,
-            states[order],
-            trace.by_coefficient(turning_senses(self.problem.mesh.vertices, trace.edges))[order],
-        )
+        fluid = np.where(state.live[:n][chosen], trace.fluid / trace.weights, 0.0)
+        stresses = (scales.stress * part for part in (normal - fluid, tangential, bound))
+        moved = (scales.displacement * part for part in (gap, slip))
+        senses = trace.by_coefficient(turning_senses(self.problem.mesh.vertices, trace.edges))
+        parts = (x, y, trace.weights * scales.length, *stresses, *moved, states, senses)
+        return CompanionContact(trace.name, *(part[order] for part in parts))
 
     def _displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         local = self._v.reshape(-1, 2)[self.space.table[cells]]

@@ -9,7 +9,7 @@ from comparisons.convergence import outer as loops
 from comparisons.convergence import uzawa as steps
 from solvers import solve_qvi
 from solvers.certificate import uniqueness_bound
-from tests.comparisons.parts import committed
+from tests.comparisons.conftest import committed
 
 
 class TestRates:
