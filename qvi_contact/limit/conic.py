@@ -135,7 +135,7 @@ class ConicProgram:
     def _falls(self) -> bool:
         """Whether there is a direction in which q·x falls for ever, and not by rounding only."""
         cones = [Cones(cone.G, np.zeros_like(cone.g)) for cone in self.cones]
-        L = sparse.csr_array(sparse.vstack([self.L, -self.q[None]]))
+        L = sparse.csr_array(sparse.vstack([self.L, sparse.csr_array(-self.q[None])]))
         program = replace(self, e=np.zeros_like(self.e), L=L, h=np.append(np.zeros_like(self.h), 1.0), cones=cones)
         found = program.solve()
         if isinstance(found, str):

@@ -167,8 +167,8 @@ class MohrCoulomb:
 
     def cones(self, plane: Plane, phi: FloatArray | float | None = None) -> Iterator[YieldCone]:
         """Its cones in that plane state, for given angles where φ is no number."""
-        phi = self.phi if phi is None else phi
-        sine, cosine = np.sin(phi), np.cos(phi)
+        angle = cast("FloatArray | float", self.phi if phi is None else phi)
+        sine, cosine = np.sin(angle), np.cos(angle)
         yield YieldCone("MohrCoulomb.c", self.c, 2.0 * cosine, sine)
         if plane == "stress":
             yield YieldCone("MohrCoulomb.c", self.c, 4.0 * cosine / (1.0 + sine), 1.0)

@@ -161,12 +161,12 @@ class TestHistory:
         assert lost["total"]["unit"] == document["steps"][0]["units"]["energy"]
         assert "<svg" in (tmp_path / "loop.svg").read_text(encoding="utf-8")
 
-    def test_fields_without_displacement(self, shell, cycle, tmp_path):
+    def test_fields_of_steps(self, shell, cycle, tmp_path):
         fields = tmp_path / "a.vtu"
         status, _, err = shell("solve", cycle, "--vtk", fields)
         assert (status, err) == (0, "")
         names = [name.split()[0] for name in pytest.importorskip("meshio").read(fields).point_data]
-        assert ("stress" in names, "displacement" in names) == (True, False)
+        assert ("stress" in names, "displacement" in names) == (True, True)
 
     def test_a_history_is_neither_swept_nor_refined(self, shell, cycle, tmp_path):
         refused(shell("solve", cycle, "--set", "friction=0.1"), "[history]")

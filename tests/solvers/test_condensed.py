@@ -19,7 +19,7 @@ from solvers.condensed import FRICTION_SHARES
 from solvers.factorisation import available_backends, factorise, factorise_root, set_default
 from solvers.inequality import TractionFactor, echelon, independent_rows, interface_of, spanning_rows, trace_coordinates
 from tests.cases import every_pair, examples, thinned
-from tests.solvers.conftest import LAWS, Root, chain, dragged_block, mixed_problem, one_contact, random_problem
+from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem
 from tests.solvers.test_laws import violations
 
 
