@@ -11,6 +11,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Certainty
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.types import load
@@ -237,11 +238,14 @@ class Refinement(Outcome):
     Attributes
     ----------
     result : ContactResult
-        On the last mesh that was solved; if there is none, the failed one on the first.
+        On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one.
+    history : History or None
+        All load steps on that mesh, if these were refined.
 
     """
 
     result: ContactResult
+    history: History | None = None
 
     @property
     def problem(self) -> ContactProblem:
@@ -260,6 +264,9 @@ class Refinement(Outcome):
 class LimitRefinement(Outcome):
     """A limit load on a mesh refined until both of its sides are as near as asked for.
 
+    It is not guaranteed where tractions, or what enters them along contacts, are no polynomials that the mesh can
+    follow: loads are then met in their resultants on every edge.
+
     Attributes
     ----------
     limit : LimitLoad
@@ -271,12 +278,3 @@ class LimitRefinement(Outcome):
 
     limit: LimitLoad
     problem: ContactProblem
-
-    @property
-    def guaranteed(self) -> bool:
-        """Whether stresses in equilibrium carry the lower side at every point, up to rounding.
-
-        False where tractions, or what enters them along contacts, are no polynomials that the mesh can follow: loads
-        are then met in their resultants on every edge.
-        """
-        return super().guaranteed

@@ -371,6 +371,21 @@ class TestStressesAndSlip:
         )
         assert outcome.value == pytest.approx(0.2 * 6.0 * 0.5, rel=1e-4)
 
+    def test_what_friction_loses_in_a_cycle(self):
+        """A block rubbed to and fro on the ground under 6: μ N times its way, 1.5 in all."""
+        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        top = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0))
+        wall, ways = Contact("bottom", 0.2, name="wall"), (0.0, 0.5, 0.0, -0.5)
+        mesh, stiff = TriangleMesh.rectangle((2, 1), 2.0), Material(1e4, 0.3)
+        steps = [ContactProblem(mesh, stiff, [*sides, replace(wall, offset=way), top]) for way in ways]
+        outcome = refine(steps, None, 1e-3, "dissipation", degree=3)
+        assert outcome.status is RefinementStatus.REACHED
+        assert outcome.value == pytest.approx(0.2 * 6.0 * 1.5, rel=2e-3)
+        assert len(outcome.history.steps) == 4
+        assert outcome.history.dissipated.sum() == outcome.value
+        with pytest.raises(InputError, match="load steps"):
+            refine(steps, guaranteed=True)
+
     def test_a_singular_peak_is_not_reached(self):
         """The pressure of the plate grows towards its corner, where it sticks."""
         outcome = refine(plate(1.0), None, 1e-2, "plate.largest_pressure", max_rounds=3)
