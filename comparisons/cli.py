@@ -5,6 +5,7 @@ from typing import Final
 import click
 
 from comparisons.benchmark.command import benchmark, benchmark_wall
+from comparisons.bounds.command import bounds
 from comparisons.convergence.command import convergence_mesh, convergence_outer, convergence_uzawa
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
@@ -36,6 +37,6 @@ def group(context: click.Context) -> None:
 
 for command in (
     paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    peers_pin, wild, estimates, limits, export, import_file,
+    peers_pin, bounds, wild, estimates, limits, export, import_file,
 ):  # fmt: skip
     group.add_command(command)

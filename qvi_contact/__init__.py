@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.archive import load_result
     from qvi_contact.files.problem_file import ProblemFile, load_problem
     from qvi_contact.files.problem_writer import save_problem
-    from qvi_contact.files.sweep_store import StoredSweep, read_sweep
+    from qvi_contact.files.stores import StoredSweep, read_sweep
     from qvi_contact.limit.load_factor import (
         LimitLoad,
         StrengthReduction,
@@ -79,7 +79,7 @@ _HOME = {
     "Settings": "solution.settings",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
-    "StoredSweep": "files.sweep_store",
+    "StoredSweep": "files.stores",
     "StrengthReduction": "limit.load_factor",
     "Sweep": "solution.sweep",
     "SweepRow": "solution.sweep",
@@ -97,7 +97,7 @@ _HOME = {
     "loop_area": "solution.history",
     "other_solutions": "bracket",
     "principal_stresses": "solution.stress",
-    "read_sweep": "files.sweep_store",
+    "read_sweep": "files.stores",
     "refine": "refinement",
     "save_problem": "files.problem_writer",
     "solve": "solution.solver",
@@ -113,7 +113,7 @@ _ATTACHED.update(
         "bracket": ("qvi_contact.bracket", "bracket"),
         "displacement": ("qvi_contact.bracket", "displacement"),
         "remarks": ("qvi_contact.solution.remarks", "remarks"),
-        "undetermined_motions": ("qvi_contact.solution.undetermined", "undetermined_motions"),
+        "undetermined_motions": ("qvi_contact.solution.remarks", "undetermined_motions"),
         "uniqueness": ("qvi_contact.bracket", "uniqueness"),
     }
 )  # to results
@@ -182,7 +182,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
-        from qvi_contact.basics.retired import refuse_retired
+        from qvi_contact.errors import refuse_retired
 
         refuse_retired(name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

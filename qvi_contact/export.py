@@ -1,7 +1,14 @@
-"""Public name of what writes results, `qvi_contact.files.export` and `qvi_contact.files.vtu`."""
+"""Public name of what writes results, `qvi_contact.files.export` and `qvi_contact.files.export`."""
 
-from qvi_contact.files.export import field_arrays, summary, write_json, write_npz
-from qvi_contact.files.vtu import write_collapse_vtu, write_contacts_vtu, write_vtu
+from qvi_contact.files.export import (
+    field_arrays,
+    summary,
+    write_collapse_vtu,
+    write_contacts_vtu,
+    write_json,
+    write_npz,
+    write_vtu,
+)
 
 __all__ = [
     "field_arrays",

@@ -9,7 +9,7 @@ from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.problem.conditions import Condition, Law
 from qvi_contact.problem.material import Plane
-from qvi_contact.refinement.outcome import Quantity
+from qvi_contact.refinement.measure import Quantity
 
 __all__ = [
     "BoolArray",

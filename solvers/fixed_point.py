@@ -16,8 +16,8 @@ The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so
 
 import time
 from collections import deque
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from scipy.sparse import csc_array, diags_array, eye_array, vstack
@@ -30,7 +30,7 @@ from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.errors import InputError
 from solvers.inequality.problem import Compliance, FrictionQVI
-from solvers.inequality.rows import independent_rows
+from solvers.inequality.rows import independent_rows, largest
 from solvers.inner.linear_program import is_failure, one_line
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
@@ -59,32 +59,14 @@ _COMPLIANT, _HELD = 1e-14, 1e-12
 """Eigenvalues of Y K⁻¹ Yᵀ below these shares of its largest, and of 1/|K|, are rounding."""
 
 
-class ProblemForm(Protocol):
-    """The problem an inner solver sees, and the way back."""
-
-    name: str
-    problem: FrictionQVI
-
-    def threshold(self, threshold: Vector) -> Vector:
-        """The friction bound as the inner problem takes it (m,)."""
-        ...
-
-    def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:
-        """Where to pose the next inner problem: at the last result, in its own and in the original unknowns."""
-        ...
-
-    def expand(self, inner: InnerSolution) -> InnerSolution:
-        """The result in the original unknowns and rows."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class Simplified:
-    """Rows without friction turned into independent equality rows, bilateral ones made void.
+class FullForm:
+    """(D2) as it is, but for rows without friction, turned into independent equality rows, and bilateral ones, void.
 
     Attributes
     ----------
-    problem : the QVI with those equations in A, their rows of T empty, bilateral rows of N empty
+    name : of the form
+    problem : what an inner solver sees: those equations in A, their rows of T empty, bilateral rows of N empty
     rows : (m,) bool
     E : (rows, k), T_rows = E Y with Y the k equality rows appended to A
 
@@ -93,9 +75,10 @@ class Simplified:
     problem: FrictionQVI
     rows: np.ndarray
     E: Matrix
+    name: ClassVar[str] = "full"
 
     @classmethod
-    def of(cls, qvi: FrictionQVI) -> "Simplified":
+    def of(cls, qvi: FrictionQVI) -> "FullForm":
         """Find the rows; a problem that has none is kept as it is."""
         if qvi.bilateral.any():
             held = qvi.bilateral
@@ -114,11 +97,15 @@ class Simplified:
         return cls(problem, rows, E)
 
     def threshold(self, threshold: Vector) -> Vector:
-        """1 where the row is empty: a bound that is never reached."""
+        """The friction bound as the inner problem takes it (m,): 1, which is never reached, where the row is empty."""
         return np.where(self.rows, 1.0, threshold)
 
-    def restore(self, result: InnerSolution) -> InnerSolution:
-        """Row multipliers of the original T from those of the equations: Eᵀ m_T = ν, of least norm."""
+    def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:  # noqa: ARG002
+        """Where to pose the next inner problem: at the last result in the original unknowns, or the bonded one."""
+        return Centre(self.problem, self.problem.bonded if result is None else result.z)
+
+    def expand(self, result: InnerSolution) -> InnerSolution:
+        """In the original rows: multipliers of T from those of the equations, Eᵀ m_T = ν, of least norm."""
         if self.problem.bilateral.any():
             result = replace(result, m_N=np.where(self.problem.bilateral, 0.0, result.m_N))
         if not self.rows.any():
@@ -129,33 +116,14 @@ class Simplified:
         return replace(result, m_T=m_T, nu=result.nu[:p])
 
 
-class FullForm:
-    """(D2) as it is."""
-
-    name = "full"
-
-    def __init__(self, simplified: Simplified) -> None:
-        self._simplified = simplified
-        self.problem = simplified.problem
-        self.threshold = simplified.threshold
-
-    def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:  # noqa: ARG002
-        """At the last result, or the bonded one."""
-        return Centre(self.problem, self.problem.bonded if result is None else result.z)
-
-    def expand(self, inner: InnerSolution) -> InnerSolution:
-        """The result itself."""
-        return self._simplified.restore(inner)
-
-
 class CondensedForm:
     """min ½|w|²  s.t.  σ_bonded,N + V_N w ≤ 0,  |σ_bonded,T + V_T w| ≤ thr; at the minimum w = −Vᵀ m."""
 
     name = "condensed"
 
-    def __init__(self, simplified: Simplified) -> None:
-        qvi = simplified.problem
-        self._simplified, self._compliance = simplified, Compliance(qvi)
+    def __init__(self, full: FullForm) -> None:
+        qvi = full.problem
+        self._full, self._compliance = full, Compliance(qvi)
         E, Y = independent_rows(qvi.contact_rows)
         Y_interface = Y[:, qvi.condensed_contact.system.interface]
         C = Y_interface @ qvi.condensed_contact.system.solve_interface(Y_interface.T.toarray())[0]
@@ -165,13 +133,13 @@ class CondensedForm:
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],
             T=csc_array(self._V[m:]), t0=bonded[m:], mu=qvi.mu, W=qvi.W, bilateral=qvi.bilateral,
         )  # fmt: skip
-        self.threshold = simplified.threshold
+        self.threshold = full.threshold
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:
         """At the w of the last multipliers, with the tractions of the accurate z: rounding in V then decays."""
         if inner is None or result is None:
             return Centre(self.problem, np.zeros(self.problem.n))
-        qvi = self._simplified.problem
+        qvi = self._full.problem
         centre = Centre(self.problem, -self._V.T @ np.concatenate([inner.m_N, inner.m_T]))
         centre.n0, centre.t0 = qvi.normal(result.z), qvi.tangential(result.z)
         return centre
@@ -179,16 +147,19 @@ class CondensedForm:
     def expand(self, inner: InnerSolution) -> InnerSolution:
         """Z and ν from the multipliers."""
         z, nu = self._compliance.unknowns(np.concatenate([inner.m_N, inner.m_T]))
-        return self._simplified.restore(replace(inner, z=z, nu=nu))
+        return self._full.expand(replace(inner, z=z, nu=nu))
+
+
+ProblemForm: TypeAlias = FullForm | CondensedForm
 
 
 def make_form(qvi: FrictionQVI, form: str) -> ProblemForm:
     """Choose and build; a problem whose contact tractions do not depend on z stays in full form."""
-    simplified = Simplified.of(qvi)
+    full = FullForm.of(qvi)
     if form == "full" or (form == "auto" and 2 * qvi.m > CONDENSED_LIMIT):
-        return FullForm(simplified)
-    condensed = CondensedForm(simplified)
-    return condensed if condensed.problem.n > 0 else FullForm(simplified)
+        return full
+    condensed = CondensedForm(full)
+    return condensed if condensed.problem.n > 0 else full
 
 
 def _factor(C: Matrix, K: Sparse) -> Matrix:
@@ -269,27 +240,155 @@ _NOISE = 1e-4  # a cycle smaller than this is the inner solver's noise, not the 
 _OTHER_INNER = "Take another inner solver, listed by solvers.available(), or cells that are less thin."
 
 
-@dataclass(eq=False)
-class _State:
-    """Everything that changes from one outer iteration to the next."""
+class _Loop:
+    """The iteration: what it works with, and everything that changes from one outer iteration to the next."""
 
-    s: Vector
-    accelerator: Anderson | None
-    damping: float
-    feasible: Vector | None = None  # last s whose inner problem had a solution
-    previous: InnerSolution | None = None  # last result, original unknowns
-    inner: InnerSolution | None = None  # the same in those of the form
-    best: InnerSolution | None = None
-    best_residual: float = np.inf
-    progress: tuple[float, int] = (np.inf, 0)  # residual and number at the last substantial progress
-    past: deque[Vector] = field(default_factory=lambda: deque(maxlen=_CYCLE_LENGTHS.stop))
-    history: list[Iteration] = field(default_factory=list)
-    recoveries: int = 0
-    breaks: int = 0
-    feasibility: Feasibility | None = None
-    reason: Status | None = None
-    message: str = ""
-    advice: str = ""  # instead of that of the reason
+    def __init__(
+        self, qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, tolerance: float, options: FixedPointOptions
+    ) -> None:
+        self.qvi, self.form, self.solver, self.tolerance, self.options = qvi, form, solver, tolerance, options
+        given = options.initial
+        self.s = qvi.pressure(qvi.bonded) if given is None else initial_pressure(qvi, given)
+        accelerated = options.variant == "anderson"
+        self.accelerator = Anderson(qvi.W, options.memory, options.damping) if accelerated else None
+        self.damping = 1.0 if options.variant == "plain" else options.damping
+        self.feasible: Vector | None = None  # last s whose inner problem had a solution
+        self.previous: InnerSolution | None = None  # last result, original unknowns
+        self.inner: InnerSolution | None = None  # the same in those of the form
+        self.best: InnerSolution | None = None
+        self.best_residual = np.inf
+        self.progress = (np.inf, 0)  # residual and number at the last substantial progress
+        self.past: deque[Vector] = deque(maxlen=_CYCLE_LENGTHS.stop)
+        self.history: list[Iteration] = []
+        self.recoveries = self.breaks = 0
+        self.feasibility: Feasibility | None = None
+        self.reason: Status | None = None
+        self.message = self.advice = ""  # the latter instead of that of the reason
+
+    def step(self) -> None:
+        """One outer iteration: inner problem, residual, record, next s."""
+        qvi, began, number = self.qvi, time.perf_counter(), len(self.history) + 1
+        inner = self._solve_inner()
+        if not _is_usable(inner):
+            result = no_result(qvi, inner.status, inner.message, inner.seconds)
+            self._record(result, np.inf, began)
+            if not deadline.over:
+                self._recover(result)
+        else:
+            result = self.form.expand(inner)
+            g = np.abs(qvi.normal(result.z))
+            stress = scales_at(qvi, result.z)["stress"]
+            residual = self._norm(g - self.s) / max(self._norm(g), stress * float(np.sqrt(qvi.W.sum())))
+            self._record(result, residual, began)
+            if residual < self.best_residual:
+                self.best, self.best_residual = result, residual
+            self.inner, self.previous, self.feasible = inner, result, self.s
+            proof = (qvi, result.z, result.m_N, result.m_T, result.nu, self.tolerance)
+            if residual <= self.tolerance and certify(*proof).passed:
+                self.best, self.reason = result, Status.SOLVED
+                return
+            self._check_progress(residual, number)
+            self.past.append(self.s)
+            # Accelerated, damped or plain; round-off becomes zero, which interior points take better than 1e-30.
+            damped = (1.0 - self.damping) * self.s + self.damping * g
+            s = damped if self.accelerator is None else self.accelerator.next(self.s, g)
+            self.s = np.where(s > _ROUND_OFF * largest(qvi.normal(qvi.bonded)), s, 0.0)
+        if self.reason is None and number >= self.options.max_iterations:
+            self.reason = Status.MAX_ITERATIONS
+
+    def _solve_inner(self) -> InnerSolution:
+        """The inner problem about the last result; a back end that fails there gets one more try about the start.
+
+        A back end's "infeasible" is a failure if Clarabel finds the solution that is said not to exist.
+        """
+        form, solver, threshold = self.form, self.solver, self.form.threshold(self.qvi.threshold(self.s))
+        centre = form.centre(self.inner, self.previous)
+        inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, self.inner)
+        if not _is_usable(inner) and self.inner is not None and not deadline.over:
+            inner = solver.solve(threshold, form.centre(None, None), None)
+        if inner.status is not Status.INFEASIBLE or deadline.over:
+            return inner
+        witness = make_inner("direct:clarabel", form.problem, _CLAIM_TOLERANCE)
+        if not _is_usable(witness.solve(threshold, form.centre(None, None), None)):
+            return inner
+        message = f"{inner.message}; but Clarabel solves this problem"
+        return no_result(form.problem, Status.BACKEND_FAILED, message, inner.seconds)
+
+    def _norm(self, v: Vector) -> float:
+        return float(np.sqrt(self.qvi.W @ v**2))
+
+    def _record(self, result: InnerSolution, residual: float, began: float) -> None:
+        entry = Iteration(
+            len(self.history) + 1, residual, self.qvi.energy(result.z), self.qvi.resultant(result.z), result.status,
+            result.iterations, time.perf_counter() - began,
+        )  # fmt: skip
+        self.history.append(entry)
+        report(Progress("fixed-point", entry), self.options.callback)
+
+    def _check_progress(self, residual: float, number: int) -> None:
+        """Cycle or stagnation, see the table of this module."""
+        if residual < _PROGRESS * self.progress[0]:
+            self.progress = (residual, number)
+        match = _CYCLE_MATCH * residual * self._norm(self.s)
+        for length in _CYCLE_LENGTHS:
+            seen = residual > self.tolerance and length <= len(self.past) and number > 2 * length
+            if seen and self._norm(self.s - self.past[-length]) <= match:
+                if not self._soften(residual):
+                    self.reason = Status.CYCLING if residual > _NOISE else Status.STALLED
+                    self.message = f"the pressure repeats itself every {length} iterations"
+                return
+        if number - self.progress[1] < self.options.patience:
+            return
+        if self._soften(residual):
+            self.progress = (residual, number)
+            return
+        self.reason = Status.STALLED
+        self.message = f"residual {self.best_residual:.1e} was not reduced in {self.options.patience} iterations"
+        if self.best is not None and self.best_residual <= self.tolerance:  # smaller loads or other steps are of no use
+            where = f"the fixed point has converged (residual {self.best_residual:.1e})"
+            self.message = f"{where}, but the inner solver's answers are not accurate enough ({self.best.message})"
+            self.advice = _OTHER_INNER
+
+    def _soften(self, residual: float) -> bool:
+        """Halve the mixing of Anderson's steps and forget their memory; not for other variants, noise, or too often."""
+        self.breaks += 1
+        if self.accelerator is None or self.breaks > _BREAKS or residual <= _NOISE:
+            return False
+        self.accelerator.reset()
+        self.accelerator.mixing *= 0.5
+        self.past.clear()
+        return True
+
+    def _recover(self, result: InnerSolution) -> None:
+        """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s.
+
+        Starts are the pressure without friction, where that exists, then that of the least energy over the set of
+        `feasibility`.
+        """
+        qvi, form = self.qvi, self.form
+        self.recoveries += 1
+        if self.recoveries == 1 and self.feasible is None:
+            smooth = self.solver.solve(form.threshold(np.zeros(qvi.m)), form.centre(None, None), None)
+            if _is_usable(smooth):
+                self.s = qvi.pressure(form.expand(smooth).z)
+                return
+        if self.feasibility is None:
+            self.feasibility = check_feasibility(qvi)
+        start = self.feasibility.z  # None unless the load can be carried
+        curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED)
+        if start is None or not curable or self.recoveries > _RECOVERIES:
+            self.reason, self.message = result.status, f"inner problem: {result.message}"
+        elif self.feasible is None:
+            self.s = self.feasible = np.abs(qvi.normal(start))
+        else:
+            self.s = 0.5 * (self.s + self.feasible)
+        if self.accelerator is not None:
+            self.accelerator.reset()
+        self.damping = min(self.damping, 0.5)
+
+
+def _is_usable(inner: InnerSolution) -> bool:
+    return inner.status.usable and inner.finite
 
 
 def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions) -> Outcome:
@@ -305,18 +404,18 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
         if not is_failure(error):
             raise
         return Outcome.nothing(qvi, Status.BACKEND_FAILED, one_line(f"{inner}: {type(error).__name__}: {error}"))
-    state = _init(qvi, options)
+    loop = _Loop(qvi, form, solver, tolerance, options)
     set_up = time.perf_counter()
-    while state.reason is None:
+    while loop.reason is None:
         if deadline.over:
-            state.reason = Status.TIME_LIMIT
+            loop.reason = Status.TIME_LIMIT
         else:
-            _step(qvi, form, solver, state, options, tolerance)
-    result = state.best or no_result(qvi, Status.BACKEND_FAILED, "")
-    turned = "The fixed point cycled before it was damped" if state.breaks else ""
+            loop.step()
+    result = loop.best or no_result(qvi, Status.BACKEND_FAILED, "")
+    turned = "The fixed point cycled before it was damped" if loop.breaks else ""
     return Outcome(
-        state.reason, result.z, result.m_N, result.m_T, result.nu, state.history, len(state.history), state.message,
-        state.advice, set_up - began, versions(solver.packages), state.feasibility, form.name, turned=turned,
+        loop.reason, result.z, result.m_N, result.m_T, result.nu, loop.history, len(loop.history), loop.message,
+        loop.advice, set_up - began, versions(solver.packages), loop.feasibility, form.name, turned=turned,
     )  # fmt: skip
 
 
@@ -327,186 +426,3 @@ def initial_pressure(qvi: FrictionQVI, initial: object) -> Vector:
     if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
         raise InputError("initial", initial, remedy)
     return s
-
-
-def _init(qvi: FrictionQVI, options: FixedPointOptions) -> _State:
-    """Start: the given pressure or that of the bonded solution."""
-    s = qvi.pressure(qvi.bonded) if options.initial is None else initial_pressure(qvi, options.initial)
-    accelerate = options.variant == "anderson"
-    accelerator = Anderson(qvi.W, options.memory, options.damping) if accelerate else None
-    return _State(s, accelerator, 1.0 if options.variant == "plain" else options.damping)
-
-
-def _step(
-    qvi: FrictionQVI,
-    form: ProblemForm,
-    solver: InnerSolver,
-    state: _State,
-    options: FixedPointOptions,
-    tolerance: float,
-) -> None:
-    """One outer iteration: inner problem, residual, record, next s."""
-    began = time.perf_counter()
-    inner = _solve_inner(qvi, form, solver, state)
-    usable = _is_usable(inner)
-    result = form.expand(inner) if usable else no_result(qvi, inner.status, inner.message, inner.seconds)
-    number = len(state.history) + 1
-    if not usable:
-        _record(qvi, state, result, np.inf, began, options)
-        if not deadline.over:
-            _recover(qvi, form, solver, state, result)
-    else:
-        state.inner = inner
-        g = np.abs(qvi.normal(result.z))
-        residual = _residual(qvi, result.z, g, state.s)
-        _record(qvi, state, result, residual, began, options)
-        if residual < state.best_residual:
-            state.best, state.best_residual = result, residual
-        state.previous, state.feasible = result, state.s
-        if residual <= tolerance and certify(qvi, result.z, result.m_N, result.m_T, result.nu, tolerance).passed:
-            state.best, state.reason = result, Status.SOLVED
-            return
-        _check_progress(qvi, state, residual, number, options, tolerance)
-        state.past.append(state.s)
-        state.s = _next(qvi, state, g)
-    if state.reason is None and number >= options.max_iterations:
-        state.reason = Status.MAX_ITERATIONS
-
-
-def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _State) -> InnerSolution:
-    """The inner problem about the last result; a back end that fails there gets one more try about the start."""
-    threshold = form.threshold(qvi.threshold(state.s))
-    centre = form.centre(state.inner, state.previous)
-    inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
-    if not _is_usable(inner) and state.inner is not None and not deadline.over:
-        inner = solver.solve(threshold, form.centre(None, None), None)
-    claimed = inner.status is Status.INFEASIBLE and not deadline.over
-    return _checked_claim(inner, form, threshold) if claimed else inner
-
-
-def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -> InnerSolution:
-    """A back end's "infeasible", or a failure if Clarabel finds the solution that is said not to exist."""
-    witness = make_inner("direct:clarabel", form.problem, _CLAIM_TOLERANCE)
-    if not _is_usable(witness.solve(threshold, form.centre(None, None), None)):
-        return inner
-    message = f"{inner.message}; but Clarabel solves this problem"
-    return no_result(form.problem, Status.BACKEND_FAILED, message, inner.seconds)
-
-
-def _is_usable(inner: InnerSolution) -> bool:
-    return inner.status.usable and inner.finite
-
-
-def _residual(qvi: FrictionQVI, z: Vector, g: Vector, s: Vector) -> float:
-    stress = scales_at(qvi, z)["stress"]
-    return _norm(qvi, g - s) / max(_norm(qvi, g), stress * float(np.sqrt(qvi.W.sum())))
-
-
-def _norm(qvi: FrictionQVI, v: Vector) -> float:
-    return float(np.sqrt(qvi.W @ v**2))
-
-
-def _record(
-    qvi: FrictionQVI,
-    state: _State,
-    result: InnerSolution,
-    residual: float,
-    began: float,
-    options: FixedPointOptions,
-) -> None:
-    entry = Iteration(
-        len(state.history) + 1, residual, qvi.energy(result.z), qvi.resultant(result.z), result.status,
-        result.iterations, time.perf_counter() - began,
-    )  # fmt: skip
-    state.history.append(entry)
-    report(Progress("fixed-point", entry), options.callback)
-
-
-def _next(qvi: FrictionQVI, state: _State, g: Vector) -> Vector:
-    """Accelerated, damped or plain; round-off becomes zero, which interior points take better than 1e-30."""
-    if state.accelerator is not None:
-        s = state.accelerator.next(state.s, g)
-    else:
-        s = (1.0 - state.damping) * state.s + state.damping * g
-    scale = float(np.abs(qvi.normal(qvi.bonded)).max(initial=0.0))
-    return np.where(s > _ROUND_OFF * scale, s, 0.0)
-
-
-def _check_progress(
-    qvi: FrictionQVI,
-    state: _State,
-    residual: float,
-    number: int,
-    options: FixedPointOptions,
-    tolerance: float,
-) -> None:
-    """Cycle or stagnation, see the table of this module."""
-    if residual < _PROGRESS * state.progress[0]:
-        state.progress = (residual, number)
-    match = _CYCLE_MATCH * residual * _norm(qvi, state.s)
-    for length in _CYCLE_LENGTHS:
-        seen = residual > tolerance and length <= len(state.past) and number > 2 * length
-        if seen and _norm(qvi, state.s - state.past[-length]) <= match:
-            _break_cycle(state, length, residual)
-            return
-    if number - state.progress[1] >= options.patience:
-        if _soften(state, residual):
-            state.progress = (residual, number)
-            return
-        state.reason = Status.STALLED
-        state.message = f"residual {state.best_residual:.1e} was not reduced in {options.patience} iterations"
-        if state.best is not None and state.best_residual <= tolerance:
-            _blame_inner(state, state.best.message)
-
-
-def _blame_inner(state: _State, said: str) -> None:
-    """What to say where the certificate fails at a fixed point: smaller loads or other steps are of no use then."""
-    where = f"the fixed point has converged (residual {state.best_residual:.1e})"
-    state.message = f"{where}, but the inner solver's answers are not accurate enough ({said})"
-    state.advice = _OTHER_INNER
-
-
-def _break_cycle(state: _State, length: int, residual: float) -> None:
-    """Halve Anderson's mixing and forget its memory; other variants, or one time too many, end here."""
-    if _soften(state, residual):
-        return
-    state.reason = Status.CYCLING if residual > _NOISE else Status.STALLED
-    state.message = f"the pressure repeats itself every {length} iterations"
-
-
-def _soften(state: _State, residual: float) -> bool:
-    """Halve the mixing of Anderson's steps and forget their memory; not for other variants, noise, or too often."""
-    state.breaks += 1
-    if state.accelerator is None or state.breaks > _BREAKS or residual <= _NOISE:
-        return False
-    state.accelerator.reset()
-    state.accelerator.mixing *= 0.5
-    state.past.clear()
-    return True
-
-
-def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _State, result: InnerSolution) -> None:
-    """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s.
-
-    Starts are the pressure without friction, where that exists, then that of the least energy over the set of
-    `feasibility`.
-    """
-    state.recoveries += 1
-    if state.recoveries == 1 and state.feasible is None:
-        smooth = solver.solve(form.threshold(np.zeros(qvi.m)), form.centre(None, None), None)
-        if _is_usable(smooth):
-            state.s = qvi.pressure(form.expand(smooth).z)
-            return
-    if state.feasibility is None:
-        state.feasibility = check_feasibility(qvi)
-    start = state.feasibility.z  # None unless the load can be carried
-    curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED)
-    if start is None or not curable or state.recoveries > _RECOVERIES:
-        state.reason, state.message = result.status, f"inner problem: {result.message}"
-    elif state.feasible is None:
-        state.s = state.feasible = np.abs(qvi.normal(start))
-    else:
-        state.s = 0.5 * (state.s + state.feasible)
-    if state.accelerator is not None:
-        state.accelerator.reset()
-    state.damping = min(state.damping, 0.5)

@@ -48,7 +48,7 @@ class CondensedOptions:
     Notes
     -----
     The gap becomes less by the square of the least share that a point's bound has in its contact, where that is below
-    2e-3, or 5e-4 in sparse systems. With equations or points without friction matrices are dense.
+    2e-3, or 5e-4 in sparse systems.
 
     """
 

@@ -254,7 +254,6 @@ class Outcome:
     feasibility : that of the problem, if it is known
     hopeless : no certificate is to be hoped for, nor is it of interest whether there is a solution
     turned : how the way to it had to turn, which happens where there are several solutions
-    remark : a sentence that ends the message in any case
 
     """
 
@@ -275,7 +274,6 @@ class Outcome:
     corrections: tuple[float, ...] = ()
     turned: str = ""
     near: bool | None = None
-    remark: str = ""
 
     @classmethod
     def nothing(cls, qvi: FrictionQVI, reason: Status, message: str, advice: str = "") -> Outcome:
@@ -323,7 +321,7 @@ def finish(
         qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, qvi.threshold(qvi.pressure(outcome.z)),
         certificate, tuple(outcome.history), outcome.iterations,
         {**timings, "certificate": timings["certificate"] + time.perf_counter() - began}, method, inner,
-        f"{message} {outcome.remark}".rstrip(), dict(outcome.versions),
+        message, dict(outcome.versions),
         None if feasibility is None else feasibility.farkas, outcome.form, qvi.factorisation, outcome.corrections,
         remarks, outcome.near, attempts,
     )  # fmt: skip

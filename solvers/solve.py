@@ -155,6 +155,8 @@ def other_shares(search: Search) -> Tries:
     for reason, share in ((Status.INNER_INFEASIBLE, FITTING_SHARES), (Status.STALLED, NEAR_BONDED_SHARES)):
         if first.reason is reason and share not in shares:
             others.insert(0, share)
+    if search.qvi.frictionless.all():  # no bound depends on shares of friction
+        others = [share for share in others if share.start != shares[0].start]
     for share in [shares[0], *others] if first.warm else others:
         before = search.run or first
         run = search.run = before.again(share, turned=share != shares[0] and not inexact)

@@ -38,7 +38,7 @@ ways += [{"inner": name} for name in ("qp:clarabel", "qp:osqp", "socp:clarabel")
 plate = compressed_plate(0.2, (2, 2))
 found["solves"] = [solve(plate, tolerance=1e-6, **way).status for way in ways]
 
-large = solve(compressed_plate(0.2, (12, 12)))
+large = solve(compressed_plate(0.2, (8, 8)))
 found["large"] = [large.status, large.solution.factorisation.split(",")[0]]
 found["bracket"] = bracket(solve(plate)).relative_error
 dragged = load_problem(f"{sys.argv[2]}/examples/dragged_block_holds.toml").problem

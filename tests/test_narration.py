@@ -10,16 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import qvi_contact
-from qvi_contact import (
-    InputError,
-    LimitFactor,
-    limit_load_factor,
-    load_problem,
-    refine,
-    solve,
-    solve_history,
-    solve_sweep,
-)
+from qvi_contact import InputError, LimitFactor, limit_load_factor, load_problem, refine, solve, solve_history
 from qvi_contact.bracket import bracket
 from qvi_contact.cli import group
 from qvi_contact.gallery import compressed_plate
@@ -79,28 +70,15 @@ def test_a_bracket_counts_and_calls_back(capsys):
 
 @pytest.mark.parametrize(
     ("words", "titles"),
-    [
-        (["solve", DRAGGED], ["solve"]),
-        (["bracket", DRAGGED], ["solve", "bracket"]),
-        (["refine", DRAGGED, "--max-rounds", "1"], ["refine"]),
-        (["limit", DRAGGED, "--load", "drag"], ["limit_load_factor"]),
-    ],
-    ids=lambda words: "-".join(map(str, words[:1])),
-)
+    [(["solve", DRAGGED], ["solve"]), (["bracket", DRAGGED], ["solve", "bracket"]),
+     (["refine", DRAGGED, "--max-rounds", "1"], ["refine"]),
+     (["limit", DRAGGED, "--load", "drag"], ["limit_load_factor"])], ids=lambda words: "-".join(map(str, words[:1])),
+)  # fmt: skip
 def test_commands_speak_on_standard_error(words, titles):
     """What is printed on standard output stays one JSON document."""
     loud = CliRunner().invoke(group, [*map(str, words), "--json", "--verbose"])
     json.loads(loud.stdout)
     assert re.findall(rf"qvi_contact {re.escape(qvi_contact.__version__)}: (\w+)\n", loud.stderr) == titles
-
-
-@pytest.mark.parametrize("streamed", [False, True])
-def test_sweeps_have_a_line_for_each_value(capsys, tmp_path, streamed):
-    asked = (PLATE, "friction", [0.1, 0.25])
-    solve_sweep(*asked, store=tmp_path / "rows.sqlite" if streamed else None, verbose=True)
-    table = capsys.readouterr().out.split("-" * 79)[1].splitlines()
-    assert table[1].split() == ["step", "value", "status", "iterations", "accuracy"]
-    assert [line.split()[:3] for line in table[2:]] == [["1", "0.1", "solved"], ["2", "0.25", "solved"]]
 
 
 def test_histories_refinements_and_limits_have_a_line_for_each_step(capsys):

@@ -82,13 +82,15 @@ class Body:
     stress: float = 1.0
 
 
-def dragged_block(friction: float, cells: tuple[int, int], shear: float = 0.1) -> ContactProblem:
-    """A block [0, 2] × [0, 1] under pressure 1, dragged over its base by uniform shear; E = 1000, ν = 0.3."""
+def dragged_block(
+    friction: float, cells: tuple[int, int], shear: float = 0.1, pressure: float = 1.0, young: float = 1000.0
+) -> ContactProblem:
+    """A block [0, 2] × [0, 1] under pressure, dragged over its base by uniform shear; ν = 0.3."""
     conditions: list[Condition] = [
-        Traction("top", x=shear, y=-1.0), Traction("right", x=0.0, y=shear), Traction("left", x=0.0, y=-shear),
+        Traction("top", x=shear, y=-pressure), Traction("right", x=0.0, y=shear), Traction("left", x=0.0, y=-shear),
         Contact("bottom", friction=friction, name="base"),
     ]  # fmt: skip
-    return ContactProblem(TriangleMesh.rectangle(cells, 2.0, 1.0), Material(1000.0, 0.3), conditions)
+    return ContactProblem(TriangleMesh.rectangle(cells, 2.0, 1.0), Material(young, 0.3), conditions)
 
 
 def contacts(friction: float, half_open: bool = False, cohesion: float = 0.0) -> FrictionQVI:
@@ -111,6 +113,10 @@ def contacts(friction: float, half_open: bool = False, cohesion: float = 0.0) ->
 def exact_contraction(friction: float, damping: float = 1.0) -> float:
     """That of the loop damped by θ on "contacts"."""
     return float(np.abs(1.0 - damping - damping * friction * COUPLINGS).max())
+
+
+STATES: Final = {"open": (0.0, 0.0), "stick": (17 / 9, -32.5 / 9), "slip": (5 / 3, -10 / 3)}
+"""(r_N, r_T) of the three solutions of `three_solutions` at μ = 2, by hand: 17/9 = 1.8889, −32.5/9 = −3.6111."""
 
 
 def three_solutions(friction: float) -> FrictionQVI:

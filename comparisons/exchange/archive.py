@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
-from qvi_contact.basics.files import open_regular, read_arrays, replacing
+from qvi_contact.basics.writing import open_regular, read_arrays, replacing
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse
 from solvers.certificate.certificate import certify

@@ -29,8 +29,8 @@ from scipy.sparse import csc_array, csr_array
 
 from comparisons.exchange.archive import unreadable
 from comparisons.exchange.local import LARGEST, ContactState, LocalProblem, finite
-from qvi_contact.basics.files import LARGEST as LARGEST_CONTENT
-from qvi_contact.basics.files import replacing
+from qvi_contact.basics.writing import LARGEST as LARGEST_CONTENT
+from qvi_contact.basics.writing import replacing
 from solvers.basics.types import Matrix, Module, Sparse, SparseRows, Vector, load
 from solvers.errors import InputError
 

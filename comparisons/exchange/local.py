@@ -38,7 +38,7 @@ from solvers.basics.checks import real_array
 from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import Certificate, certify
 from solvers.errors import InputError
-from solvers.fixed_point import CondensedForm, Simplified
+from solvers.fixed_point import CondensedForm, FullForm
 from solvers.inequality.problem import FrictionQVI
 from solvers.solution import QVISolution
 from solvers.solve import solve_qvi
@@ -299,7 +299,7 @@ def local_problem(qvi: FrictionQVI) -> LocalProblem:
     if qvi.root is not None and qvi.n <= _ROOTED:
         qvi = replace(qvi, stiffness=replace(qvi.stiffness))  # one of its own: the caller's is left as it is
         qvi.stiffness.use_root()
-    nothing = Simplified(qvi, np.zeros(qvi.m, dtype=np.bool_), np.zeros((0, 0)))
+    nothing = FullForm(qvi, np.zeros(qvi.m, dtype=np.bool_), np.zeros((0, 0)))
     condensed = CondensedForm(nothing).problem
     rows = condensed.contact_rows.toarray()
     root = np.sqrt(np.concatenate([qvi.W, qvi.W]))

@@ -4,9 +4,9 @@
     @click.option("--each", type=COUNT, default=50)
     def wild(each: int) -> Plan:
         \"\"\"Solve generated problems.\"\"\"
-        from comparisons.wild import report, study
+        from comparisons.wild import study
 
-        return Plan([study.declared(each)], report.report)
+        return Plan([study.declared(each)], study.report)
 
 The name of the function is that of the command and of its report; of two words, the first is the folder of both.
 """

@@ -16,7 +16,6 @@ import gzip
 import hashlib
 import io
 import json
-import math
 import os
 import pickle
 import platform
@@ -147,15 +146,6 @@ def plain(value: Any, name: str) -> Any:
     if type(item) is type(value):
         raise TypeError(f"{name} is of type {type(value).__name__}, not a plain value")
     return plain(item, name)
-
-
-def finite_json(value: Any, null: bool = False) -> Any:
-    """The value for JSON, in mappings and sequences too: numbers JSON has not are "nan", "inf" and "-inf", or None."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if null else str(value)
-    if isinstance(value, Mapping):
-        return {name: finite_json(item, null) for name, item in value.items()}
-    return [finite_json(item, null) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _json(value: Any, allow_nan: bool = True) -> str:

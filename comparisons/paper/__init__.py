@@ -6,10 +6,9 @@ __getattr__ = front(
     __name__,
     {
         "reference": ("load",),
-        "report": (
+        "study": (
             "PICTURES", "TABLES", "back_end_rows", "contact_tractions", "convergence", "figure_rows",
-            "principal_stresses", "table_1", "table_rows", "values_of", "verdict", "write",
+            "principal_stresses", "run", "step_count", "table_1", "table_rows", "values_of", "verdict", "write",
         ),
-        "study": ("run", "step_count"),
     },
 )  # fmt: skip

@@ -18,11 +18,11 @@ def paper(out: Path) -> None:
     point with quadratic and with second-order cone programs, and by every installed solver.
     """
     from comparisons.lab.studies import progress
-    from comparisons.paper import report, study
+    from comparisons.paper import study
     from qvi_contact.basics.writing import writable_folder
 
     folder = writable_folder(out, "--out")
     with progress("paper", study.step_count()) as advance:
         result = study.run(advance)
-    made, written = report.write(result, folder)
+    made, written = study.write(result, folder)
     made.show(written)

@@ -22,12 +22,9 @@ from typing import Any, Final
 import numpy as np
 from scipy.sparse import csc_array, vstack
 
+from comparisons.convergence.bodies import dragged_block
 from qvi_contact import (
-    Contact,
     ContactProblem,
-    Material,
-    Traction,
-    TriangleMesh,
     discretize,
     paper,
 )
@@ -176,14 +173,7 @@ def _ssnv128(cells: int) -> Callable[[], FrictionQVI]:
 
 def _block(drag: float, push: float) -> Callable[[], FrictionQVI]:
     """A block on ground with μ = 0.5 under a uniform stress: σ_yy = −push, σ_xy = drag [MPa]."""
-
-    def build() -> FrictionQVI:
-        mesh = TriangleMesh.rectangle((4, 2), width=2.0, height=1.0)
-        ground = Contact("bottom", friction=0.5, name="base")
-        loads = [Traction("top", x=drag, y=-push), Traction("right", x=0.0, y=drag), Traction("left", x=0.0, y=-drag)]
-        return _algebra(ContactProblem(mesh, Material(1e4, 0.3, "stress"), [ground, *loads]))
-
-    return build
+    return lambda: _algebra(dragged_block(0.5, (4, 2), drag, push, 1e4))
 
 
 def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:

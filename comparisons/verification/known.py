@@ -50,12 +50,18 @@ from qvi_contact import (
 from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.limit import LimitLoad, StrengthReduction
 from qvi_contact.limit.load_factor import limit_load
-from qvi_contact.refinement.outcome import Measure as Quantity
+from qvi_contact.refinement.measure import Measure as Quantity
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
 
 SSNV128: Final = "Code_Aster, V6.04.128 (SSNV128)"
+CYLINDER: Final = (358.536, 0.62146)
+"""Hertz, under a hundredth of the load of `gallery.cylinder_on_block`: peak pressure [MPa] and half-width [mm]."""
+
+HALF_DISCS: Final = (9.351351, 0.680778, 0.496511)
+"""The same of `gallery.half_discs`, and Cattaneo's half-width that sticks [mm]."""
+
 TANGENTIAL_FORCE: Final = -1.40535e6
 """Of SSNV128 [N/m], by biquadratic displacement elements with nodal contact; ± 5."""
 
@@ -361,8 +367,8 @@ KNOWN: Final[dict[str, Table]] = {
               "∮T dw, balance of energy"),
     ]),
     "cylinder_on_block": Table("A cylinder on a block: NAFEMS R0094-1 with a hundredth of its force, against Hertz.", [
-        Known("peak pressure [MPa]", _ellipse("contact", 0), 358.536, 2e-4, f"{_HERTZ}0.012"),
-        Known("half-width [mm]", _ellipse("contact", 1), 0.62146, 2e-4, f"{_HERTZ}0.012"),
+        Known("peak pressure [MPa]", _ellipse("contact", 0), CYLINDER[0], 2e-4, f"{_HERTZ}0.012"),
+        Known("half-width [mm]", _ellipse("contact", 1), CYLINDER[1], 2e-4, f"{_HERTZ}0.012"),
     ]),
     "dam_on_seam": Table("A dam on rock with a weak seam: its factor of safety, and the thrust it carries.", [
         Known("N of seam [MN/m]", "seam.normal_force", _SEAM[0], 1e-9, "W"),
@@ -403,14 +409,15 @@ KNOWN: Final[dict[str, Table]] = {
         *_both_sides("thrust", 0.75 * (_DAM[0] - _DAM[1]) / _DAM[2], "μ (W - U)/H, factor of sliding"),
     ], [partial(_bounds, contact="base", tolerance=1e-9, apart=1e-4)]),
     "half_discs": Table("Two half discs with partial slip, against Hertz and Cattaneo.", [
-        Known("peak pressure [MPa]", _ellipse("contact", 0), 9.351351, 0.01, f"{_HERTZ}0.085"),
-        Known("half-width [mm]", _ellipse("contact", 1), 0.680778, 0.01, f"{_HERTZ}0.085"),
+        Known("peak pressure [MPa]", _ellipse("contact", 0), HALF_DISCS[0], 0.01, f"{_HERTZ}0.085"),
+        Known("half-width [mm]", _ellipse("contact", 1), HALF_DISCS[1], 0.01, f"{_HERTZ}0.085"),
         Known("half-width that sticks [mm]",
               _line("contact", lambda line: float(np.abs(line.x[line.state == ContactState.STICK]).max())),
-              0.496511, 0.05, "Cattaneo, a √(1 - Q/(μP)); to one point of the mesh"),
+              HALF_DISCS[2], 0.05, "Cattaneo, a √(1 - Q/(μP)); to one point of the mesh"),
         Known("shear in the middle [MPa]",
               _line("contact", lambda line: float(np.abs(line.tangential_stress)[np.argmin(np.abs(line.x))])),
-              0.2 * 9.351351 * (1.0 - 0.496511 / 0.680778), 0.03, "Cattaneo, μ p₀ (1 - c/a); half planes, a/R = 0.085"),
+              0.2 * HALF_DISCS[0] * (1.0 - HALF_DISCS[2] / HALF_DISCS[1]), 0.03,
+              "Cattaneo, μ p₀ (1 - c/a); half planes, a/R = 0.085"),
     ]),
     "jointed_slope": Table("A jointed slope pushed by water in its crack slides on its lowest bedding plane.", [
         Known("thrust [kN/m]", _edges("crack", "x"), -10.0 * 4.0**2 / 2.0, 1e-9, "γ_w z²/2"),

@@ -5,18 +5,19 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from importlib import import_module
+from itertools import chain
 from typing import Any, Final
 
 from comparisons.lab.drawing import drawn
 from comparisons.lab.numbers import NOTHING
 from comparisons.lab.reports import Report, escaped, render
-from comparisons.lab.studies import finite_json, machine, versions
+from comparisons.lab.studies import machine, versions
 from comparisons.verification.chapters import benchmarks, exact
 from comparisons.verification.pictures import EXHIBITS, conservation, overview
 from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Problem, Row, crash
 from qvi_contact.basics.terminal import Advance
-from qvi_contact.errors import InputError
-from solvers.basics.names import closest
+from qvi_contact.files.export import json_ready
+from solvers.basics.names import known_name
 
 Document = dict[str, Any]
 
@@ -42,20 +43,15 @@ _DIGITS_OF_BOUNDS: Final = 1e-7  # what holds with room to spare needs no more d
 _ROUNDING: Final = 1e-10  # errors below this are one and the same on all machines
 
 
-def choose(names: Sequence[str], chapters: Chapters = CHAPTERS) -> Chapters:
+def choose(names: Sequence[str]) -> Chapters:
     """The chapters, or problems, of these names in the manual's order; all without names; `InputError` if unknown."""
-    known = [*chapters, *(name for problems in chapters.values() for name in problems)]
     for name in names:
-        if name not in known:
-            near = closest(name, known)
-            meant = "" if near is None else f"did you mean {near!r}? Otherwise "
-            remedy = f"{meant}choose a chapter ({', '.join(chapters)}), or the name of a problem in the manual"
-            raise InputError("--only", name, remedy)
+        known_name("--only", name, {"chapters": CHAPTERS, "problems": chain(*CHAPTERS.values())})
     if not names:
-        return chapters
+        return CHAPTERS
     chosen = {
         chapter: {name: problem for name, problem in problems.items() if {chapter, name} & set(names)}
-        for chapter, problems in chapters.items()
+        for chapter, problems in CHAPTERS.items()
     }
     return {chapter: problems for chapter, problems in chosen.items() if problems}
 
@@ -111,7 +107,7 @@ def as_record(row: Row) -> Document:
         "error": row.error, "measure": row.measure, "tolerance": row.tolerance, "ratio": row.ratio,
         "proof": row.proof.text, "certified": row.proof.passed, "passed": row.passed,
     }  # fmt: skip
-    return dict(finite_json(record, null=True))
+    return dict(json_ready(record))
 
 
 def as_json(document: Document) -> str:

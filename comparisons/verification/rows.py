@@ -207,17 +207,8 @@ class Check:
     ) -> Row:
         shared = replace(self, **other)
         source = "; ".join(filter(None, (source, shared.source)))
-        return Row(
-            quantity,
-            float(known),
-            float(ours),
-            shared.kind,
-            source,
-            float(error),
-            measure,
-            shared.tolerance,
-            shared.proof,
-        )
+        numbers = float(known), float(ours), shared.kind, source, float(error)
+        return Row(quantity, *numbers, measure, shared.tolerance, shared.proof)
 
 
 def crash(reason: str) -> Row:

@@ -24,9 +24,9 @@ def wild(each: int, seed: int, only: tuple[str, ...]) -> Plan:
         python -m comparisons wild --each 5
         python -m comparisons wild --each 50 --seed 1000 --only gaps idle --timeout 60 --out results/gaps
     """  # noqa: D301
-    from comparisons.wild import report, study
+    from comparisons.wild import study
 
-    return Plan([study.declared(only, each, seed)], report.report)
+    return Plan([study.declared(only, each, seed)], study.report)
 
 
 @experiment(timeout=300.0, short_help="How often the error that refine estimates is that of its answer.")

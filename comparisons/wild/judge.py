@@ -28,7 +28,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 
 from qvi_contact import Contact, ContactProblem, ContactResult, Displacement, Traction, TriangleMesh
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
-from qvi_contact.mesh.edges import Edges, frames_along
+from qvi_contact.mesh.edges import Edges, cross, edges_of, frames_along, vectors_along
 from qvi_contact.problem.problem import Prescribed
 from solvers import FrictionQVI
 from solvers.inequality.problem import Compliance
@@ -248,9 +248,8 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
     missed, given_there = np.zeros((len(mesh.boundary), 2)), np.zeros(len(mesh.boundary), dtype=int)
     for given in samples.problem.prescribed(Traction):
         edges = given.edges
-        normals, tangents = frames_along(edges, _NODES)
-        local = (normals if given.name.endswith("normal") else tangents) if given.turns else None
-        direction = np.broadcast_to(given.direction[:, None], normals.shape) if local is None else local
+        normals, _ = frames_along(edges, _NODES)
+        direction = vectors_along(edges, given.direction, _NODES, turns=given.turns)
         found = (tractions(normals, samples.on(edges, _NODES)) * direction).sum(axis=2)
         wanted = _forces(mesh, edges, given)
         if edges.curved:
@@ -270,8 +269,7 @@ def _forces(mesh: TriangleMesh, edges: Edges, given: Prescribed) -> FloatArray:
 
     def along(t: float) -> FloatArray:
         s = np.array([t])
-        frames = dict(zip(("normal", "tangential"), frames_along(edges, s), strict=True))
-        turned = frames[given.name.rpartition(".")[2]][:, 0] if given.turns else given.direction
+        turned = vectors_along(edges, given.direction, s, turns=given.turns)[:, 0]
         return _values(given.value, *mesh.points_along(edges, s)) * turned
 
     if not callable(given.value) and not edges.curved:
@@ -364,8 +362,7 @@ def compare(result: ContactResult, other: ContactResult, degree: int = 4) -> Com
     J(σ) = ½ ∫ cσ : σ dx − ∫_{Γ_u} U · σn ds − ∫_{Γ_μ} (g σ_N + w σ_T) ds, plates driven by force left out.
     """
     first, second = Samples.of(result, degree), Samples.of(other, degree)
-    problem, mesh = first.problem, first.problem.mesh
-    one, two, weights = *(_everywhere(each) for each in (first, second)), _areas(mesh)
+    problem, (one, weights), (two, _) = first.problem, _on_cells(first), _on_cells(second)
     compliance = problem.compliances
 
     def strain(sigma: FloatArray, tau: FloatArray) -> float:
@@ -378,48 +375,24 @@ def compare(result: ContactResult, other: ContactResult, degree: int = 4) -> Com
     return Comparison(float(np.sqrt(max(strain(change, change), 0.0) / size)), gain / size)
 
 
-def _places(mesh: TriangleMesh, side: int) -> tuple[Edges, FloatArray]:
-    """The sides opposite to corner `side` of all triangles, and quadrature points s along them."""
-    numbers = mesh.topology.of_cells[:, side]
-    inside = mesh.topology.boundary
-    order = np.zeros(len(inside), dtype=np.int64)
-    order[inside], order[~inside] = np.arange(inside.sum()), np.arange((~inside).sum())
-    fields = [
-        np.where(
-            inside[numbers].reshape(-1, *[1] * (getattr(mesh.boundary, name).ndim - 1)),
-            getattr(mesh.boundary, name)[np.where(inside[numbers], order[numbers], 0)],
-            getattr(mesh.interior, name)[np.where(inside[numbers], 0, order[numbers])]
-            if len(mesh.interior) else getattr(mesh.boundary, name)[np.where(inside[numbers], order[numbers], 0)],
-        )
-        for name in Edges.__match_args__
-    ]  # fmt: skip
-    return Edges(*fields), _NODES
+def _on_cells(samples: Samples) -> tuple[FloatArray, FloatArray]:
+    """Stresses (cells, points, 3) at points x = c + r (γ(s) − c) of all triangles, and weights (cells, points).
 
-
-def _everywhere(samples: Samples) -> FloatArray:
-    """Stresses at the points of `_areas`, (cells, points, 3)."""
+    c is the barycentre, γ a side, and the area element r |(γ − c) × γ'| dr ds.
+    """
     mesh = samples.problem.mesh
-    c, every, found = mesh.vertices[mesh.cells].mean(axis=1), np.arange(len(mesh.cells)), []
+    c, every = mesh.vertices[mesh.cells].mean(axis=1), np.arange(len(mesh.cells))
+    stresses, weights = list[FloatArray](), list[FloatArray]()
     for side in range(3):
-        edges, s = _places(mesh, side)
-        x, y = mesh.points_along(edges, s)
-        for r in _NODES:
-            px, py = c[:, :1] + r * (x - c[:, :1]), c[:, 1:] + r * (y - c[:, 1:])
-            found.append(samples.at(every, np.full(len(every), side), px, py))
-    return np.concatenate(found, axis=1)
-
-
-def _areas(mesh: TriangleMesh) -> FloatArray:
-    """Weights (cells, points) of x = c + r (γ(s) − c) in the area element r |(γ − c) × γ'| dr ds."""
-    c, found = mesh.vertices[mesh.cells].mean(axis=1), []
-    for side in range(3):
-        edges, s = _places(mesh, side)
-        x, y = mesh.points_along(edges, s)
-        _, tangents = frames_along(edges, s)
-        cross = (x - c[:, :1]) * tangents[..., 1] - (y - c[:, 1:]) * tangents[..., 0]
-        element = np.abs(cross) * edges.length[:, None] * _WEIGHTS
-        found += [element * (r * weight) for r, weight in zip(_NODES, _WEIGHTS, strict=True)]
-    return np.concatenate(found, axis=1)
+        edges = edges_of(mesh.vertices, mesh.cells, mesh.topology, mesh.bends, mesh.topology.of_cells[:, side])
+        away = np.stack(mesh.points_along(edges, _NODES), axis=-1) - c[:, None]
+        _, tangents = frames_along(edges, _NODES)
+        element = np.abs(cross(away, tangents)) * edges.length[:, None] * _WEIGHTS
+        for r, weight in zip(_NODES, _WEIGHTS, strict=True):
+            x, y = np.moveaxis(c[:, None] + r * away, -1, 0)
+            stresses.append(samples.at(every, np.full(len(every), side), x, y))
+            weights.append(element * (r * weight))
+    return np.concatenate(stresses, axis=1), np.concatenate(weights, axis=1)
 
 
 def _work(samples: Samples) -> float:
@@ -427,9 +400,8 @@ def _work(samples: Samples) -> float:
     problem, total = samples.problem, 0.0
     mesh = problem.mesh
     for given in problem.prescribed(Displacement):
-        normals, tangents = frames_along(given.edges, _NODES)
-        local = (normals if given.name.endswith("normal") else tangents) if given.turns else None
-        direction = np.broadcast_to(given.direction[:, None], normals.shape) if local is None else local
+        normals, _ = frames_along(given.edges, _NODES)
+        direction = vectors_along(given.edges, given.direction, _NODES, turns=given.turns)
         along = (tractions(normals, samples.on(given.edges, _NODES)) * direction).sum(axis=2)
         work = _values(given.value, *mesh.points_along(given.edges, _NODES)) * along
         total += float(given.edges.length @ (work @ _WEIGHTS))

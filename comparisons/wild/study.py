@@ -1,4 +1,4 @@
-"""The study: problems of every family, each built, solved and judged; where there is no answer, whether there is one.
+"""Problems of every family, built, solved and judged; where there is no answer, whether there is one; and the report.
 
 | outcome    | meaning                                                                                              |
 |------------|------------------------------------------------------------------------------------------------------|
@@ -21,12 +21,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+from pandas import DataFrame, crosstab
 
-from comparisons.lab.studies import PACKAGES, Study
+from comparisons.lab.numbers import seconds
+from comparisons.lab.reports import Report, render
+from comparisons.lab.studies import PACKAGES, Row, Study, frame_of
 from comparisons.wild.generator import FAMILIES, Wild, wild_problem
-from comparisons.wild.judge import EXISTS, UNDECIDED, Comparison, compare, enumerated, wrong
+from comparisons.wild.judge import EXISTS, NONE, UNDECIDED, Comparison, compare, enumerated, wrong
 from qvi_contact import ContactResult, InputError, QVIError, solve
 from solvers import Status
+from solvers.basics.names import known_name
 from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
 
@@ -56,8 +60,7 @@ SECOND: Final = "qp:daqp"
 def declared(families: Sequence[str], each: int, first: int = 0) -> Study:
     """Problems `first`, `first` + 1, … of these families, or of all; a run that is stopped has as many of each."""
     for name in families:
-        if name not in FAMILIES:
-            raise InputError("only", name, f"there is no such family: choose among {', '.join(FAMILIES)}")
+        known_name("only", name, {"families": FAMILIES})
     chosen = [name for name in FAMILIES if not families or name in families]
     cases = [{"number": number, "family": name} for number in range(first, first + each) for name in chosen]
     return Study("wild", 4, "comparisons.wild.study:solve_case", cases, (*PACKAGES, "daqp"))
@@ -129,3 +132,93 @@ def _solvable(result: ContactResult) -> dict[str, Any]:
         return {"answer": "", "exists": exists, "admissible": check_feasibility(qvi).feasible, "far": bool(far)}
     except FactorisationError:
         return {"answer": "", "exists": UNDECIDED, "admissible": None}
+
+
+BROKEN: Final = "broken"
+"""Outcome of a case that ended without a result: out of time or memory, or its process died."""
+
+ORDER: Final = (SOLVED, INFEASIBLE, OPEN, REFUSED, ACCEPTED, WRONG, FOREIGN, BROKEN)
+LONGEST: Final = 30.0
+"""Seconds that no problem should take."""
+
+_NEVER: Final = (WRONG, FOREIGN, ACCEPTED, BROKEN)
+
+
+def problems_of(rows: Sequence[Row]) -> DataFrame:
+    """One line a problem, family by family.
+
+    The columns are those of `frame_of`, with outcome one of `ORDER`, seconds of building and solving, reason, why there
+    is no answer or what is wrong, answer, the method that has one where the default has none, exists, what enumeration
+    says of an open problem, solvable, whether it is known to have a solution, admissible, whether a traction obeys the
+    law and balances the load, and trouble and slow, what must not happen.
+    """
+    problems = frame_of(rows, ("seconds",), ("outcome", "message", "errors", "answer", "exists", "admissible", "far"))
+    problems["outcome"] = problems.outcome.where(problems.has, BROKEN)
+    problems["seconds"] = problems.seconds.fillna(problems.spent)
+    problems["reason"] = [_reason(each) for each in problems.itertuples()]
+    problems["admissible"] = (problems.outcome == SOLVED) | (problems.admissible == True)  # noqa: E712 - or unknown
+    exists = (problems.outcome == OPEN) & (problems.exists == EXISTS)
+    problems["solvable"] = problems.outcome.isin([SOLVED, WRONG]) | exists
+    problems["trouble"] = problems.outcome.isin(_NEVER)
+    problems["slow"] = problems.seconds > LONGEST
+    order = problems.family.map(list(FAMILIES).index)
+    return problems.assign(order=order).sort_values("order", kind="stable", ignore_index=True)
+
+
+def values_of(problems: DataFrame) -> dict[str, Any]:
+    """The numbers of the report's sentences."""
+    unanswered = problems[problems.outcome == OPEN]
+    solvable, admissible = problems[problems.solvable], problems[problems.admissible]
+    present = {name: text for name, text in FAMILIES.items() if name in set(problems.family)}
+    return {
+        **{name: int((problems.outcome == name).sum()) for name in ORDER},
+        "problems": len(problems), "families": present, "longest": LONGEST,
+        "slow": int(problems.slow.sum()), "solvable": len(solvable), "admissible": len(admissible),
+        "missed": int(unanswered.solvable.sum()), "stuck": int(unanswered.admissible.sum()),
+        "hopeless": int((unanswered.exists == NONE).sum()), "unknown": int((unanswered.exists == UNDECIDED).sum()),
+    }  # fmt: skip
+
+
+def _reason(found: Any) -> str:
+    """Why a problem has no answer, as far as is known; what is wrong with one; what an exception says."""
+    if found.outcome == BROKEN:
+        return str(found.reason)
+    if found.outcome == OPEN:
+        return _open_reason(found)
+    if found.outcome == WRONG:
+        return "; ".join(found.errors)
+    return str(found.message) if found.outcome in (FOREIGN, ACCEPTED) else ""
+
+
+def _open_reason(found: Any) -> str:
+    rounding = found.status in ("ill_conditioned", "inaccurate")
+    if found.answer and found.answer == found.answer:
+        return f"{found.answer} finds an answer"
+    if found.exists == EXISTS and rounding:
+        return "there is a solution, and the answer found is short of the tolerance: rounding"
+    if found.exists == EXISTS:
+        return "there is a solution, and no method finds it"
+    if found.exists == NONE:
+        return "no state of contact solves it: admissible tractions need more pressure than the body has there"
+    if found.far is True:
+        return "the body moves to an obstacle hundreds of times farther away than it deforms: rounding"
+    if rounding:
+        return "an answer short of the tolerance: rounding"
+    if found.admissible is False:
+        return "no admissible traction"
+    return "too large to enumerate, or out of time: the load may be beyond a sliding limit"
+
+
+def report(rows: Sequence[Row]) -> Report:
+    """The report; the same rows give the same one. It has failed if there is trouble."""
+    problems = problems_of(rows)
+    named = problems.assign(problem=problems.family + " " + problems.number.astype(str))
+    counts = crosstab(problems.family, problems.outcome).reindex(problems.family.unique(), columns=ORDER, fill_value=0)
+    families = problems.groupby("family")
+    tables = {
+        "outcomes": counts.assign(problems=families.size(), seconds=families.seconds.max()).reset_index(),
+        "troubles": named[named.trouble | named.slow], "open": named[named.outcome == OPEN],
+    }  # fmt: skip
+    forms = {"seconds": lambda value: seconds(value, 2)}
+    return render("comparisons.wild", "wild", values_of(problems), tables, {}, rows, forms=forms,
+                  failed=bool(problems.trouble.any()))  # fmt: skip

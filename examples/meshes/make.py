@@ -17,7 +17,7 @@ from scipy.spatial import Delaunay
 
 from qvi_contact import Corner, TriangleMesh, gallery
 from qvi_contact.mesh.curves import MeshParts
-from qvi_contact.mesh.joining import stacked
+from qvi_contact.mesh.cutting import stacked
 
 FOLDER = Path(__file__).parent
 

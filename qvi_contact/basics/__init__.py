@@ -6,10 +6,8 @@ __getattr__ = front(
     __name__,
     {
         "kept": ("Kept",),
-        "shown": ("Rounding",),
-        "signals": ("handlers_kept",),
         "terminal": ("run",),
-        "units": ("Units",),
+        "units": ("Rounding", "Units"),
         "writing": ("check_writable", "replacing", "writable_folder", "write_text"),
     },
 )

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, Protocol, TextIO, cast
 
 import click
 
-from qvi_contact.basics.retired import RETIRED
-from qvi_contact.errors import InputError, QVIError
+from qvi_contact.errors import RETIRED, InputError, QVIError
 from solvers.basics.foreign import lead_nowhere
 
 if TYPE_CHECKING:

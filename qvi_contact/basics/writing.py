@@ -1,19 +1,167 @@
-"""Files that are either there whole or not there at all, and HTML pages that load nothing."""
+"""Files that are either there whole or not there at all, archives of arrays read within limits, and HTML pages.
 
+Only regular files are replaced, by renaming. Links are followed; a file with several names or another owner keeps both
+and gets new contents, as do devices and pipes. Pages load nothing.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import stat
+import sys
 import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
-from qvi_contact.basics.files import check_writable, given_path, identity, replacing, unwritable
 from qvi_contact.errors import InputError
 
 if TYPE_CHECKING:
     from jinja2 import Template
+    from numpy.typing import NDArray
 
-__all__ = [
-    "check_suffix", "check_writable", "given_path", "identity", "page_template", "replacing", "writable_folder",
-    "write_text",
-]  # fmt: skip
+
+def given_path(field: str, value: object) -> Path:
+    """The path that a caller has given as a text or a `Path`; `InputError` for anything else."""
+    name = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(name, str):
+        raise InputError(field, value, "give the name of a file or folder, as a text or a Path")
+    return Path(name)
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Give a temporary name to write to; when the block ends well, what was written becomes the contents of `path`.
+
+    An earlier file of that name survives any failure of the block, and keeps its mode after it.
+
+    Raises
+    ------
+    InputError
+        If the folder or file cannot be written.
+
+    """
+    path = given_path("output", path)
+    try:
+        target, earlier = _followed(path)
+        beside = target.parent if earlier is None or stat.S_ISREG(earlier.st_mode) else None
+        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=path.suffix, dir=beside)
+        os.close(handle)
+    except (OSError, ValueError) as error:  # ValueError: a folder's name that none can have
+        raise unwritable(path, error) from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        _put(temporary, target, earlier)
+    except OSError as error:
+        raise unwritable(path, error) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: str | Path, field: str = "output") -> None:
+    """Find out before any work is done whether `replacing` can write a file.
+
+    Raises
+    ------
+    InputError
+        If it cannot; about `field`, the option that named it.
+
+    """
+    path = given_path(field, path)
+    try:
+        target, earlier = _followed(path)
+        if earlier is None or stat.S_ISREG(earlier.st_mode):
+            with tempfile.TemporaryFile(dir=target.parent):
+                pass
+    except (OSError, ValueError) as error:
+        raise unwritable(path, error, field) from error
+
+
+def identity(path: str | Path) -> object:
+    """What all names of one file have in common, whether it exists or not."""
+    with suppress(OSError, ValueError):
+        found = Path(path).stat()
+        return found.st_dev, found.st_ino
+    with suppress(OSError, ValueError):  # where the working folder is gone, or no file can have that name
+        return os.path.realpath(path)
+    return str(path)
+
+
+def unwritable(path: Path, error: OSError | ValueError, field: str = "output") -> InputError:
+    """The error for a place where nothing can be written; `field` is the option that named it."""
+    reason = getattr(error, "strerror", None) or str(error)
+    return InputError(field, str(path), f"cannot be written ({reason}): give another place, or make room there")
+
+
+def _followed(path: Path) -> tuple[Path, os.stat_result | None]:
+    """Where a path leads through links, and what stands there; an error if that is there and cannot be written."""
+    resolved = Path(os.path.realpath(path))
+    try:
+        found = path.stat()
+    except FileNotFoundError:  # a new file, or a link to one
+        return resolved, None
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    named = resolved.exists() and resolved.samefile(path)  # pipes that a process holds open have no name
+    return resolved if named else path, found
+
+
+def _put(temporary: Path, target: Path, earlier: os.stat_result | None) -> None:
+    """Rename onto nothing or a regular file of one name and the same owner; else write into what stands there."""
+    new = temporary.stat()
+    if earlier is None:
+        temporary.chmod(0o666 & ~_umask())
+        temporary.replace(target)
+    elif (stream := _standard_stream(earlier)) is not None:  # as /dev/stdout: in its turn, wherever it leads
+        with temporary.open("rb") as source, os.fdopen(os.dup(stream), "wb") as sink:
+            shutil.copyfileobj(source, sink)
+    elif stat.S_ISREG(earlier.st_mode) and earlier.st_nlink == 1 and _owners(earlier) == _owners(new):
+        temporary.chmod(stat.S_IMODE(earlier.st_mode))
+        temporary.replace(target)
+    else:
+        _overwrite(temporary, target)
+
+
+def _standard_stream(earlier: os.stat_result) -> int | None:
+    """The number of the standard output or error stream that a file is, with nothing left in its buffer."""
+    for number, stream in ((1, sys.stdout), (2, sys.stderr)):
+        with suppress(OSError):  # closed by the shell
+            if os.path.samestat(os.fstat(number), earlier):
+                if stream is not None:
+                    stream.flush()
+                return number
+    return None
+
+
+def _overwrite(temporary: Path, target: Path) -> None:
+    """Write into what stands there; the whole contents are kept beside a file where that ends early."""
+    try:
+        with temporary.open("rb") as source, target.open("wb") as sink:
+            shutil.copyfileobj(source, sink)
+    except OSError as error:
+        if not target.is_file():
+            raise
+        kept = target.with_name(target.stem + temporary.name.removeprefix(".writing"))
+        temporary.replace(kept)
+        remedy = f"is written in part only ({error.strerror}): the whole of it is in {kept}"
+        raise InputError("output", str(target), remedy) from error
+
+
+def _owners(found: os.stat_result) -> tuple[int, int]:
+    return found.st_uid, found.st_gid
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -49,7 +197,7 @@ def writable_folder(path: str | Path, field: str = "output") -> Path:
     return folder
 
 
-def page_template(package: str, name: str = "page.html") -> "Template":
+def page_template(package: str, name: str = "page.html") -> Template:
     """The template of this name of a package, which extends ``frame.html`` of this one.
 
     The frame has the head, the style that pages share and the package's own ``page.css``, and the blocks "title",
@@ -65,3 +213,48 @@ def page_template(package: str, name: str = "page.html") -> "Template":
         lstrip_blocks=True,
     )
     return environment.get_template(name)
+
+
+# NumPy archives that others may have written: no pickles, and no more memory than a limit.
+
+
+LARGEST: Final = 1_000_000_000
+"""Bytes of all entries together; a megabyte of a compressed archive can hold a gigabyte of zeros."""
+
+
+def open_regular(path: str | Path) -> BinaryIO:
+    """Open a file for reading; `ValueError` for pipes, which may wait for ever, and devices, which may have no end."""
+    if not stat.S_ISREG(os.stat(path).st_mode):
+        raise ValueError("it is not a regular file")
+    return Path(path).open("rb")
+
+
+def read_arrays(field: str, path: str, stream: BinaryIO) -> dict[str, NDArray[Any]]:
+    """All entries of an open .npz file, each read to its end so that nothing truncated goes unnoticed.
+
+    Raises
+    ------
+    InputError
+        About `field`, if the entries have more than `LARGEST` bytes in all; nothing is read then.
+    Exception
+        Of many kinds (of zip, zlib, NumPy) for what is no such file, is broken, names two entries alike, or holds
+        pickles.
+
+    """
+    import numpy as np  # commands that only write files, or show their help, need none
+
+    with zipfile.ZipFile(stream) as archive:
+        entries = archive.infolist()
+    sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in entries}
+    if len(sizes) < len(entries):
+        raise ValueError("two of its entries have one name")
+    total = sum(sizes.values())  # a reader gets no more, whatever the header of an entry says
+    if total > LARGEST:
+        remedy = f"its arrays have {total} bytes, more than the limit of {LARGEST}: write it from a coarser mesh"
+        raise InputError(field, path, remedy)
+    stream.seek(0)
+    with np.load(stream, allow_pickle=False) as found:
+        arrays = {name: np.asarray(found[name]) for name in found.files}  # what is no array in the file comes as bytes
+    if any(array.size > sizes[name] for name, array in arrays.items()):  # items without a size cost nothing at first
+        raise ValueError("an entry has more items than bytes")
+    return arrays

@@ -1,6 +1,6 @@
 """How far off is the answer: bounds of the energy from an admissible stress and an admissible displacement."""
 
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.bracket.bounds import bracket, displacement, uniqueness
 from qvi_contact.bracket.branches import Branches, other_solutions
 from qvi_contact.bracket.coulomb import CoulombBounds

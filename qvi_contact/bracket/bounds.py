@@ -30,6 +30,7 @@ from qvi_contact.bracket.fixed_bound import (
     AdmissibleStress,
     FixedBoundProblem,
     admissible_stress,
+    after_earlier_slip,
     fixed_bound_problem,
     with_bernstein_rows,
 )
@@ -43,6 +44,7 @@ from qvi_contact.bracket.parts import (
     by_cell,
     edge_parts,
     initial_work,
+    spring_parts,
     strain_energy,
     tractions_on,
 )
@@ -56,8 +58,8 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
-from qvi_contact.problem.initial_strain import is_strained, varies
-from qvi_contact.solution.contact_path import leads_one_way, turning_senses
+from qvi_contact.problem.material import is_strained, varies
+from qvi_contact.solution.contact_line import leads_one_way, turning_senses
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
@@ -74,6 +76,8 @@ _SPOKEN = {
     "Contact.pore_pressure": "The pore pressure",
     "Contact.gap": "The gap",
     "Contact.offset": "The offset",
+    "Contact.normal_stiffness": "The normal stiffness",
+    "Contact.tangential_stiffness": "The tangential stiffness",
     "ContactProblem.body_potential": "The body potential",
 }
 
@@ -87,6 +91,7 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
 
     Supports, gaps and offsets are held up to the degree of the displacements, tractions and friction bounds c and t_max
     up to that of tractions along an edge, p − 2, a body potential up to 5 on cells, and up to p − 2 along contacts.
+    Springs have one stiffness on an edge.
     """
     problem = discretization.problem
     found = [
@@ -124,6 +129,8 @@ def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str
         elif isinstance(condition, Contact):
             yield "Contact.gap", condition.name, edges, condition.gap, degree
             yield "Contact.offset", condition.name, edges, condition.offset, degree
+            for name in ("normal_stiffness", "tangential_stiffness"):
+                yield f"Contact.{name}", condition.name, edges, getattr(condition, name) or 0.0, 0
             if condition.law != "tied":
                 yield "Contact.cohesion", condition.name, edges, condition.cohesion, space.traction_degree
                 yield "Contact.pore_pressure", condition.name, edges, condition.pore_pressure, space.traction_degree
@@ -134,26 +141,13 @@ def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
-    """Bounds of the force that belongs to the one displacement that is not zero, if the problem is of that kind.
+    """Bounds of the force that belongs to the one displacement that is not zero, from those of J(u) [stress × length²].
 
-    Parameters
-    ----------
-    discretization : Discretization
-        The problem that is bracketed.
-    frictionless : bool
-        Whether its friction bounds are all zero.
-    lower, upper : float
-        Bounds of J(u) [stress × length²].
-
-    Returns
-    -------
-    dict
-        "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
-        driven by its offset, whose tangents do not turn back; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the
-        body where a plate moves; "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one
-        given by components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential"; empty where the problem
-        is of another kind.
-
+    "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
+    driven by its offset, whose tangents do not turn back; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the body
+    where a plate moves; "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one given by
+    components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential". Empty where the problem is of
+    another kind, or not `frictionless`, its friction bounds all zero.
     """
     problem = discretization.problem
     data: list[tuple[str, Field, bool, float]] = [("initial_strain", float(is_strained(problem)), False, 1.0)]
@@ -233,7 +227,8 @@ def bracket(
         J(v)  = ½ ∫ (ε(v) − ε⁰) : C : (ε(v) − ε⁰) − ∫ b·v − ∫_{Γ_σ} T·v + ∫_{Γ_μ} s |v_T − w|,  v_N ≤ g,  v = U on Γ_u,
         J*(τ) = ½ ∫ τ : c : τ + ∫ ε⁰ : τ − ∫_{Γ_u} U·τn − ∫_{Γ_μ} (g τ_N + w τ_T),                τ in K(s) of (D1),
 
-    −J*(τ) ≤ J(u) ≤ J(v) for the solution u of the problem with that bound, and
+    −J*(τ) ≤ J(u) ≤ J(v) for the solution u of the problem with that bound, and springs of stiffness k along contacts
+    adding ½ ∫ k d² to J, d their stretch, and ½ ∫ τ²/k to J*,
 
         J(v) + J*(τ) ≥ ½ ∫ ε(u − v) : C : ε(u − v) + ½ ∫ (σ − τ) : c : (σ − τ).
 
@@ -242,7 +237,8 @@ def bracket(
     `Bracket.kind`: for laws without Coulomb friction the one stated; else s = μ|σ_N| is held fixed, and the gap is an
     indicator, as it is without the part that comes from s itself. `Bracket.outer` measures it, and
     `Bracket.force_differences` shows what it does to forces. The errors under Coulomb's law itself are bounded by
-    `Bracket.coulomb`.
+    `Bracket.coulomb`. A step of a history is bracketed as the problem that it is when the slip of the steps before is
+    what was computed: what that slip is off by is not counted, and the bounds are called estimates.
 
     Parameters
     ----------
@@ -268,7 +264,7 @@ def bracket(
     Raises
     ------
     InputError
-        If there is no stress state, an argument is wrong, or the result belongs to a step of a history.
+        If there is no stress state, an argument is wrong, or the result is a step of a history after slip along arcs.
 
     Notes
     -----
@@ -289,7 +285,9 @@ def bracket(
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
     _ = Settings.of(None, options)
+    result, earlier = after_earlier_slip(result)
     given = fixed_bound_problem(result)
+    given = replace(given, reasons=(*earlier, *given.reasons))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
         log.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance, **options)
@@ -307,7 +305,7 @@ def bracket(
         found = _assemble(given, stress, companions[0])
         if given.kind is BracketKind.GIVEN_BOUND:
             _, own, companion = companions
-            reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companion.reasons))
+            reasons = dict.fromkeys((*earlier, *found.reasons[len(given.reasons) :], *companion.reasons))
             bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
             if isinstance(shared, SharedStress) and companion.has_state:
                 try:
@@ -341,7 +339,7 @@ def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], Floa
     Raises
     ------
     InputError
-        If there is no stress state, no displacement was found, or this is a step of a history.
+        If there is no stress state, no displacement was found, or this is a step of a history after slip along arcs.
 
     """
     companion = result.bracket.companion
@@ -384,11 +382,16 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
         own, bound = EdgeTractions.of(discretization, u), unit * given.threshold
         normal, shear = unit * own.normal, unit * own.shear
+        springs = spring_parts(fields, companion)
         for rows in discretization.contacts:
-            if rows.law != "tied":
+            if rows.law == "tied" and rows.name in springs:
+                part = springs[rows.name]
+                contacts[rows.name] = EdgeParts(0.0 * part, 0.0 * part, part)
+            elif rows.law != "tied":
                 e = rows.edges
                 found = edge_parts(discretization, rows, normal[e], shear[e], bound[e], companion)
-                contacts[rows.name], opening, slip = found
+                own_parts, opening, slip = found
+                contacts[rows.name] = replace(own_parts, springs=springs.get(rows.name, own_parts.springs))
                 left = stress.tension[e] @ opening + stress.excess[e] @ slip
                 slack += _OUTWARD * unit * float(left)
                 outer += float(np.abs(unit * own.bound - bound)[e].max(axis=1) @ slip)
@@ -411,7 +414,6 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
         driven=force_bounds(discretization, not given.threshold.any(), lower, upper),
         result=stress.result,
         companion=companion,
-        cell_gaps=np.maximum(parts, 0.0),
     )
 
 

@@ -14,7 +14,6 @@ from itertools import combinations
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket.fixed_bound import check_no_history
 from qvi_contact.bracket.parts import CellFields, bulk
 from qvi_contact.companion.result import CompanionResult
 from qvi_contact.companion.solver import solve_companion
@@ -85,7 +84,10 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
     """
     if not isinstance(result, ContactResult) or result.status is not Status.SOLVED:
         raise InputError("result", result, "give a result whose status is solved")
-    check_no_history(result)
+    known = result.discretization
+    if any(not np.array_equal(rows.offset, each) for rows, each in zip(known.contacts, known.offsets(), strict=True)):
+        remedy = "give the result of one solve, with the earlier slip in `offset`"
+        raise InputError("result", "a step of a history, after earlier slip", remedy)
     found = followed_solutions(result.solution, time_limit=time_limit)
     if len(found) == 1:
         return Branches((result,), (np.nan,), None, "No other solution was found by following the friction.")

@@ -31,6 +31,7 @@ from qvi_contact.bracket.parts import (
     bulk,
     by_cell,
     edge_parts,
+    spring_parts,
     strain_energy,
 )
 from qvi_contact.bracket.share import Share, SharedStress
@@ -63,7 +64,7 @@ class CoulombBounds:
     norm : FrictionNorm
         The norm of R for s and μ, and whether it is proved.
     residual : float
-        ρ = |τ + η − Cε(v)| [√energy].
+        ρ = |τ + η − Cε(v)| [√energy], what springs miss included.
     defect : float
         δ = ∫ |τ_N| (g − v_N) ds, what the solver left of violations included [stress × length²].
     within : float
@@ -188,7 +189,7 @@ def coulomb_bounds(
         if max(excess.max(), tension.max()) > ADMISSIBLE * size:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
         parts, opening, slip = edge_parts(known, rows, unit * normal[e], unit * shear[e], unit * bound[e], companion)
-        edges[rows.name] = EdgeParts(np.maximum(parts.contact, 0.0), np.maximum(parts.friction, 0.0))
+        edges[rows.name] = EdgeParts(np.maximum(parts.contact, 0.0), np.maximum(parts.friction, 0.0), parts.springs)
         left = np.maximum(tension, 0.0) @ opening + np.maximum(excess, 0.0) @ slip
         slack += _OUTWARD * unit * float(left)
     refusal = _displacement_refused(companion, shares)
@@ -197,8 +198,9 @@ def coulomb_bounds(
     problem = known.problem
     fields = CellFields.of(known, result.dofs, companion.degree)
     before = CellFields.of(known, stress.before.dofs, companion.degree)
-    change = replace(fields, stress=fields.stress - before.stress)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
+    springs = {name: EdgeParts(0.0 * part, 0.0 * part, part) for name, part in spring_parts(fields, companion).items()}
+    inside = by_cell(known, inside, springs)
     norm = friction_norm(problem, shares, unit)
     residual = float(np.sqrt(2.0 * inside.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
@@ -222,7 +224,7 @@ def coulomb_bounds(
         residual,
         defect,
         error,
-        float(np.sqrt(2.0 * strain_energy(change, problem.compliances))),
+        float(np.sqrt(2.0 * strain_energy(fields.less(before), problem.compliances))),
         size_of_stress,
         parts_of_cells,
         (*reasons, *(() if norm.proved else (norm.reason,))),

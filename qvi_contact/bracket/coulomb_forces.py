@@ -14,15 +14,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.friction_norm import FrictionNorm
-from qvi_contact.bracket.parts import Bounds, CellFields, tractions_on
+from qvi_contact.bracket.parts import EDGE_POINTS, Bounds, CellFields, tractions_on
 from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
@@ -30,10 +29,10 @@ from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
-from qvi_contact.solution.contact_path import leads_one_way
+from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import obstacle_work, support_work
 
 _CUTS: Final = (1e-6, 1e-1)
@@ -116,13 +115,6 @@ class _Line:
         size = self.sizes[int(values is self.pressure or values is self.room)]
         return np.asarray(values <= max(self.cut * float(values.max(initial=0.0)), _NOISE * size))
 
-    def ratio(self, part: FloatArray, whole: FloatArray, size: float) -> float | None:
-        """The largest |part|/whole; None if a part is more than rounding of a size where the whole counts as none."""
-        none = self.none(whole)
-        if np.abs(part[none]).max(initial=0.0) > _ROUNDING * size:
-            return None
-        return float((np.abs(part[~none]) / whole[~none]).max(initial=0.0))
-
     def _spread(self, chosen: BoolArray) -> BoolArray:
         found = np.zeros_like(chosen)
         found[self.trace.columns[chosen[self.trace.columns].any(axis=1)]] = True
@@ -160,10 +152,12 @@ def coulomb_force_bounds(
     assert companion.state is not None
     if 2 * companion.state.contacts.count > MOST:
         return {}
-    model, mesh = _Model.of(stress, companion), stress.problem.mesh
-    found: dict[str, Bounds] = {}
+    qvi, mesh, found = stress.discretization.qvi, stress.problem.mesh, dict[str, Bounds]()
+    fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
+    body = BodyAtRest.of(stress.problem, companion.degree)
+    changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
     for cut in _CUTS:
-        pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, shares, cut)))
+        pairs = _Pairs(body, fields, changes, stress, companion, list(_lines(stress, companion, shares, cut)))
         for line in pairs.lines:
             targets = {"normal_force": (-1.0, 0.0)}
             if line.share and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
@@ -178,62 +172,12 @@ def coulomb_force_bounds(
 
 
 @dataclass(frozen=True, eq=False)
-class _Model:
-    """What all dual pairs of a mesh share: displacements at rest, τ, and the factors of the energy of stresses."""
+class _Pairs:
+    """Dual pairs z, ζ on the mesh of a result: displacements at rest, τ, and changes of all its tractions."""
 
     body: BodyAtRest
     fields: CellFields
-    scale: FloatArray
-    factors: Any
     changes: LeastChange
-
-    @classmethod
-    def of(cls, stress: ContactResult, companion: CompanionResult) -> _Model:
-        K = stress.discretization.qvi.K
-        scale = 1.0 / np.sqrt(K.diagonal())
-        scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
-        fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
-        body, qvi = BodyAtRest.of(stress.problem, companion.degree), stress.discretization.qvi
-        changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
-        return cls(body, fields, scale, splu(scaled), changes)
-
-    def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
-        """K⁻¹ · right (n, j), once corrected."""
-        scale = self.scale[:, None]
-        found = self.factors.solve(scale * right)
-        found += self.factors.solve(scale * (right - K @ (scale * found)))
-        return np.asarray(scale * found)
-
-
-@dataclass(frozen=True, eq=False)
-class _Spaces:
-    """Displacements w of the interface that meet the conditions of z, and those that test it.
-
-    Attributes
-    ----------
-    held : list of (array, int)
-        By contact μ s where conditions hold z as it is closed, and how many hold it as it sticks.
-    particular, free : arrays
-        All w that meet them with right-hand side d are particular · d + free · y.
-    others : array
-        Basis of the tests.
-    matrix : array
-        Energy of tests and y.
-
-    """
-
-    held: list[tuple[FloatArray, int]]
-    particular: FloatArray
-    free: FloatArray
-    others: FloatArray
-    matrix: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Pairs:
-    """Dual pairs z, ζ on the mesh of a result."""
-
-    model: _Model
     stress: ContactResult
     companion: CompanionResult
     lines: list[_Line]
@@ -244,11 +188,6 @@ class _Pairs:
         return self.stress.discretization
 
     @property
-    def body(self) -> BodyAtRest:
-        """The displacements."""
-        return self.model.body
-
-    @property
     def unit(self) -> float:
         """D: z is that large where its dimensionless coefficients are 1 [length]."""
         return self.known.scales.displacement
@@ -257,27 +196,29 @@ class _Pairs:
         """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
         goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
         c, z, plates = self._displacement(goals)
-        moved = self._ratio_of_displacements(goals, c)
-        if moved is None:
-            return None
         change, parts = self._continuous(self._stress(c))
-        pressed = self._ratio_of_stresses(change)
-        if pressed is None:
+        ratio = self._ratio(goals, c, change)
+        if ratio is None:
             return None
         second = norm.work(self.stress.problem, parts, error, defect)
         if not np.isfinite(second):
             return None
         middle, residual = self._value(goals, c, z, plates, change)
         middle -= a * float(line.trace.fluid.sum()) * self.known.scales.stress * self.known.scales.length
-        rest = (error * residual + max(moved, pressed) * defect + second) / self.unit
+        rest = (error * residual + ratio * defect + second) / self.unit
         rest += _ROUNDED * abs(middle)
         return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
-    def _spaces(self) -> _Spaces:
-        """Where z and its tests may move, whatever a and b."""
+    def _spaces(self) -> tuple[list[tuple[FloatArray, int]], FloatArray, FloatArray, FloatArray]:
+        """Where z and its tests may move, whatever a and b: held, P, Z, and the energies with the tests as rows.
+
+        By contact `held` has μ s where conditions hold z as it is closed, and how many hold it as it sticks. All w of
+        the interface that meet them with right-hand side d are P d + Z y.
+        """
         body, n = self.body, self.body.contacts.count
-        held, trial, test = [], [], []
+        tied = body.B[np.tile(body.contacts.gathered("tied").astype(bool), 2) & body.live]
+        held, trial, test = [], [tied], [tied]
         for line in self.lines:
             closed, stuck = (line.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
             closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
@@ -286,20 +227,17 @@ class _Pairs:
             trial += [normal + turned[:, None] * body.B[n + closed], shear]
             test += [normal, shear]
             held.append((turned, len(stuck)))
-        particular, free = solutions(np.vstack(trial))
-        _, others = solutions(np.vstack(test))
-        return _Spaces(held, particular, free, others, others.T @ body.S @ free)
+        return held, *solutions(np.vstack(trial)), solutions(np.vstack(test))[1].T @ body.S
 
     def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coefficients c (2, n) of z on the contacts, z (size,) and its plates, dimensionless: a and b of length 1."""
-        body, spaces = self.body, self._spaces
-        wanted = []
-        for line, (closed, stuck) in zip(self.lines, spaces.held, strict=True):
+        body, (held, particular, free, energies) = self.body, self._spaces
+        wanted = [np.zeros(len(particular.T) - sum(len(closed) + stuck for closed, stuck in held))]  # of tied ones
+        for line, (closed, stuck) in zip(self.lines, held, strict=True):
             a, b = goals[line.contact.name]
             wanted += [a + closed * b, np.full(stuck, b)]
-        start = spaces.particular @ np.concatenate(wanted)
-        right = -spaces.others.T @ (body.S @ start)
-        w = start + spaces.free @ np.linalg.lstsq(spaces.matrix, right, rcond=1e-13)[0]
+        start = particular @ np.concatenate(wanted)
+        w = start - free @ np.linalg.lstsq(energies @ free, energies @ start, rcond=1e-13)[0]
         z, plates = body.expand(w)
         c = body.contacts.rows @ z - body.contacts.motions @ plates
         return c.reshape(2, body.contacts.count), z, plates
@@ -312,19 +250,16 @@ class _Pairs:
         for line in self.lines:
             local = np.stack(line.trace.on_edges(*c[:, line.start : line.start + line.trace.count]))
             work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
-        load = qvi.N.T @ work[0] + qvi.T.T @ work[1]
-        x = self.model.solved(qvi.K, load[:, None])[:, 0]
-        rows, influence, reached, square = self._held
-        if not rows.shape[0]:
-            return np.asarray(x)
-        x = x - influence @ np.linalg.lstsq(reached, rows @ x, rcond=1e-13)[0]
+        rows, changes = self._held
+        none = np.zeros(rows.shape[0])
+        x = changes.solved(none, qvi.N.T @ work[0] + qvi.T.T @ work[1])
         for _ in range(2):  # what is left of the rows is rounding, which must not count
-            x = x - rows.T @ np.linalg.lstsq(square, rows @ x, rcond=1e-13)[0]
-        return np.asarray(x)
+            x = x - changes.solved(rows @ x)
+        return x
 
     @cached_property
-    def _held(self) -> tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]:
-        """Rows of tractions that are to vanish, what they do, K⁻¹ rowsᵀ, and rows times that and times rowsᵀ."""
+    def _held(self) -> tuple[sparse.csr_array, LeastChange]:
+        """Rows of tractions that are to vanish, and changes that leave them as they are told."""
         qvi, q = self.known.qvi, self.known.rule.count
         held = np.zeros((2, qvi.m), dtype=bool)
         for line in self.lines:
@@ -332,23 +267,7 @@ class _Pairs:
             held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
         parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
         rows = sparse.csr_array(sparse.vstack([*parts, qvi.A]))
-        influence = self.model.solved(qvi.K, rows.T.toarray())
-        return rows, influence, rows @ influence, (rows @ rows.T).toarray()
-
-    def _ratio_of_displacements(self, goals: Mapping[str, tuple[float, float]], c: FloatArray) -> float | None:
-        """The larger of m₁ and m₄; None if there is none."""
-        found = 0.0
-        for line in self.lines:
-            a, b = goals[line.contact.name]
-            here = slice(line.start, line.start + line.trace.count)
-            slip = c[1, here] - b if line.share else 0.0 * c[1, here]
-            across = c[0, here] - a + line.friction * line.slipping * slip
-            for part, whole in ((slip, line.slip), (across, line.opening)):
-                ratio = line.ratio(self.unit * part, whole, self.unit)
-                if ratio is None:
-                    return None
-                found = max(found, ratio)
-        return found
+        return rows, LeastChange.of(qvi, rows)
 
     def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
         """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
@@ -376,21 +295,27 @@ class _Pairs:
             wanted[line.rows.rows] = (share.values * share.weights - own).ravel()
         if wanted.any():
             right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
-            change = change + self.model.changes.solved(right)
+            change = change + self.changes.solved(right)
         return change, parts
 
-    def _ratio_of_stresses(self, change: FloatArray) -> float | None:
-        """The larger of m₂ and m₃; None if there is none."""
-        scales, q, found = self.known.scales, self.known.rule.count, 0.0
-        normal, shear = (scales.stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
+    def _ratio(self, goals: Mapping[str, tuple[float, float]], c: FloatArray, change: FloatArray) -> float | None:
+        """The largest of m₁ to m₄; None if there is none."""
+        stress, q, found = self.known.scales.stress, self.known.rule.count, 0.0
+        normal, shear = (stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
         size = float(np.abs(normal).max())
         for line in self.lines:
-            pairs = ((normal, line.pressure), *(((shear, line.room),) if line.share else ()))
-            for part, whole in pairs:
-                ratio = line.ratio(part[line.rows.rows].reshape(-1, q), whole, size)
-                if ratio is None:
+            (a, b), here = goals[line.contact.name], slice(line.start, line.start + line.trace.count)
+            slip = c[1, here] - b if line.share else 0.0 * c[1, here]
+            across = c[0, here] - a + line.friction * line.slipping * slip
+            pairs = [(self.unit * slip, line.slip, self.unit), (self.unit * across, line.opening, self.unit)]
+            pairs.append((normal[line.rows.rows].reshape(-1, q), line.pressure, size))
+            if line.share:
+                pairs.append((shear[line.rows.rows].reshape(-1, q), line.room, size))
+            for part, whole, unit in pairs:
+                none = line.none(whole)
+                if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
                     return None
-                found = max(found, ratio)
+                found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
         return found
 
     def _value(
@@ -406,14 +331,19 @@ class _Pairs:
         assert companion.state is not None
         u = self.stress.dofs
         other = u + known.basis @ change
-        fields = self.model.fields
-        zeta = scales.stress * cell_stresses(known, other, fields.t)[1] - fields.stress
+        fields = self.fields
+        dual = CellFields.of(known, other, companion.degree).less(fields)
         strain = self.body.body.body.strain(z, slice(None), fields.t[:, -2:]) * (self.unit / scales.length)
         compliance = known.problem.compliances
-        apart = strain - np.einsum("ckl,cgl->cgk", compliance, zeta)
-        size = np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart)
+        apart = strain - np.einsum("ckl,cgl->cgk", compliance, dual.stress)
+        size = float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart))
         inside = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
-        inside += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, zeta, compliance, fields.at_rest))  # −∫ ε⁰ : ζ
+        inside += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, dual.stress, compliance, fields.at_rest))  # ε⁰
+        stretched, t = self.body.contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
+        for own, each in zip(fields.springs, dual.springs, strict=True):
+            missed = each.missed(companion.along(each.name, stretched, t))  # k (d + ζ/k): springs bear −τ and −ζ
+            size += float((each.weights * missed**2).sum())
+            inside -= float((each.weights * own.traction * missed).sum())
         loads = float(companion.state.load @ z + self.body.contacts.resultants @ plates)
         work = inside - loads * scales.energy
         for along in (support_work, obstacle_work):

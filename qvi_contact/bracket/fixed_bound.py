@@ -1,23 +1,26 @@
 """The convex problem that is bracketed, its friction bounds held fixed, and a stress that obeys it on whole edges."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.bracket.outcome import BracketKind
-from qvi_contact.bracket.parts import EdgeTractions
+from qvi_contact.bracket.parts import EdgeTractions, coefficients
+from qvi_contact.companion.data import PARALLEL
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import has_coulomb
+from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.solution.result import ContactResult
 from solvers import FrictionQVI, Status, solve_qvi
 
 LOOSEST: Final = 1e-6
 """Largest violation of the contact law, relative to the largest stress, that counts as admissible."""
+
+_AT_ONCE: Final = 1000  # points that are looked for among edges
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +72,9 @@ def fixed_bound_problem(result: ContactResult) -> FixedBoundProblem:
     Raises
     ------
     InputError
-        If the result has no stress state, or belongs to a step of a history.
+        If the result has no stress state.
 
     """
-    check_no_history(result)
     names = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
     discretization = with_bernstein_rows(result.discretization)
     own = EdgeTractions.of(discretization, result.dofs)
@@ -89,13 +91,82 @@ def with_bernstein_rows(known: Discretization) -> Discretization:
     return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
 
 
-def check_no_history(result: ContactResult) -> None:
-    """Refuse the result of a step of a history."""
-    known = result.discretization
-    pairs = zip(known.contacts, known.offsets(), strict=True)
-    if any(not np.array_equal(rows.offset, offset) for rows, offset in pairs):
-        remedy = "bracket the result of one solve, with the earlier slip in `offset`"
-        raise InputError("result", "a step of a history, after earlier slip", remedy)
+@dataclass(frozen=True, eq=False)
+class EarlierSlip:
+    """An offset of a contact and what the contact has slipped before, as a function of (x, y) [length].
+
+    Attributes
+    ----------
+    offset : float or function of (x, y)
+        What the problem prescribes.
+    first, along : (e, 2) arrays
+        Where edges begin, and the vectors to their ends.
+    slip : (e, q) array
+        Bernstein coefficients on each edge.
+
+    """
+
+    offset: Field
+    first: FloatArray
+    along: FloatArray
+    slip: FloatArray
+
+    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """The sum at points of the edges."""
+        places, found = np.stack([np.ravel(x), np.ravel(y)], axis=1), list[FloatArray]()
+        for some in np.split(places, range(_AT_ONCE, len(places), _AT_ONCE)):
+            away = some[:, None] - self.first
+            t = np.clip((away * self.along).sum(axis=2) / (self.along**2).sum(axis=1), 0.0, 1.0)
+            edge = np.square(away - t[..., None] * self.along).sum(axis=2).argmin(axis=1)
+            shapes = bernstein.basis(self.slip.shape[1] - 1, t[np.arange(len(some)), edge])
+            found.append((shapes * self.slip[edge]).sum(axis=1))
+        slip = np.concatenate(found).reshape(np.shape(x))
+        return np.asarray(evaluate("Contact.offset", self.offset, x, y) + slip)
+
+
+def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str, ...]]:
+    """A step of a history as the result of one problem, with the slip computed before in its offsets, and a reason.
+
+    Where edges go on straight that slip is made continuous, as displacements are. Other results stay as they are,
+    without a reason.
+
+    Raises
+    ------
+    InputError
+        If a contact has slipped before along arcs.
+
+    """
+    known, changed, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
+    for rows, fresh, contact in zip(known.contacts, known.offsets(), result.problem.contacts, strict=True):
+        if np.array_equal(rows.offset, fresh):
+            continue
+        edges = mesh.edges(contact.edges)
+        if edges.curved:
+            remedy = "this step of a history has slipped before along arcs: bracket the result of one solve"
+            raise InputError("result", contact.name, remedy)
+        slip = coefficients(known, (rows.offset - fresh) * known.scales.displacement, known.rule.count - 1)
+        meeting: dict[int, list[tuple[int, int]]] = {}
+        for end, vertices in enumerate((edges.first, edges.second)):
+            for edge, vertex in enumerate(vertices.tolist()):
+                meeting.setdefault(vertex, []).append((edge, -end))
+        for ends in meeting.values():
+            at = tuple(np.array(ends).T)
+            sense = edges.tangent[at[0]] @ edges.tangent[at[0][0]]
+            if (np.abs(sense) > 1.0 - PARALLEL).all():
+                slip[at] = np.sign(sense) * np.mean(np.sign(sense) * slip[at])
+        first, second = mesh.vertices[edges.first], mesh.vertices[edges.second]
+        changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, first, second - first, slip))
+    if not changed:
+        return result, ()
+    conditions = [
+        changed.get(each.name, each) if isinstance(each, Contact) else each for each in result.problem.conditions
+    ]
+    step = known.with_data(replace(result.problem, conditions=conditions), known.scales)
+    names = ", ".join(map(repr, changed))
+    reason = (
+        f"The slip of {names} in the steps before is taken as it was computed: bounds are those of this step alone."
+    )
+    return ContactResult(step, result.solution), (reason,)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.shown import Certainty, shown
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import Certainty, Units, shown
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.parts import Bounds, EdgeParts
 from qvi_contact.companion import CompanionResult
@@ -82,14 +81,13 @@ class Bracket:
     lower, upper : float
         −J*(τ) and J(v) [stress × length²]; −∞ or ∞ where no admissible stress or displacement was found.
     strain : float
-        ½ ∫ τ : c : τ, to compare the gap with [stress × length²].
-    bulk : (ny, nx) or (cells,) array
-        ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0; on a rectilinear mesh by
-        row and column, 0 outside the body.
+        ½ ∫ τ : c : τ, with the energy of springs, to compare the gap with [stress × length²].
+    bulk : (cells,) array
+        ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0.
     contacts : mapping
-        The parts on the edges of each contact that is not tied; tied ones have none.
-    cells : (ny, nx) or (cells,) array
-        All parts by cell: those of an edge belong to its cell, on a joint to both halves.
+        The parts on the edges of each contact that is not tied; tied ones have only those of springs.
+    cells : (cells,) array
+        All parts by cell: those of an edge belong to its cell, on a joint to both halves; zero without a displacement.
     outer : float
         ∫ |s − μ|τ_N|| |v_T − w| ds: what the bound s held fixed may still be off, 0 for other laws. Not part of the
         gap; zero for the solution of the quasi-variational inequality.
@@ -101,10 +99,6 @@ class Bracket:
         it from those of the energy, see `bracket.forces`.
     result, companion : ContactResult, CompanionResult
         The stress τ and the displacement v.
-    cell_gaps : (cells,) array
-        What each cell of the body adds to the gap, ≥ 0, contact and friction included, in the order of the mesh on
-        meshes of any kind: `cells`, with zero for what is below zero where no admissible stress was found. Without a
-        displacement, that is with an infinite `upper`, all zero.
     own : CompanionResult or None
         Where the friction bound is held fixed, a second displacement whose contacts have their own laws, with the
         pressure of its own forces; else None.
@@ -133,7 +127,6 @@ class Bracket:
     driven: Mapping[str, Bounds] = field(default_factory=dict)
     result: ContactResult | None = None
     companion: CompanionResult | None = None
-    cell_gaps: FloatArray = field(default_factory=lambda: np.empty(0))
     own: CompanionResult | None = None
     force_differences: Mapping[str, ForceDifference] = field(default_factory=dict)
     coulomb: CoulombBounds | None = None
@@ -185,6 +178,11 @@ class Bracket:
         return self.upper - self.lower
 
     @property
+    def cell_gaps(self) -> FloatArray:
+        """What each cell adds to the gap: `cells`, with 0 for what is below where no admissible stress was found."""
+        return np.maximum(self.cells, 0.0)
+
+    @property
     def relative_error(self) -> float:
         """Bound of the error of τ in the energy norm, relative to its own: √(2 gap / ∫τ:c:τ), or that of `coulomb`.
 
@@ -199,12 +197,13 @@ class Bracket:
 
     @property
     def parts(self) -> dict[str, float]:
-        """The gap by origin: "bulk", "contact" and "friction" [stress × length²]; without a lower bound no meaning."""
-        return {
-            "bulk": float(self.bulk.sum()),
-            "contact": float(sum(part.contact.sum() for part in self.contacts.values())),
-            "friction": float(sum(part.friction.sum() for part in self.contacts.values())),
-        }
+        """The gap by origin: "bulk", "contact", "friction", "springs" if there are some [stress × length²].
+
+        Without a lower bound it has no meaning.
+        """
+        names = ["contact", "friction"] + ["springs"] * any(each.has_springs for each in self.problem.contacts)
+        on_edges = {name: sum(getattr(part, name).sum() for part in self.contacts.values()) for name in names}
+        return {"bulk": float(self.bulk.sum()), **{name: float(value) for name, value in on_edges.items()}}
 
     @property
     def shown_parts(self) -> dict[str, float]:

@@ -5,16 +5,18 @@ stress τ and an admissible displacement v, by the principle of virtual work,
 
     J(v) + J*(τ) = ½ ∫ (cτ + ε⁰ − ε(v)) : C : (cτ + ε⁰ − ε(v)) dx                    bulk
                  + ∫ −τ_N (g − v_N) ds + ∫ s |v_T − w| + τ_T (v_T − w) ds             contact, friction
+                 + ½ ∫ (τ_N + k_N d_N)²/k_N + (τ_T + k_T d_T)²/k_T ds                 springs
 
-and every integrand is ≥ 0 (Prager-Synge; constitutive-relation error).
+and every integrand is ≥ 0 (Prager-Synge; constitutive-relation error). d is the stretch of springs along contacts;
+there v in the line of contact and friction stands for v − d.
 
-In `docs/theory.md`: (D20).
+In `docs/theory.md`: (D20), (D40).
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -24,13 +26,14 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, contact_named, joined, scaled_stress_at_rest
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.problem.initial_strain import is_strained
+from qvi_contact.problem.material import is_strained
 from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import normal_and_shear
 
 _BELOW_ZERO = 1e-10  # of a field's values: a coefficient below zero that is none
 
-_EDGE_POINTS = 12
+EDGE_POINTS: Final = 12
+"""Gauss points of an edge for integrals of springs and gaps."""
 _POTENTIAL = 5  # degree of a body potential whose energy is integrated exactly
 
 
@@ -49,11 +52,13 @@ class EdgeParts:
     ----------
     contact : ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap
     friction : ∫ s |v_T − w| + τ_T (v_T − w) ds: slip where the stress does not reach the bound, or against it
+    springs : ½ ∫ (τ + k d)²/k ds: what springs bear and what they stretch by, 0 without springs
 
     """
 
     contact: FloatArray
     friction: FloatArray
+    springs: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,13 +152,50 @@ def _polynomials(discretization: Discretization, values: FloatArray) -> tuple[Fl
 
 
 @dataclass(frozen=True, eq=False)
+class SpringField:
+    """Springs of one contact, across it (half 0) or along it (1), arrays (edges, g) over `EDGE_POINTS` of its edges.
+
+    Their stiffness k [stress/length], weights w/k that make ∫ τ²/k ds of τ² [length²/stress], and τ [stress].
+    """
+
+    name: str
+    half: int
+    stiffness: FloatArray
+    weights: FloatArray
+    traction: FloatArray
+
+    def missed(self, stretches: tuple[FloatArray, FloatArray]) -> FloatArray:
+        """τ + k d for the stretches d across and along it [length]."""
+        return np.asarray(self.traction + self.stiffness * stretches[self.half])
+
+    def less(self, other: "SpringField") -> "SpringField":
+        """The difference of the tractions."""
+        return replace(self, traction=self.traction - other.traction)
+
+
+def _springs(discretization: Discretization, u: FloatArray) -> Iterator[SpringField]:
+    """All springs, under the tractions of degrees of freedom u of Φ."""
+    problem, (t, w) = discretization.problem, gauss_legendre(EDGE_POINTS)
+    for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
+        edges = problem.mesh.edges(contact.edges)
+        for half, name in enumerate(("normal_stiffness", "tangential_stiffness")):
+            field = getattr(contact, name)
+            if field is not None:
+                part = tractions_on(discretization, u, rows)[half] * discretization.scales.stress
+                stiffness = evaluate(f"Contact.{name}", field, *problem.mesh.points_along(edges, t), minimum=0.0)
+                traction = part @ bernstein.basis(part.shape[1] - 1, t).T
+                yield SpringField(contact.name, half, stiffness, edges.length[:, None] * w / stiffness, traction)
+
+
+@dataclass(frozen=True, eq=False)
 class CellFields:
-    """Weights (cells, g), stress τ and σ⁰ = −C ε⁰ (cells, g, 3) at points t (g, d) of the reference cell."""
+    """Weights (cells, g), stress τ and σ⁰ = −C ε⁰ (cells, g, 3) at points t (g, d) of the reference cell; springs."""
 
     weights: FloatArray
     stress: FloatArray
     t: FloatArray
     at_rest: FloatArray
+    springs: tuple[SpringField, ...]
 
     @classmethod
     def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
@@ -165,12 +207,19 @@ class CellFields:
         at_rest, cells = np.zeros_like(stress), np.arange(len(stress))
         if is_strained(discretization.problem):
             at_rest = scaled_stress_at_rest(discretization.problem, scales, cells, points)
-        return cls(weights * scales.length**2, stress * scales.stress, t, at_rest * scales.stress)
+        springs = tuple(_springs(discretization, u))
+        return cls(weights * scales.length**2, stress * scales.stress, t, at_rest * scales.stress, springs)
+
+    def less(self, other: "CellFields") -> "CellFields":
+        """The difference of the stresses."""
+        springs = tuple(one.less(two) for one, two in zip(self.springs, other.springs, strict=True))
+        return replace(self, stress=self.stress - other.stress, springs=springs)
 
 
 def strain_energy(fields: CellFields, compliances: FloatArray) -> float:
-    """½ ∫ τ : c : τ dx [stress × length²]."""
-    return 0.5 * float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, fields.stress, compliances, fields.stress))
+    """½ ∫ τ : c : τ dx and ½ ∫ τ²/k ds of springs [stress × length²]."""
+    work = float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, fields.stress, compliances, fields.stress))
+    return 0.5 * (work + sum(float((each.weights * each.traction**2).sum()) for each in fields.springs))
 
 
 def initial_work(fields: CellFields, compliances: FloatArray) -> FloatArray:
@@ -186,6 +235,15 @@ def bulk(fields: CellFields, compliances: FloatArray, strain: FloatArray) -> Flo
     return np.asarray(0.5 * np.einsum("cg,cgk,ckl,cgl->c", fields.weights, difference, stiffness, difference))
 
 
+def spring_parts(fields: CellFields, companion: CompanionResult) -> dict[str, FloatArray]:
+    """½ ∫ (τ + k d)²/k ds on each edge (edges,) of contacts with springs."""
+    found, t = dict[str, FloatArray](), gauss_legendre(EDGE_POINTS)[0]
+    for each in fields.springs:
+        part = 0.5 * (each.weights * each.missed(companion.stretch(each.name, t)) ** 2).sum(axis=1)
+        found[each.name] = found.get(each.name, 0.0) + part
+    return found
+
+
 def edge_parts(
     discretization: Discretization,
     rows: ContactRows,
@@ -194,27 +252,15 @@ def edge_parts(
     bound: FloatArray,
     companion: CompanionResult,
 ) -> tuple[EdgeParts, FloatArray, FloatArray]:
-    """Parts of the gap on the edges of one contact.
+    """Parts of the gap on the edges of one contact, without springs, from Bernstein coefficients (edges, q) [stress].
 
-    Parameters
-    ----------
-    discretization, rows
-        Where.
-    normal, shear, bound : (edges, q) arrays
-        Bernstein coefficients of τ_N, τ_T and s [stress].
-    companion : CompanionResult
-        v.
-
-    Returns
-    -------
-    EdgeParts, ∫ (g − v_N) ds and ∫ |v_T − w| ds on each edge (edges,) [length²].
-
+    Beside them ∫ (g − v_N) ds and ∫ |v_T − w| ds on each edge (edges,) [length²].
     """
     problem = discretization.problem
     contact = contact_named(problem, rows.name)
     edges = problem.mesh.edges(contact.edges)
     lengths = edges.length
-    t, weights = gauss_legendre(_EDGE_POINTS)
+    t, weights = gauss_legendre(EDGE_POINTS)
     gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
     opening = gap - companion.trace(rows.name, t)[0]
     pressure = -normal @ bernstein.basis(normal.shape[1] - 1, t).T
@@ -223,7 +269,9 @@ def edge_parts(
     slip = (companion.trace(rows.name, nodes)[1] - offset) @ bernstein.from_values(companion.degree).T
     nothing = np.zeros_like(shear)
     return (
-        EdgeParts(lengths * ((pressure * opening) @ weights), lengths * slip_work(slip, shear, bound)),
+        EdgeParts(
+            lengths * ((pressure * opening) @ weights), lengths * slip_work(slip, shear, bound), np.zeros(len(edges))
+        ),
         lengths * (np.abs(opening) @ weights),
         lengths * slip_work(slip, nothing, nothing + 1.0),
     )
@@ -243,7 +291,8 @@ def by_cell(discretization: Discretization, inside: FloatArray, on_edges: Mappin
     for contact in problem.contacts:
         if contact.name in on_edges:
             near, far = problem.mesh.edges(contact.edges).cells.T
-            parts = on_edges[contact.name].contact + on_edges[contact.name].friction
+            own = on_edges[contact.name]
+            parts = own.contact + own.friction + own.springs
             joint = contact in problem.joints
             np.add.at(cells, near, 0.5 * parts if joint else parts)
             if joint:

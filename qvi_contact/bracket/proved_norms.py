@@ -39,8 +39,16 @@ def one_ratio(problem: ContactProblem) -> float | None:
 def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> tuple[float, str]:
     """The least proved norm, infinity where there is none, and the bodies that it is proved for.
 
-    Nothing is proved of bodies with arcs, of cracks, and of plates that forces drive.
+    Nothing is proved of bodies with arcs, of cracks, of plates that forces drive, of bodies on beds of springs, and of
+    springs along a contact with friction. Other springs only make the norm less: displacements without stretch are
+    images, and |v| is larger than without springs.
     """
+    yields = (
+        each.tangential_stiffness is not None if has_coulomb(each) else each.law == "tied" and each.has_springs
+        for each in problem.contacts
+    )
+    if any(yields):
+        return np.inf, "bodies on springs"
     if any(has_coulomb(each) and each.plate is not None and each.plate.driven for each in problem.contacts):
         return np.inf, "plates that forces drive"
     try:

@@ -26,7 +26,6 @@ from scipy.sparse.linalg import splu
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import tractions_on
 from qvi_contact.companion.data import PARALLEL
-from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
@@ -93,24 +92,19 @@ def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     if not joints:
         outside = [each for each in problem.conditions if each not in problem.joints]
         return (Body(replace(problem, conditions=outside) if problem.joints else problem, {}),)
-    found = _PARTED.get(problem)
-    if found is None:
-        found = _PARTED[problem] = _parted(problem, joints)
-    return found
+    if problem not in _PARTED:
+        body = blocks_of_cells(problem)
+        for joint in joints:
+            near, far = problem.mesh.edges(joint.edges).cells.T
+            if (body[near] == body[far]).any():
+                raise InputError("Contact.edges", joint.name, "has one body on both sides: let it part two bodies")
+        parts = (np.flatnonzero(body == number) for number in range(int(body.max()) + 1))
+        _PARTED[problem] = tuple(_alone(problem, cells, joints) for cells in parts)
+    return _PARTED[problem]
 
 
 _PARTED: WeakKeyDictionary[ContactProblem, tuple[Body, ...]] = WeakKeyDictionary()
 """What problems have been parted into, as long as these are there: one bracket asks for the bodies three times."""
-
-
-def _parted(problem: ContactProblem, joints: tuple[Contact, ...]) -> tuple[Body, ...]:
-    """The bodies on both sides of joints that are not tied."""
-    body = blocks_of_cells(problem)
-    for joint in joints:
-        near, far = problem.mesh.edges(joint.edges).cells.T
-        if (body[near] == body[far]).any():
-            raise InputError("Contact.edges", joint.name, "has one body on both sides: let it part two bodies")
-    return tuple(_alone(problem, np.flatnonzero(body == number), joints) for number in range(int(body.max()) + 1))
 
 
 def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]) -> Body:
@@ -237,18 +231,14 @@ def with_numbers(problem: ContactProblem) -> ContactProblem:
     """The problem with friction and cohesion as numbers where functions have one value on all of a contact."""
     changed: dict[str, Contact] = {}
     for contact in problem.contacts:
+        points = problem.mesh.points_along(problem.mesh.edges(contact.edges), bernstein.SAMPLES)
         for name in ("friction", "cohesion"):
             field = getattr(contact, name)
             if callable(field):
-                points = problem.mesh.points_along(problem.mesh.edges(contact.edges), bernstein.SAMPLES)
                 values = evaluate(f"Contact.{name}", field, *points)
                 if np.ptp(values) <= _SAME * np.abs(values).max():
-                    before = changed.get(contact.name, contact)
-                    value = float(values.flat[0])
-                    is_friction = name == "friction"
-                    changed[contact.name] = (
-                        replace(before, friction=value) if is_friction else replace(before, cohesion=value)
-                    )
+                    number: dict[str, Any] = {name: float(values.flat[0])}
+                    changed[contact.name] = replace(changed.get(contact.name, contact), **number)
     if not changed:
         return problem
     conditions = [changed.get(each.name, each) if isinstance(each, Contact) else each for each in problem.conditions]
@@ -257,24 +247,20 @@ def with_numbers(problem: ContactProblem) -> ContactProblem:
 
 def outside_scope(problem: ContactProblem) -> str:
     """Why nothing is known of the errors of a problem under Coulomb's law, as far as its data show; else empty."""
-    reasons = (_not_of_the_kind(contact) for contact in problem.contacts)
-    return next(filter(None, reasons), "")
-
-
-def _not_of_the_kind(contact: Contact) -> str:
-    name, rough = repr(contact.name), has_coulomb(contact)
-    found = {
-        f"Bounds under friction are for contacts that may open: {name} keeps its distance.": (
-            rough and contact.law != "unilateral"
-        ),
-        f"Bounds under friction need constant friction and cohesion: those of {name} vary.": (
-            rough and (callable(contact.friction) or callable(contact.cohesion))
-        ),
-        f"Bounds under friction are for Coulomb's law without a limit of the shear stress: {name} has one.": (
-            rough and contact.shear_limit is not None
-        ),
-    }
-    return next((reason for reason, applies in found.items() if applies), "")
+    for contact in filter(has_coulomb, problem.contacts):
+        name = repr(contact.name)
+        if contact.law != "unilateral":
+            return f"Bounds under friction are for contacts that may open: {name} keeps its distance."
+        if callable(contact.friction) or callable(contact.cohesion):
+            return f"Bounds under friction need constant friction and cohesion: those of {name} vary."
+        if contact.shear_limit is not None:
+            return f"Bounds under friction are for Coulomb's law without a limit of the shear stress: {name} has one."
+        if contact.tangential_stiffness is not None and contact.normal_stiffness is None:
+            return (
+                f"Bounds under friction are not for springs along a contact without springs across it: give {name} a "
+                "normal stiffness, or no tangential one."
+            )
+    return ""
 
 
 def with_shares(result: ContactResult) -> SharedStress | str:
@@ -336,7 +322,7 @@ def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str
     for vertex, ends in at.items():
         wanted, vanishes = 0.0, any(vertex in zeros[name] for name, _, _ in ends)
         if not vanishes:
-            wanted = _common([_End.of(raw[name], edge, end) for name, edge, end in ends])
+            wanted = _common([(raw[name], edge, end) for name, edge, end in ends])
         for name, edge, end in ends:
             if raw[name].slipping[edge] == wanted != 0.0:
                 continue
@@ -362,31 +348,16 @@ def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str
     return found, tuple(dict.fromkeys(places))
 
 
-@dataclass(frozen=True)
-class _End:
-    """The value of s at the end of an edge, how much the edge bears there, and whether it slips or is open."""
-
-    value: float
-    weight: float
-    slips: bool
-    is_open: bool
-
-    @classmethod
-    def of(cls, share: Share, edge: int, end: int) -> "_End":
-        at = (0, -1)[end]
-        weights, slips = share.weights[edge], share.slipping[edge] != 0.0
-        return cls(float(share.values[edge, at]), float(weights[at]), bool(slips), not weights.any())
-
-
-def _common(ends: list[_End]) -> float:
-    """One value of s for edges that meet."""
-    for chosen in ([end for end in ends if end.slips and not end.is_open], [end for end in ends if end.is_open]):
-        if chosen:
-            values = {end.value for end in chosen}
-            return values.pop() if len(values) == 1 else 0.0
-    weights = np.array([end.weight for end in ends])
-    weights = weights if weights.any() else np.ones(len(ends))
-    return float(np.average([end.value for end in ends], weights=weights))
+def _common(ends: list[tuple[Share, int, int]]) -> float:
+    """One value of s for the ends of edges that meet: of those that slip, else of open ones, else the mean."""
+    values, weights = (
+        np.array([getattr(share, part)[edge, -end] for share, edge, end in ends]) for part in ("values", "weights")
+    )
+    slips, bears = np.array([(share.slipping[edge] != 0.0, share.weights[edge].any()) for share, edge, _ in ends]).T
+    for chosen in (slips & bears, ~bears):
+        if chosen.any():
+            return float(values[chosen][0]) if np.ptp(values[chosen]) == 0.0 else 0.0
+    return float(np.average(values, weights=weights if weights.any() else np.ones(len(ends))))
 
 
 def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactResult, dict[str, Share]] | str:
@@ -438,22 +409,17 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
         left = np.abs(rows_kept @ change - right)
         if left.max() <= _MET * size:
             return moved, found
-    row = int(kept[left.argmax()])
-    return _where(known, row % m if row < 2 * m else 0)
-
-
-def _where(known: Discretization, row: int) -> str:
-    """No stress of the elements has the shear that is wanted: where."""
-    rows = next(each for each in known.contacts if each.rows.start <= row < each.rows.stop)
+    row = int(kept[left.argmax()])  # where no stress of the elements has the shear that is wanted
+    number = row % m if row < 2 * m else 0
+    rows = next(each for each in known.contacts if each.rows.start <= number < each.rows.stop)
     edges = known.problem.mesh.edges(next(c for c in known.problem.contacts if c.name == rows.name).edges)
-    edge = (row - rows.rows.start) // known.rule.count
-    x, y = known.problem.mesh.vertices[edges.first[edge]]
+    x, y = known.problem.mesh.vertices[edges.first[(number - rows.rows.start) // known.rule.count]]
     return f"No stress on this mesh has a continuous share of friction on {rows.name!r} near ({x:.6g}, {y:.6g})."
 
 
 @dataclass(frozen=True, eq=False)
 class LeastChange:
-    """Changes x of the unknowns of a stress of least energy xᵀKx with given rows · x; rows may depend on each other.
+    """Changes x of the unknowns of a stress of least ½ xᵀKx − load · x with given rows · x, which may be dependent.
 
     Attributes
     ----------
@@ -483,10 +449,10 @@ class LeastChange:
         matrices = [sparse.csc_array(sparse.block_array([[S, R.T], [R, part]])) for part in (nothing, -slightly)]
         return cls((scale, lengths), matrices[0], splu(matrices[1]))
 
-    def solved(self, right: FloatArray) -> FloatArray:
+    def solved(self, right: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
         """The x with rows · x = right, as nearly as there is one."""
         scale, lengths = self.scales
-        wanted = np.concatenate([np.zeros(len(scale)), right / lengths])
+        wanted = np.concatenate([scale * load, right / lengths])
         found = np.zeros_like(wanted)
         for _ in range(4):  # what regularises the system is corrected
             found = found + self.factors.solve(wanted - self.matrix @ found)
@@ -494,15 +460,17 @@ class LeastChange:
 
 
 def held_directions(problem: ContactProblem) -> list[FloatArray]:
-    """Directions (k, 2) in which each boundary edge holds displacements; tied contacts hold both."""
+    """Directions (k, 2) in which each boundary edge holds displacements; tied contacts hold both, but for springs."""
     found: list[list[FloatArray]] = [[] for _ in range(len(problem.mesh.boundary))]
     for given in problem.prescribed(Displacement):
         for edge, direction in zip(given.index.tolist(), given.direction, strict=True):
             found[edge].append(direction)
     for contact in problem.contacts:
         if contact.law == "tied" and contact not in problem.joints:
+            rigid = [each is None for each in (contact.normal_stiffness, contact.tangential_stiffness)]
             for edge in problem.mesh.edge_set(contact.edges).tolist():
-                found[edge] += list(np.eye(2))
+                both = np.stack([problem.mesh.boundary.normal[edge], problem.mesh.boundary.tangent[edge]])
+                found[edge] += list(np.eye(2) if all(rigid) else both[rigid])
     return [np.array(directions).reshape(-1, 2) for directions in found]
 
 
@@ -515,7 +483,12 @@ def spans(directions: FloatArray, wanted: FloatArray) -> bool:
 
 
 def _vanishing(problem: ContactProblem, name: str) -> set[int]:
-    """Vertices where s of a contact must be 0: kinks, and where what meets it holds the normal part of R v."""
+    """Vertices where s of a contact must be 0: kinks, and where what meets it holds the normal part of R v.
+
+    There are none where springs across the contact take μ s v_T upon themselves.
+    """
+    if any(contact.name == name and contact.normal_stiffness is not None for contact in problem.contacts):
+        return set()
     places = {tuple(place): vertex for vertex, place in enumerate(problem.mesh.vertices.tolist())}
     found: set[int] = set()
     try:

@@ -6,8 +6,7 @@ __getattr__ = front(
     __name__,
     {
         "cli": ("group",),
-        "page.numbers": ("contact_rows", "resultant_rows", "step_tables"),
-        "page.page": ("Request", "result_page"),
+        "page.page": ("Request", "contact_rows", "result_page", "resultant_rows", "step_tables"),
         "report": ("history_lines", "result_lines"),
         "progress_line": ("solving",),
     },

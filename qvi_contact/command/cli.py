@@ -152,7 +152,6 @@ def group() -> None:
     help="Contacts with a chart of pressure and friction in pictures, as base,wall; none without charts.  [default: at "
     "most two]",
 )
-@click.option("--certificate", is_flag=True, help="Compute the certificate again and print it as a table.")
 @click.option(
     "--set",
     "swept",
@@ -174,7 +173,6 @@ def solve(
     file: str,
     verbose: bool,
     as_json: bool,
-    certificate: bool,
     swept: tuple[str, ...],
     store: str | None,
     panels: str | None,
@@ -195,10 +193,9 @@ def solve(
     each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers or --dask share the
     values.
 
-    --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
-    any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
-    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk;
-    steps of a history have none.
+    --report writes one page. Its energy bounds take a second solve, of at most --time-limit seconds, by displacement
+    elements. So do the displacements in the file of --vtk. A step of a history is bounded for itself, with the slip
+    before it as it was computed.
 
     \b
     Examples:
@@ -214,14 +211,14 @@ def solve(
     from qvi_contact.basics.writing import write_text
     from qvi_contact.command import series as several
     from qvi_contact.command.outputs import SecondModel, asked_panels, json_text, page_of, write_all
-    from qvi_contact.command.report import result_lines, verification_lines
+    from qvi_contact.command.report import result_lines
     from qvi_contact.files.export import summary
 
     with _opened(file, given) as (problem_file, targets, options):
         problem_file, plan = several.asked(problem_file, swept)
         units = problem_file.units
         charts = asked_panels(problem_file, panels)
-        several.check_asked(plan, store, {**given, "certificate": certificate})
+        several.check_asked(plan, store, given)
         if plan is not None and store is not None:
             shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
             sweep = several.swept(problem_file, plan, options, verbose, store=store, **shared)
@@ -231,31 +228,18 @@ def solve(
             _show(problem_file, document if as_json else several.stored_lines(sweep))
             return 0 if sweep.status == "solved" else 1
         series, steps = several.solved_series(problem_file, plan, options, verbose, store)
-        checked: tuple[Any, ...] = ()
-        if certificate:
-            from qvi_contact.verification.verification import verify_result
-
-            checked = tuple(verify_result(step, given["tolerance"]) for step in steps)
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
             found = [summary(step, units) for step in steps]
-            for step, verification in zip(found, checked, strict=False):
-                step["verification"] = verification.document()
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
         page = page_of(file, problem_file, steps, second, series=series, panels=charts)
         history = None if series is None else series.history
         complete = write_all(targets, problem_file, second, document, page, history, charts)
-    if as_json:
-        _show(problem_file, document)
-    else:
-        lines = result_lines(steps[0], units) if series is None else series.lines(units)
-        values = ((), "t") if series is None else (series.values, series.label)
-        _show(problem_file, (*lines, *(verification_lines(checked, *values) if certificate else ())))
-    if not complete:
-        return 2
-    return 0 if solved and all(found.passed for found in checked) else 1
+    lines = result_lines(steps[0], units) if series is None else series.lines(units)
+    _show(problem_file, document if as_json else lines)
+    return 2 if not complete else 0 if solved else 1
 
 
 @group.command(short_help="Check a stored result, from its file alone.")
@@ -449,6 +433,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     Examples:
         qvi-contact refine examples/trapezoid.toml --target 1e-4 --quantity base.normal_force
         qvi-contact refine examples/punch.toml --target 1e-4 --degree 4 --plot punch.png
+        qvi-contact refine examples/cylinder_on_block.toml --quantity contact.largest_pressure
         qvi-contact refine examples/compressed_plate.toml --quantity plate.normal_force --guaranteed
         qvi-contact refine examples/trapezoid.toml --npz answer.npz && qvi-contact verify answer.npz
         qvi-contact refine examples/trapezoid.toml --json --report trapezoid.html > trapezoid.json
@@ -521,8 +506,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
         qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_report import document, lines, proved, reported, written
+    from qvi_contact.command.outputs import write_limit, write_proof
     from qvi_contact.command.progress_line import solving
+    from qvi_contact.command.report import limit_document, limit_lines
     from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
@@ -535,22 +521,21 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
         problem, refinement, degree = problem_file.problem, None, space.get("degree")
         if not loads and "proof" in targets:
-            click.echo("\n".join(proved(targets["proof"], problem, (), degree)))
+            click.echo("\n".join(write_proof(targets["proof"], problem, (), degree)))
             return 0
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:
             refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
             found, problem = refinement.limit, refinement.problem
-        proofs = proved(targets["proof"], problem, list(loads), degree) if "proof" in targets else []
-    for line in written(targets, loads, problem, found, problem_file):
+        proofs = write_proof(targets["proof"], problem, list(loads), degree) if "proof" in targets else []
+    said = limit_lines(loads, found, refinement)
+    for line in write_limit(targets, file, problem_file, problem, found, said):
         click.echo(f"qvi-contact: {line}", err=True)
-    if "report" in targets:
-        reported(targets["report"], file, problem_file, problem, found, lines(loads, found, refinement))
     if as_json:
-        _show(problem_file, {"loads": list(loads), **document(found, refinement)})
+        _show(problem_file, {"loads": list(loads), **limit_document(found, refinement)})
     else:
-        click.echo("\n".join([*lines(loads, found, refinement), *proofs]))
+        click.echo("\n".join([*said, *proofs]))
     missed = refinement is not None and refinement.status != "reached"
     return 1 if missed or found == -float("inf") else 0
 
@@ -590,8 +575,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
             problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"], **space
         )
     if as_json:
-        upper = found.upper if found.upper < float("inf") else None
-        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": upper})
+        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": found.upper})
     else:
         above = (
             f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < float("inf") else "no bound above"
@@ -612,7 +596,7 @@ def check_proof(file: str) -> int:
     Example:
         qvi-contact check-proof drag.json
     """  # noqa: D301
-    from qvi_contact.command.limit_report import checked_proof
+    from qvi_contact.command.report import checked_proof
 
     holds, line = checked_proof(file)
     click.echo(line)

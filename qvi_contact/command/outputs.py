@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from importlib.util import find_spec
-from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -24,6 +22,8 @@ if TYPE_CHECKING:
     from qvi_contact.command.series import Series
     from qvi_contact.companion import CompanionResult
     from qvi_contact.files.problem_file import ProblemFile
+    from qvi_contact.limit.load_factor import LimitLoad
+    from qvi_contact.problem.problem import ContactProblem
     from qvi_contact.refinement import Refinement
     from qvi_contact.solution.history import History
     from qvi_contact.solution.result import ContactResult
@@ -91,7 +91,7 @@ class SecondModel:
 
     @cached_property
     def bracket(self) -> Bracket | None:
-        """The bracket; None without a stress state, for a step of a history, and for incompressible materials."""
+        """The bracket; None without a stress state, for incompressible materials, and after earlier slip along arcs."""
         from qvi_contact.bracket import bracket
 
         if not self.result.has_state:
@@ -116,7 +116,7 @@ class SecondModel:
 
     def write(self, path: str, units: Units) -> None:
         """Write the fields of the body, with the displacement if there is one, and those of contacts beside them."""
-        from qvi_contact.files.vtu import contacts_path, write_contacts_vtu, write_vtu
+        from qvi_contact.files.export import contacts_path, write_contacts_vtu, write_vtu
 
         write_vtu(path, self.result, units, bracket=None if self.companion is None else self.bracket)
         if self.result.contacts:
@@ -212,12 +212,53 @@ def page_of(
     def made() -> str:
         from qvi_contact.command.page.page import Request, result_page
 
-        command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
-        return result_page(Request.read(path, file, command), steps, second, refinement, series, panels)
+        return result_page(Request.read(path, file), steps, second, refinement, series, panels)
 
     return made
 
 
+def write_proof(path: str, problem: ContactProblem, loads: Sequence[str], degree: int | None) -> list[str]:
+    """Write a proof file; what people read of it."""
+    from qvi_contact.limit.check_proof import check, sentences
+    from qvi_contact.limit.load_factor import limit_proof
+    from qvi_contact.limit.proof import save_proof
+
+    proof = limit_proof(problem, loads, degree=degree)
+    save_proof(path, proof)
+    found = sentences(*check(proof)[:2])
+    return found + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
+
+
+def write_limit(
+    targets: Mapping[str, str],
+    source: str,
+    file: ProblemFile,
+    problem: ContactProblem,
+    limit: LimitLoad,
+    said: Sequence[str],
+) -> Iterator[str]:
+    """Write picture, fields and page of a limit load, on the mesh of the analysis; a line for what there is not.
+
+    `source` is the path of the problem file, `said` what people read of the answer.
+    """
+    from qvi_contact.command.page.page import Request, limit_page
+    from qvi_contact.files.export import write_collapse_vtu
+    from qvi_contact.plots import limit_figure, save_figure
+
+    if "plot" in targets and limit.mechanism is None and limit.collapse is None:
+        yield f"there is no mechanism to draw in {targets['plot']}"
+    elif "plot" in targets:
+        save_figure(targets["plot"], limit_figure(problem, limit, file.units, file.title, f"{said[0]}."))
+    if "vtk" in targets and limit.collapse is None:
+        yield f"there is no flow to write to {targets['vtk']}: no part of the body yields, or it has no largest load"
+    elif "vtk" in targets:
+        write_collapse_vtu(targets["vtk"], problem, limit, file.units)
+    if "report" in targets:
+        write_text(targets["report"], limit_page(Request.read(source, file), problem, limit, said))
+
+
 def json_text(document: object) -> str:
-    """A document as JSON."""
-    return json.dumps(document, indent=2, allow_nan=False)
+    """A document as JSON; numbers that are not finite are null."""
+    from qvi_contact.files.export import json_ready
+
+    return json.dumps(json_ready(document), indent=2, allow_nan=False)

@@ -1,24 +1,27 @@
-"""Results and problems as plain text for a terminal."""
+"""What commands say of results, problems and limit loads: plain text for a terminal, and documents for programs."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qvi_contact.basics.shown import Certainty, Rounding, shown
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import Certainty, Rounding, Units, shown
+from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult, plate_numbers
-from qvi_contact.verification.verification import Verification
 from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Branches
-    from qvi_contact.refinement import Refinement, RefinementRound
+    from qvi_contact.files.problem_file import ProblemFile
+    from qvi_contact.limit.load_factor import LimitLoad
+    from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
     from qvi_contact.refinement.outcome import Outcome
 
 STATES = [state.name.lower() for state in ContactState]
@@ -147,18 +150,6 @@ def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]
     yield from (f"remark: {units.filled(remark)}" for remark in remarks)
 
 
-def verification_lines(checked: Sequence[Verification], values: Sequence[float], label: str = "t") -> Iterator[str]:
-    """The table of the one result; of several the verdict of each step, and the table of the first that fails."""
-    if len(checked) == 1:
-        yield from ("", checked[0].table())
-        return
-    failed = next((found for found in checked if not found.passed), None)
-    for number, (found, value) in enumerate(zip(checked, values, strict=False), 1):
-        yield f"step {number}, {label} = {value:.6g}: {found.summary()}"
-    if failed is not None:
-        yield from ("", failed.table())
-
-
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     """What `qvi_contact.command.outline.outline` found, as text."""
     mesh = outline["mesh"]
@@ -237,22 +228,21 @@ def branches_lines(result: ContactResult, found: Branches | None, units: Units) 
 
 
 def branches_document(result: ContactResult, found: Branches | None, units: Units) -> dict[str, Any]:
-    """The same for programs: a summary of each solution, the preferred one first; a distance not known is None."""
+    """The same for programs: a summary of each solution, the preferred one first; NaN is a distance not known."""
     results, distances = ((result,), (math.nan,)) if found is None else (found.results, found.distances)
     solutions = [
-        {"distance": distance if math.isfinite(distance) else None, **summary(each, units)}
-        for each, distance in zip(results, distances, strict=True)
+        {"distance": distance, **summary(each, units)} for each, distance in zip(results, distances, strict=True)
     ]
     return {"message": units.filled(result.message if found is None else found.message), "solutions": solutions}
 
 
 def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
-    """Outcome and rounds for programs: numbers that are not finite are None, errors are relative."""
+    """Outcome and rounds for programs; errors are relative."""
 
     def told(each: Outcome | RefinementRound) -> dict[str, Any]:
         return {
-            "value": _finite(each.value),
-            "estimate": _finite(each.estimate),
+            "value": each.value,
+            "estimate": each.estimate,
             "guaranteed": each.guaranteed,
             "certainty": str(each.certainty),
         }
@@ -261,7 +251,7 @@ def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
         "status": found.status.value,
         "quantity": found.quantity,
         **told(found),
-        "value": {"value": _finite(found.value), "unit": _unit(found, units)},
+        "value": {"value": found.value, "unit": _unit(found, units)},
         "target": found.target,
         "message": found.message,
         "advice": found.status.advice,
@@ -317,11 +307,95 @@ def _error(each: RefinementRound) -> tuple[str, str]:
     return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 def _unit(found: Outcome, units: Units) -> str:
-    from qvi_contact.refinement.outcome import unit_of
+    from qvi_contact.refinement.measure import unit_of
 
     return unit_of(found.quantity, units)
+
+
+_REMEDY = "give a file written by qvi-contact limit --proof"
+
+
+def checked_proof(path: str) -> tuple[bool, str]:
+    """Whether a proof file holds, and what people read of it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is no proof file.
+
+    """
+    from qvi_contact.limit.check_proof import check, sentences
+
+    try:
+        proof = json.loads(Path(path).read_text(encoding="utf-8"))
+        *proved, counted = check(proof)
+    except OSError as error:
+        raise InputError("file", path, f"cannot be read ({error.strerror}): {_REMEDY}") from error
+    except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
+        raise InputError("file", path, f"is no proof file: {_REMEDY}") from error
+    except json.JSONDecodeError as error:
+        raise InputError("file", path, f"is no JSON ({error}): {_REMEDY}") from error
+    except ValueError as error:
+        return False, f"not proved: {error}"
+    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
+    return True, "\n".join([*sentences(*proved), f"checked: {checked}"])
+
+
+def limit_lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:
+    """What people read."""
+    found = [f"{', '.join(loads)}: {limit_sentence(limit)}"]
+    if refinement is not None:
+        found.append(refinement.message)
+        if refinement.status != "reached":
+            found.append(refinement.status.advice)
+    return found
+
+
+def limit_sentence(limit: LimitLoad) -> str:
+    """How much the mesh and the body carry."""
+    if limit.upper == -math.inf:
+        return "no multiple can be carried"
+    if limit.upper == limit.lower == math.inf:
+        return "no upper limit"
+    if limit.collapse is not None and not limit.collapse.guaranteed:
+        numbers = f"{_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
+        return (
+            f"estimates of what the body carries are {numbers}; they are no bounds, as sides are arcs or the body "
+            "force is no polynomial of the mesh"
+        )
+    mesh = "this mesh carries " + _multiple(limit.lower)
+    body = "no stress of the body carries more than " + _multiple(limit.upper)
+    return f"{mesh} these loads; {body if limit.upper < math.inf else 'for the body there is no upper limit'}"
+
+
+def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
+    """The same for programs; `outcome` says what factors that are not finite stand for."""
+    outcome = "none" if limit.upper == -math.inf else "unbounded" if limit.upper == math.inf else "bounded"
+    bounds = limit.collapse is None or limit.collapse.guaranteed
+    known: dict[str, Any] = {
+        "outcome": outcome,
+        "bounds": bounds,
+        "factor": limit.lower + 0.0,
+        "upper": limit.upper + 0.0,
+        "message": limit_sentence(limit),
+    }
+    if refinement is not None:
+        known["refinement"] = {
+            "status": refinement.status.value,
+            "target": refinement.target,
+            "estimate": refinement.estimate,
+            "guaranteed": refinement.guaranteed,
+            "certainty": str(refinement.certainty),
+            "unknowns": refinement.rounds[-1].unknowns,
+            "rounds": len(refinement.rounds),
+            "message": refinement.message,
+        }
+    return known
+
+
+def _multiple(factor: float) -> str:
+    """A factor in a sentence."""
+    if math.isinf(factor):
+        return "any multiple of" if factor > 0.0 else "no multiple of"
+    return f"{factor + 0.0:.9g} times"

@@ -16,7 +16,7 @@ from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from qvi_contact.basics.units import Units
-    from qvi_contact.files.sweep_store import StoredSweep
+    from qvi_contact.files.stores import StoredSweep
     from qvi_contact.solution.history import History
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.sweep import Sweep
@@ -77,9 +77,7 @@ def solved_series(
 ) -> tuple[Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
     from qvi_contact.command.progress_line import solving
-    from qvi_contact.solution.history import solve_history
     from qvi_contact.solution.solver import solve
-    from qvi_contact.solution.sweep import Sweep
     from solvers.basics.progress import deadline
 
     if store is not None and not file.times:
@@ -92,6 +90,8 @@ def solved_series(
     title = file.title or ("sweep" if plan is not None else "history" if values else "solve")
     with solving(title, max(len(values), 1), verbose=verbose) as advance:
         if plan is not None:  # of a constant: each value is a problem of its own
+            from qvi_contact.solution.sweep import Sweep  # which one solve does without, as histories
+
             limit = options.pop("time_limit", None)
             steps: list[ContactResult] = []
             with deadline(limit):
@@ -105,6 +105,8 @@ def solved_series(
             return Series(plan.parameter, values, Sweep(plan.parameter, values, tuple(steps))), steps
         if not values:
             return None, (solve(file.problem, **options, verbose=verbose),)
+        from qvi_contact.solution.history import solve_history
+
         done = 0
 
         def told(number: int, _result: ContactResult) -> None:
@@ -120,7 +122,7 @@ def solved_series(
 def swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:
     """The sweep of a file; `stored` are a store, where its rows are kept then, and those who share it."""
     from qvi_contact.command.progress_line import solving
-    from qvi_contact.files.sweep_store import read_sweep
+    from qvi_contact.files.stores import read_sweep
     from qvi_contact.solution import sweep
 
     solve_sweep: Any = sweep.solve_sweep  # with a store or without
@@ -148,7 +150,7 @@ def check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, A
         if not streams and asked[name] is not None:
             remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
             raise InputError(f"--{name}", asked[name], remedy)
-    for name in ("plot", "vtk", "npz", "report", "certificate"):
+    for name in ("plot", "vtk", "npz", "report"):
         if streams and asked[name]:
             remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
             raise InputError(f"--{name}", asked[name], remedy)

@@ -7,6 +7,8 @@ touch,
     S w_Γ = r + B_Γᵀ z,      solvable if  Rᵀ(r + B_Γᵀ z) = 0,      w_Γ = G (r + B_Γᵀ z) + R a
 
 with R an orthonormal basis of the rigid motions that the supports leave free, G = (S + ρ R Rᵀ)⁻¹, and a their size.
+Stretches of springs come last in w_Γ: S has their stiffness as a block of its own, and rigid motions leave them as they
+are.
 """
 
 from collections.abc import Callable
@@ -15,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.companion.data import MISFIT, Supports, load_points
@@ -51,15 +53,24 @@ class Elasticity:
         Stiffness C with σ = C ε + σ⁰, times the unit of compliance.
     at_rest : function of cells and points, optional
         σ⁰ of an initial strain (k, q, 3) at points (k, q, 2) of cells (k,), dimensionless.
+    springs : (k, k) sparse array, optional
+        M of springs along contacts, with the energy ½ dᵀM d of their stretches d, which follow the degrees of freedom
+        of `space`: displacements v have the shape (size,) with the stretches.
 
     """
 
     space: DisplacementSpace
     moduli: FloatArray
     at_rest: Callable[[IntArray, FloatArray], FloatArray] | None = None
+    springs: sparse.csr_array | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom, with the stretches of springs."""
+        return self.space.size + (0 if self.springs is None else self.springs.shape[0])
 
     def stiffness(self) -> sparse.csr_array:
-        """K with vᵀKv = ∫ ε:C:ε, shape (size, size)."""
+        """K with vᵀKv = ∫ ε:C:ε without springs, shape (size, size) of the space."""
         space, count = self.space, len(self.space.table)
         local, slopes = reference_matrices(space.cell), space.slopes
         n = local.shape[-1]
@@ -117,12 +128,12 @@ class Elasticity:
         """−∫ σ⁰ : ε(v) as a vector (size,): the load by which an initial strain deforms the body."""
         t, weights = self.points()
         if self.at_rest is None:
-            return np.zeros(self.space.size)
+            return np.zeros(self.size)
         return -self.virtual_work(self.initial_stress(slice(None), t) * weights[..., None], t)
 
     def _gradients(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """∂_b u_c as [cell, b, point, c]."""
-        cell, local = self.space.cell, v.reshape(-1, 2)[self.space.table[cells]]
+        cell, local = self.space.cell, v[: self.space.size].reshape(-1, 2)[self.space.table[cells]]
         values = cell.derivative_values(t)
         along = np.stack([values @ (cell.differences[axis] @ local) for axis in (0, 1)], axis=1)
         found = _combined(self.space.slopes[cells].swapaxes(1, 2), along)
@@ -138,19 +149,26 @@ class Elasticity:
         return t, self.space.measures(t, weights)
 
     def energy(self, v: FloatArray) -> float:
-        """½ ∫ (ε − ε⁰) : C : (ε − ε⁰)."""
+        """½ ∫ (ε − ε⁰) : C : (ε − ε⁰) + ½ dᵀM d."""
         t, weights = self.points()
+        d = v[self.space.size :]
+        springs = 0.0 if self.springs is None else 0.5 * float(d @ (self.springs @ d))
         if self.at_rest is None:
             strain = self.strain(v, slice(None), t)
-            return 0.5 * float(np.einsum("cq,cqk,cqk->", weights, strain, strain @ self.moduli.swapaxes(1, 2)))
-        stress = self.stress(v, slice(None), t)
-        return 0.5 * float(np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli)))
+            work = np.einsum("cq,cqk,cqk->", weights, strain, strain @ self.moduli.swapaxes(1, 2))
+        else:
+            stress = self.stress(v, slice(None), t)
+            work = np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli))
+        return 0.5 * float(work) + springs
 
     def force(self, v: FloatArray) -> FloatArray:
-        """K v (size,), through stresses."""
+        """K v (size,), through stresses, and M d."""
         t, weights = self.points()
         stress = self.strain(v, slice(None), t) @ self.moduli.swapaxes(1, 2)
-        return self.virtual_work(stress * weights[..., None], t)
+        found = self.virtual_work(stress * weights[..., None], t)
+        if self.springs is not None:
+            found[self.space.size :] = self.springs @ v[self.space.size :]
+        return found
 
     def virtual_work(self, stress: FloatArray, t: FloatArray) -> FloatArray:
         """Σ_q stress_q : ε_q(v) as a vector (size,), for weighted stresses (cells, q, 3) at points t (q, 2)."""
@@ -164,7 +182,7 @@ class Elasticity:
             along[space.curved.numbers] = np.einsum("kqab,kbqc->kaqc", slopes, tensor[space.curved.numbers])
         values = cell.derivative_values(t).T
         local = sum(cell.differences[axis].T @ (values @ along[:, axis]) for axis in (0, 1))
-        found = np.bincount(space.dofs.ravel(), np.ravel(local), minlength=space.size)
+        found = np.bincount(space.dofs.ravel(), np.ravel(local), minlength=self.size)
         return np.asarray(found, dtype=np.float64)
 
 
@@ -180,7 +198,7 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     That is a difference of the body force's from a finer quadrature, or what is left of tractions that no quadrature
     can follow. Of a body potential only the points of the two quadratures are seen, 541 or more a cell.
     """
-    tractions, remarks = _traction_load(problem, body.space, scales)
+    tractions, remarks = _traction_load(problem, body, scales)
     first, second = (
         tractions + _body_load(problem, body, scales, count)
         for count in (load_points(body.space.degree), 2 * load_points(body.space.degree) + 1)
@@ -193,35 +211,24 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     return second, (changed, *remarks)
 
 
-def _traction_load(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales
-) -> tuple[FloatArray, tuple[str, ...]]:
+def _traction_load(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
     """∫_{Γσ} T·v ds as a vector (size,), and which tractions no quadrature follows."""
-    load, remarks = np.zeros(space.size), list[str]()
+    space, load, remarks = body.space, np.zeros(body.size), list[str]()
     for given in problem.prescribed(Traction):
         edges = given.edges
         found = along_edges(problem.mesh, edges, given.name, given.value, load_points(space.degree))
         shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
         lengths = edges.length / scales.length
-        if edges.curved and given.turns:
-            along = vectors_along(edges.take(found.edge), given.direction[found.edge], found.t)
-            for component in (0, 1):
-                work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
-                np.add.at(load, 2 * space.along(edges) + component, work)
-        else:
-            _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
+        along = vectors_along(edges.take(found.edge), given.direction[found.edge], found.t, turns=given.turns)
+        for component in (0, 1):
+            work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
+            np.add.at(load, 2 * space.along(edges) + component, work)
         if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
             size = f"{found.error:.2g} [stress]"
             remarks.append(
                 f"{given.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
             )
     return load, tuple(dict.fromkeys(remarks))
-
-
-def _add(load: FloatArray, numbers: IntArray, work: FloatArray, direction: FloatArray) -> None:
-    """Add the work (e, p + 1) against coefficients along one direction for each edge (e, 2)."""
-    for component in (0, 1):
-        np.add.at(load, 2 * numbers + component, direction[:, [component]] * work)
 
 
 def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count: int) -> FloatArray:
@@ -231,7 +238,7 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     """
     space, mesh, field = body.space, problem.mesh, problem.body_potential
     if not callable(field):
-        return np.zeros(space.size)
+        return np.zeros(body.size)
     name = "ContactProblem.body_potential"
     t, w = space.cell.quadrature(count)
     places = mesh.origin + scales.length * space.points(slice(None), t)
@@ -251,13 +258,10 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     for edges, numbers, outward in outlines:
         values = (evaluate(name, field, *mesh.points_along(edges, t)) - base) / scales.stress
         lengths = edges.length / scales.length
-        if edges.curved:
-            along = vectors_along(edges, outward, t)
-            for component in (0, 1):
-                work = -lengths[:, None] * ((values * along[..., component]) @ shape)
-                np.add.at(load, 2 * numbers + component, work)
-        else:
-            _add(load, numbers, -lengths[:, None] * (values @ shape), outward)
+        along = vectors_along(edges, outward, t)
+        for component in (0, 1):
+            work = -lengths[:, None] * ((values * along[..., component]) @ shape)
+            np.add.at(load, 2 * numbers + component, work)
     return load
 
 
@@ -309,22 +313,26 @@ class CondensedBody:
         """
         size, Q = body.space.size, supports.axes
         free = np.setdiff1d(np.arange(size), supports.index)
-        rigid = supports.inverse @ body.space.rigid()
-        interface = np.setdiff1d((rows @ Q).indices, supports.index)
+        rigid = (supports.inverse @ np.pad(body.space.rigid(), ((0, body.size - size), (0, 0))))[:size]
+        interface = np.setdiff1d((rows @ Q)[:, :size].indices, supports.index)
         interface = np.union1d(interface, _pins(body, rigid, supports.index, interface)).astype(np.int64)
-        K = body.stiffness()
-        K = (sparse.csr_array(Q.T @ K @ Q) if supports.slanted else K)[free][:, free]
+        K, turned = body.stiffness(), Q[:size, :size]
+        K = (sparse.csr_array(turned.T @ K @ turned) if supports.slanted else K)[free][:, free]
         place = np.searchsorted(free, interface)
         shift = float(K.diagonal().mean()) if len(free) else 0.0
         held = np.zeros(len(free))
         held[place] = shift  # back ends want a positive definite matrix; S has it on its diagonal and is freed of it
         factor = make(sparse.csc_array(K + sparse.diags_array(held)), place, Request())
         S = factor.schur - shift * np.eye(len(place))
-        fixed = np.zeros(size)
+        fixed = np.zeros(body.size)
         fixed[supports.index] = supports.values
         r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
         motions = (rigid @ _null_space(rigid[supports.index]))[interface]
         R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
+        if body.springs is not None:
+            more = body.size - size
+            S, interface = block_diag(S, body.springs.toarray()), np.append(interface, np.arange(size, body.size))
+            r, R = np.append(r, np.zeros(more)), np.pad(R, ((0, more), (0, 0)))
         stiffened = S, True
         if len(S):
             rho = float(np.trace(S)) / len(S)
@@ -343,15 +351,16 @@ class CondensedBody:
         """V (size,) from w_Γ, the rest in equilibrium: defect corrections remove rounding."""
         w, Q = self.fixed, self.supports.axes
         w[self.interface] = values
+        held = np.zeros(len(self.interface) - (self.body.size - self.body.space.size))
         for _ in range(_CORRECTIONS):
             _, state = self.factor.reduce((Q.T @ (self.load - self.body.force(Q @ w)))[self.free])
-            w[self.free] += self.factor.expand(state, np.zeros(len(self.interface)))
+            w[self.free] += self.factor.expand(state, held)
         return np.asarray(Q @ w)
 
     @property
     def fixed(self) -> FloatArray:
         """W (size,) with the prescribed values, zero elsewhere."""
-        w = np.zeros(self.body.space.size)
+        w = np.zeros(self.body.size)
         w[self.supports.index] = self.supports.values
         return w
 

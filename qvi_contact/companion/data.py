@@ -9,7 +9,7 @@ Two directions at a coefficient prescribe both components. Along arcs, whose dir
 those of the polynomials n·v and t·v instead (see `along_arcs`): w = R v for all of them, and Q = R⁻¹ edge by edge.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -39,35 +39,23 @@ def load_points(degree: int) -> int:
     return max(LOAD_POINTS, degree + 6)
 
 
-@dataclass(frozen=True, eq=False)
-class EdgeData:
-    """A function on edges as polynomials of degree p.
+def edge_data(
+    problem: ContactProblem, edges: Edges, name: str, field: Field, degree: int, unit: float
+) -> tuple[FloatArray, float]:
+    """A field on edges over its unit as polynomials: Bernstein coefficients (e, degree + 1), and the most they miss.
 
-    Attributes
-    ----------
-    coefficients : (e, p + 1) array
-        Bernstein coefficients along the tangent; the polynomial meets the function at both ends of each edge.
-    misfit : float
-        Largest difference found between the two, at `bernstein.SAMPLES`.
-
+    The polynomial meets the function at both ends of each edge; what it misses is seen at `bernstein.SAMPLES`.
     """
-
-    coefficients: FloatArray
-    misfit: float
-
-
-def edge_data(problem: ContactProblem, edges: Edges, name: str, field: Field, degree: int, unit: float) -> EdgeData:
-    """A field on edges, divided by its unit."""
     t = bernstein.nodes(degree)
     values = evaluate(name, field, *problem.mesh.points_along(edges, t)) / unit
     coefficients = values @ bernstein.from_values(degree).T
     coefficients[:, [0, -1]] = values[:, [0, -1]]
     if not callable(field):
-        return EdgeData(np.broadcast_to(values[:, :1], coefficients.shape).copy(), 0.0)
+        return np.broadcast_to(values[:, :1], coefficients.shape).copy(), 0.0
     t = bernstein.SAMPLES
     wanted = evaluate(name, field, *problem.mesh.points_along(edges, t)) / unit
     misfit = np.abs(coefficients @ bernstein.basis(degree, t).T - wanted)
-    return EdgeData(coefficients, float(misfit.max(initial=0.0)))
+    return coefficients, float(misfit.max(initial=0.0))
 
 
 def along_arcs(arcs: Edges, vectors: FloatArray, degree: int) -> FloatArray:
@@ -80,55 +68,28 @@ def along_arcs(arcs: Edges, vectors: FloatArray, degree: int) -> FloatArray:
     return np.asarray(np.einsum("ki,eia,ij->ekja", project, vectors_along(arcs, vectors, nodes), values))
 
 
-@dataclass(frozen=True, eq=False)
-class EdgeMoments:
-    """A function on edges as its work against B_i.
+def edge_moments(
+    problem: ContactProblem, edges: Edges, name: str, field: Field, degree: int, unit: float
+) -> tuple[FloatArray, float]:
+    """∫₀¹ f B_i dt (e, degree + 1) of a field f ≥ 0 over its unit, by the finer of two Gauss rules, and its misfit.
 
-    Attributes
-    ----------
-    values : (e, p + 1) array
-        ∫₀¹ f B_i dt, by the finer of two Gauss rules.
-    misfit : float
-        Largest difference found between f and the polynomial that the finer rule integrates, at `bernstein.SAMPLES`,
-        or between the integrals of the two rules. Nothing is known of f between all these points.
-
+    That is the largest difference found at `bernstein.SAMPLES` between f and the polynomial that the finer rule
+    integrates, or between both rules. Polynomials are exact up to degree 2 `load_points`; between these points nothing
+    is known of f.
     """
 
-    values: FloatArray
-    misfit: float
-
-    def reason(self, what: str, scales: Scales) -> tuple[str, ...]:
-        """Why the integrals of a stress are not exact, as far as can be seen; nothing if they are."""
-        if self.misfit <= MISFIT * max(1.0, float(np.abs(self.values).max(initial=0.0))):
-            return ()
-        size = self.misfit * scales.stress
-        return (f"{what} is not a polynomial on each edge. The integrated values differ by up to {size:.2g} [stress].",)
-
-
-def edge_moments(
-    problem: ContactProblem,
-    edges: Edges,
-    name: str,
-    field: Field,
-    degree: int,
-    unit: float,
-    *,
-    minimum: float | None = None,
-) -> EdgeMoments:
-    """∫ f B_i dt of a field on edges, divided by its unit; exact for polynomials up to degree 2 `load_points`."""
-
     def at(t: FloatArray) -> FloatArray:
-        return evaluate(name, field, *problem.mesh.points_along(edges, t), minimum=minimum) / unit
+        return evaluate(name, field, *problem.mesh.points_along(edges, t), minimum=0.0) / unit
 
     first, second = load_points(degree), 2 * load_points(degree) + 1
     (t, w), (fine_t, fine_w) = gauss_legendre(first), gauss_legendre(second)
     fine = at(fine_t)
     values = fine @ (bernstein.basis(degree, fine_t) * fine_w[:, None])
     if not callable(field):
-        return EdgeMoments(values, 0.0)
+        return values, 0.0
     coarse = at(t) @ (bernstein.basis(degree, t) * w[:, None])
     unseen = at(bernstein.SAMPLES) - fine @ bernstein.to_samples(second)
-    return EdgeMoments(values, max(float(np.abs(part).max(initial=0.0)) for part in (coarse - values, unseen)))
+    return values, max(float(np.abs(part).max(initial=0.0)) for part in (coarse - values, unseen))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +115,11 @@ class Supports:
     inverse: sparse.csr_array
     slanted: bool
     reasons: tuple[str, ...]
+
+    def with_springs(self, count: int) -> "Supports":
+        """The same, with as many degrees of freedom more that nothing prescribes."""
+        axes, inverse = (sparse.block_diag([Q, sparse.eye_array(count)], "csr") for Q in (self.axes, self.inverse))
+        return replace(self, axes=sparse.csr_array(axes), inverse=sparse.csr_array(inverse))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,12 +196,11 @@ def _given(
     directions, values, reasons = [np.empty((0, 2))], [np.empty(0)], list[str]()
     for given in problem.prescribed(Displacement):
         edges = given.edges
-        data = edge_data(problem, edges, given.name, given.value, space.degree, scales.displacement)
-        size = max(1.0, float(np.abs(data.coefficients).max(initial=0.0)))
-        if data.misfit > MISFIT * size:
+        data, misfit = edge_data(problem, edges, given.name, given.value, space.degree, scales.displacement)
+        if misfit > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):
             reasons.append(
                 f"{given.name} is not a polynomial of degree {space.degree} on each edge. It is interpolated, with an "
-                f"error of up to {data.misfit * scales.displacement:.2g} [length]."
+                f"error of up to {misfit * scales.displacement:.2g} [length]."
             )
         numbers = space.along(edges)
         turning = edges.bent & given.turns
@@ -243,14 +208,12 @@ def _given(
             reasons.append(
                 f"{given.name} holds on arcs as closely as polynomials of degree {space.degree} follow its directions."
             )
-            arcs.append(
-                _OnArcs(edges.take(turning), numbers[turning], given.direction[turning], data.coefficients[turning])
-            )
+            arcs.append(_OnArcs(edges.take(turning), numbers[turning], given.direction[turning], data[turning]))
         places = np.linspace(0.0, 1.0, numbers.shape[1])
         here = ~turning[:, None] | (places == 0.0) | (places == 1.0)
         coefficients.append(numbers[here])
         directions.append(vectors_along(edges, given.direction, places, turns=given.turns)[here])
-        values.append(data.coefficients[here])
+        values.append(data[here])
     return _Given(np.concatenate(coefficients), np.concatenate(directions), np.concatenate(values)), arcs, reasons
 
 
@@ -303,8 +266,8 @@ def _along_arcs(Q: sparse.csr_array, arcs: list[_OnArcs], degree: int) -> tuple[
     keep[inside] = 0.0
     others = sparse.diags_array(keep)
     inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
-    own, beside = _spread(inside, inside, inverse, size), _spread(inside, at_ends, inverse @ B, size)
-    rows = _spread(inside, inside, A, size) + _spread(inside, at_ends, B, size)
+    own, beside = spread(inside, inside, inverse, size), spread(inside, at_ends, inverse @ B, size)
+    rows = spread(inside, inside, A, size) + spread(inside, at_ends, B, size)
     whole = others @ Q @ others
     return sparse.csr_array(whole + own - beside @ whole), sparse.csr_array(whole.T + rows)
 
@@ -326,7 +289,7 @@ def _blocks(arcs: list[_OnArcs], degree: int) -> tuple[IntArray, IntArray, Float
     return inside, at_ends, A, B
 
 
-def _spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
+def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
     """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
     at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))

@@ -1,7 +1,7 @@
 """The companion's contact problem in its forces, and the way back to a displacement that meets all conditions.
 
 With c = c_D + B w_Γ + B_q q the relative displacements (c_D from supports, q motions of plates), and all the maps of
-`CondensedBody`, forces that are in equilibrium minimise
+`CondensedBody`, in which springs are a part of the body, forces that are in equilibrium minimise
 
     ½ τᵀ C τ − τᵀ W (g̃ − c_D − B G r),   C = W B G Bᵀ W,   g̃ = (g, w)
 
@@ -20,7 +20,7 @@ A solution meets the contact conditions to a tolerance. Where a coefficient pres
 displacement is set to the obstacle's, an open one is kept at or below the gap, and one that must not slip, or slips
 against the sense it is given, is held. The body is solved once more for these contact displacements.
 
-In `docs/theory.md`: (D18).
+In `docs/theory.md`: (D18), (D40).
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.body import CondensedBody
-from qvi_contact.companion.data import PARALLEL
+from qvi_contact.companion.data import PARALLEL, spread
 from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.errors import InputError
 from solvers import FrictionQVI, QVISolution
@@ -52,8 +52,12 @@ class Contacts:
     ----------
     traces : tuple of DisplacementContact
         The contacts.
-    rows : (2 n, size) sparse array
-        c from the degrees of freedom of the body.
+    rows : (2 n, size + k) sparse array
+        c from the degrees of freedom of the body and the stretches d of its k springs, c = … − d.
+    sprung : (k,) int array
+        The coefficients that have springs.
+    springs : (k, k) sparse array
+        Their stiffness.
     weights : (2 n,) array
         W.
     obstacle : (2 n,) array
@@ -71,6 +75,8 @@ class Contacts:
 
     traces: tuple[DisplacementContact, ...]
     rows: sparse.csr_array
+    sprung: IntArray
+    springs: sparse.csr_array
     weights: FloatArray
     obstacle: FloatArray
     motions: FloatArray
@@ -84,12 +90,16 @@ class Contacts:
         n = sum(trace.count for trace in traces)
         empty = sparse.csr_array((0, size))
         rows = sparse.vstack([empty, *(t.normal for t in traces), *(t.tangential for t in traces)])
+        springs = sparse.csr_array((2 * n, 2 * n))
         obstacle = np.concatenate([np.empty(0), *(t.gap for t in traces), *(t.offset for t in traces)])
         weights = np.concatenate([np.empty(0), *(t.weights for t in traces)])
         columns, resultants = [np.zeros((2 * n, 0))], list[float]()
         start = 0
         for trace in traces:
             chosen = slice(start, start + trace.count)
+            for first, blocks in zip((start, n + start), trace.stiffness, strict=True):
+                if blocks is not None:
+                    springs = springs + spread(first + trace.columns, first + trace.columns, blocks, 2 * n)
             for _, normal, tangential, resultant in trace.motions:
                 column = np.zeros((2, n))
                 column[0, chosen], column[1, chosen] = normal, tangential
@@ -99,7 +109,16 @@ class Contacts:
         fluid = np.concatenate([np.empty(0), *(t.fluid for t in traces), np.zeros(n)])
         motions, moved = np.hstack(columns), np.hstack([np.empty((2, 0)), *(t.moved for t in traces)]).ravel()
         given = np.array(resultants) + motions.T @ fluid
-        return cls(traces, sparse.csr_array(rows), np.tile(weights, 2), obstacle, motions, moved, given, fluid)
+        sprung = np.flatnonzero(springs.diagonal())
+        rows = sparse.csr_array(sparse.hstack([rows, -sparse.eye_array(2 * n, format="csc")[:, sprung]]))
+        stiff = sparse.csr_array(springs[sprung][:, sprung])
+        return cls(traces, rows, sprung, stiff, np.tile(weights, 2), obstacle, motions, moved, given, fluid)
+
+    def stretched(self, v: FloatArray) -> FloatArray:
+        """Coefficients (2 n,) of the stretch of springs from v (size + k,); 0 where there are none."""
+        found = np.zeros(2 * self.count)
+        found[self.sprung] = v[len(v) - len(self.sprung) :]
+        return found
 
     def plates(self, driven: FloatArray) -> FloatArray:
         """What c of the plates themselves is (2 n,) under motions (q,) that forces drive, and under those given."""
@@ -223,12 +242,21 @@ def _qvi(
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
     """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
-    n = contacts.count
+    n, found = contacts.count, list[int]()
     tied = np.tile(contacts.gathered("tied").astype(bool), 2)
     rank = np.where(tied, 0, np.where(np.arange(2 * n) < n, 1, 2))
-    found: list[int] = []
     for rows in groups(sparse.csr_array(B)):
-        found += _dependent(B, rows[np.argsort(rank[rows], kind="stable")])
+        columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
+        base = np.zeros((0, len(columns)))
+        for row in rows[np.argsort(rank[rows], kind="stable")].tolist():
+            rest = B[row, columns]
+            for _ in range(2):  # once more for orthogonality to rounding
+                rest = rest - (base @ rest) @ base
+            length = float(np.linalg.norm(rest))
+            if length > _DEPENDENT:
+                base = np.vstack([base, rest / length])
+            else:
+                found.append(row)
     return np.array(found, dtype=np.int64)
 
 
@@ -243,22 +271,6 @@ def groups(B: sparse.csr_array) -> list[IntArray]:
     order = np.argsort(group, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
     return [part for part in parts if len(part) > 1]
-
-
-def _dependent(B: FloatArray, rows: IntArray) -> list[int]:
-    """Those of the rows that follow from the ones before them."""
-    columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
-    base, found = np.zeros((0, len(columns))), []
-    for row in rows.tolist():
-        rest = B[row, columns]
-        for _ in range(2):  # once more for orthogonality to rounding
-            rest = rest - (base @ rest) @ base
-        length = float(np.linalg.norm(rest))
-        if length > _DEPENDENT:
-            base = np.vstack([base, rest / length])
-        else:
-            found.append(row)
-    return found
 
 
 def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
@@ -347,7 +359,13 @@ def admissible(
         held[over] = True
     v = problem.body.expand(values)
     c = contacts.rows @ v - contacts.plates(plates)
-    return v, c, _reasons(problem, c)
+    excess = _excess(problem, c)
+    worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
+    if worst <= _VIOLATED:
+        return v, c, ()
+    names = [trace.name for trace in contacts.traces for _ in range(trace.count)]
+    name = names[int(np.argmax(excess)) % contacts.count]
+    return v, c, (f"Prescribed displacements contradict the obstacle of {name!r}, by {worst:.1e} of their size.",)
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
@@ -359,18 +377,3 @@ def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
     slipping = contacts.gathered("slipping")
     backwards = np.where(np.isnan(slipping), 0.0, np.maximum(-slipping * difference[n:], 0.0))
     return np.concatenate([normal, np.where(tied | (slipping == 0.0), np.abs(difference[n:]), backwards)])
-
-
-def _reasons(problem: DualProblem, c: FloatArray) -> tuple[str, ...]:
-    excess = _excess(problem, c)
-    size = max(1.0, float(np.abs(c).max(initial=0.0)))
-    worst = float(excess.max(initial=0.0)) / size
-    if worst <= _VIOLATED:
-        return ()
-    index = int(np.argmax(excess)) % problem.contacts.count
-    start = 0
-    for trace in problem.contacts.traces:
-        if index < start + trace.count:
-            break
-        start += trace.count
-    return (f"Prescribed displacements contradict the obstacle of {trace.name!r}, by {worst:.1e} of their size.",)

@@ -19,8 +19,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import contact_states
-from qvi_contact.solution.contact_path import turning_senses
+from qvi_contact.solution.contact_line import contact_states, turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.names import Named, known_name
@@ -37,7 +36,7 @@ class CompanionParts:
     Attributes
     ----------
     strain : float
-        ½ ∫ (ε − ε⁰):C:(ε − ε⁰), the elastic energy; ε⁰ is an initial strain.
+        ½ ∫ (ε − ε⁰):C:(ε − ε⁰), the elastic energy, and that of springs; ε⁰ is an initial strain.
     load : float
         ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the motions of plates under the forces F.
     friction : float
@@ -115,7 +114,7 @@ class CompanionState:
     contacts : Contacts
         The contacts; arrays over their n coefficients.
     v : (size,) array
-        Degrees of freedom.
+        Degrees of freedom, after those of the body the stretches of springs.
     c : (2 n,) array
         Relative displacements, normal ones first.
     plates : (q,) array
@@ -128,8 +127,6 @@ class CompanionState:
         Bound of |τ_T|.
     load : (size,) array
         Load vector.
-    reasons : tuple of str
-        Conditions that could not be met.
 
     """
 
@@ -141,7 +138,6 @@ class CompanionState:
     live: BoolArray
     bound: FloatArray
     load: FloatArray
-    reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -155,12 +151,10 @@ class CompanionResult(PicklesFields):
     ----------
     problem : ContactProblem
         The problem.
-    degree : int
-        Degree p of the displacements.
     scales : Scales
         Units of the dimensionless model.
-    space, body
-        The displacement space and the body, dimensionless.
+    body
+        The body, dimensionless.
     status : Status
         How the solve ended; ``status.advice`` says what to do.
     certificate : Certificate
@@ -178,9 +172,7 @@ class CompanionResult(PicklesFields):
     """
 
     problem: ContactProblem
-    degree: int
     scales: Scales
-    space: DisplacementSpace
     body: Elasticity
     status: Status
     certificate: Certificate
@@ -191,6 +183,16 @@ class CompanionResult(PicklesFields):
 
     def __repr__(self) -> str:
         return f"<CompanionResult {self.message}>"
+
+    @property
+    def space(self) -> DisplacementSpace:
+        """The displacement space, dimensionless."""
+        return self.body.space
+
+    @property
+    def degree(self) -> int:
+        """Degree p of the displacements."""
+        return self.space.degree
 
     @property
     def unknowns(self) -> int:
@@ -248,26 +250,26 @@ class CompanionResult(PicklesFields):
 
     def obstacle(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Where a contact's obstacle stands: g and w, with the motion of a plate, as `trace` gives v_N and v_T."""
-        trace, chosen = self._trace(name)
-        state, contacts = self._state, self._state.contacts
-        moved = contacts.plates(state.plates)
-        shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
-        normal, tangential = trace.gap + moved[: contacts.count][chosen], trace.offset + moved[contacts.count :][chosen]
-        normal, tangential = trace.on_edges(normal, tangential)
-        return normal @ shape.T, tangential @ shape.T
+        contacts = self._state.contacts
+        return self.along(name, contacts.obstacle + contacts.plates(self._state.plates), t)
 
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
 
         Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along their tangents. On a joint these
-        are the jumps, on a rigid plate what the body moves beyond it.
+        are the jumps, on a rigid plate what the body moves beyond it, with springs what these leave of it.
         """
+        return self.along(name, self._state.c, t)
+
+    def stretch(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """How far springs along a contact yield, as `trace` gives v_N and v_T; 0 where there are none."""
+        return self.along(name, self._state.contacts.stretched(self._state.v), t)
+
+    def along(self, name: str, coefficients: FloatArray, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Dimensionless coefficients (2 n,) of all contacts as values on the edges of one, as `trace` gives them."""
         trace, chosen = self._trace(name)
-        state = self._state
-        n = state.contacts.count
         shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
-        normal, tangential = state.c[:n][chosen], state.c[n:][chosen]
-        normal, tangential = trace.on_edges(normal, tangential)
+        normal, tangential = trace.on_edges(*coefficients.reshape(2, -1)[:, chosen])
         return normal @ shape.T, tangential @ shape.T
 
     @cached_property
@@ -309,15 +311,6 @@ class CompanionResult(PicklesFields):
             found[trace.name] = plate_motion(plate, x, y, turn)
         return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
 
-    @cached_property
-    def nodal_displacements(self) -> FloatArray:
-        """Displacements of the c corners of every cell, in the order of ``problem.mesh.cells``, (cells, c, 2) [length].
-
-        Cells on the two sides of a joint have corners of their own.
-        """
-        corners = self.space.table[:, self.space.cell.corners]
-        return np.asarray(self._v.reshape(-1, 2)[corners] * self.scales.displacement)
-
     @property
     def _state(self) -> CompanionState:
         if self.state is None:
@@ -326,7 +319,7 @@ class CompanionResult(PicklesFields):
 
     @property
     def _v(self) -> FloatArray:
-        return self._state.v
+        return self._state.v[: self.space.size]
 
     def _trace(self, name: str) -> tuple[DisplacementContact, slice]:
         traces = self._state.contacts.traces
@@ -361,19 +354,12 @@ class CompanionResult(PicklesFields):
         )
         order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
         x, y = (self.problem.mesh.origin + scales.length * trace.places).T
-        return CompanionContact(
-            trace.name,
-            x[order],
-            y[order],
-            trace.weights[order] * scales.length,
-            (normal - np.where(state.live[:n][chosen], trace.fluid / trace.weights, 0.0))[order] * scales.stress,
-            tangential[order] * scales.stress,
-            bound[order] * scales.stress,
-            gap[order] * scales.displacement,
-            slip[order] * scales.displacement,
-            states[order],
-            trace.by_coefficient(turning_senses(self.problem.mesh.vertices, trace.edges))[order],
-        )
+        fluid = np.where(state.live[:n][chosen], trace.fluid / trace.weights, 0.0)
+        stresses = (scales.stress * part for part in (normal - fluid, tangential, bound))
+        moved = (scales.displacement * part for part in (gap, slip))
+        senses = trace.by_coefficient(turning_senses(self.problem.mesh.vertices, trace.edges))
+        parts = (x, y, trace.weights * scales.length, *stresses, *moved, states, senses)
+        return CompanionContact(trace.name, *(part[order] for part in parts))
 
     def _displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         local = self._v.reshape(-1, 2)[self.space.table[cells]]

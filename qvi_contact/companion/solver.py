@@ -23,8 +23,7 @@ from qvi_contact.discretization.loads import scaled_stress_at_rest
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import Contact
-from qvi_contact.problem.initial_strain import is_strained
+from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
@@ -63,7 +62,8 @@ def solve_companion(
         v_N ≤ g  (= g, and v_T = w where tied)
 
     with q the motions of plates under F, relative to which v_N and v_T count on their contacts; a fluid in a contact
-    adds ∫ p_w v_N; ε⁰ is an initial strain. J(v) is an upper bound of the exact minimum for the same s.
+    adds ∫ p_w v_N; ε⁰ is an initial strain. Springs along a contact add ½ ∫ k d² for their stretches d, and v − d takes
+    the place of v in the conditions of the contact. J(v) is an upper bound of the exact minimum for the same s.
 
     Parameters
     ----------
@@ -139,7 +139,8 @@ def solve_companions(
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
-            load = model.load + model.body.initial_load - contacts[0].rows.T @ contacts[0].fluid
+            load, size = model.load + model.body.initial_load, model.body.space.size
+            load[:size] -= contacts[0].rows[:, :size].T @ contacts[0].fluid  # on the body, not on its springs
             condensed = CondensedBody.of(model.body, load, model.held, contacts[0].rows)
             duals = [dual_problem(each, condensed) for each in contacts]
         except (FactorisationError, MemoryError) as error:
@@ -149,25 +150,6 @@ def solve_companions(
             model.result(dual, solution, reasons)
             for dual, solution, (_, reasons) in zip(duals, solutions, lines, strict=True)
         )
-
-
-def condensed_at_rest(problem: ContactProblem, degree: int | None = None) -> tuple[Contacts, CondensedBody]:
-    """The contacts of a problem, and its body condensed on them without loads and with its supports at rest.
-
-    Raises
-    ------
-    InputError
-        If the problem or the degree is wrong.
-    FactorisationError
-        If the stiffness matrix cannot be factorised.
-
-    """
-    model = _Model.of(problem, triangle(degree))
-    lines, _ = model.traces(None, {})
-    contacts = Contacts.of(lines, model.body.space.size)
-    held = replace(model.held, values=np.zeros_like(model.held.values))
-    with Request().limited_blas():
-        return contacts, CondensedBody.of(model.body, np.zeros_like(model.load), held, contacts.rows)
 
 
 def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Triangle:
@@ -186,13 +168,6 @@ def check_scope(problem: ContactProblem) -> None:
 
     An incompressible material has no stiffness: displacements would have to keep every area.
     """
-    for contact in problem.contacts:
-        if contact.has_springs:
-            remedy = (
-                "the displacement companion, and the bracket that needs it, have no springs along contacts yet: leave "
-                "them out, or judge the result by its certificate and a finer mesh"
-            )
-            raise InputError("Contact.normal_stiffness", contact.name, remedy)
     if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
         remedy = (
             "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
@@ -219,8 +194,11 @@ class _Model:
         scales = Scales.of(problem)
         space = DisplacementSpace.of(problem, cell, scales.length)
         at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
-        body = Elasticity(space, moduli(problem, scales), at_rest)
-        return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
+        body, held = Elasticity(space, moduli(problem, scales), at_rest), supports(problem, space, scales)
+        if any(contact.has_springs for contact in problem.contacts):
+            springs = Contacts.of(traces(problem, space, scales, None)[0], space.size).springs
+            body, held = replace(body, springs=springs), held.with_springs(springs.shape[0])
+        return cls(problem, scales, body, held, *load_vector(problem, body, scales))
 
     def traces(
         self, bounds: Mapping[str, ArrayLike] | None, slip_direction: Mapping[str, FloatArray]
@@ -235,20 +213,28 @@ class _Model:
             for trace in lines
         )
         reasons = self.held.reasons + self.remarks + reasons
-        if bounds is None and any(
-            _moves(problem, trace, contact) for trace, contact in zip(lines, problem.contacts, strict=True)
-        ):
-            reasons += (_INDICATOR,)
+        for trace, contact in zip(lines, problem.contacts, strict=True):
+            rough = trace.friction
+            if bounds is None and callable(contact.friction):  # also between coefficients
+                places = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
+                rough = np.append(rough, evaluate("Contact.friction", contact.friction, *places, minimum=0.0))
+            if bounds is None and (rough > 0.0).any():
+                return lines, (*reasons, _INDICATOR)
         return lines, reasons
 
     def result(self, dual: DualProblem, solution: QVISolution, reasons: tuple[str, ...]) -> CompanionResult:
         """What a solution of the contact problem says."""
-        usable = solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all()
-        state = _state(dual, solution) if usable else None
-        return CompanionResult(
-            self.problem, self.body.space.degree, self.scales, self.body.space, self.body, solution.status,
-            solution.certificate, solution.message, state, reasons + (state.reasons if state else ()), solution,
-        )  # fmt: skip
+        state, contacts = None, dual.contacts
+        if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
+            bound = np.full(contacts.count, np.inf)
+            bound[dual.limited] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
+            values, plates = dual.displacements(solution)
+            v, c, more = admissible(dual, values, plates, solution.z, bound)
+            tractions, load = np.where(dual.live, solution.z, 0.0), dual.body.load - dual.body.body.initial_load
+            state = CompanionState(contacts, v, c, plates, tractions, dual.live, bound, load)
+            reasons += more
+        known = solution.status, solution.certificate, solution.message
+        return CompanionResult(self.problem, self.scales, self.body, *known, state, reasons, solution)
 
     def failed(self, error: FactorisationError | MemoryError, tolerance: float) -> CompanionResult:
         """Where the body could not be condensed."""
@@ -256,34 +242,13 @@ class _Model:
         status = _FAILURES.get(reason, Status.BACKEND_FAILED)
         certificate = Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
         message = f"{status}: {error or 'out of memory'}"
-        return CompanionResult(
-            self.problem, self.body.space.degree, self.scales, self.body.space, self.body, status, certificate, message,
-            None, (message,), None,
-        )  # fmt: skip
+        known = status, certificate, message
+        return CompanionResult(self.problem, self.scales, self.body, *known, None, (message,), None)
 
 
 def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
     """C = c⁻¹ of every cell, dimensionless, (cells, 3, 3)."""
     return np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)
-
-
-def _moves(problem: ContactProblem, trace: DisplacementContact, contact: Contact) -> bool:
-    """Whether there is friction at a coefficient, or at a sample between them."""
-    found = bool((trace.friction > 0.0).any())
-    if found or not callable(contact.friction):
-        return found
-    x, y = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
-    return bool((evaluate("Contact.friction", contact.friction, x, y, minimum=0.0) > 0.0).any())
-
-
-def _state(dual: DualProblem, solution: QVISolution) -> CompanionState:
-    contacts, n = dual.contacts, dual.contacts.count
-    bound = np.full(n, np.inf)
-    bound[dual.limited] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
-    values, plates = dual.displacements(solution)
-    v, c, reasons = admissible(dual, values, plates, solution.z, bound)
-    tractions, load = np.where(dual.live, solution.z, 0.0), dual.body.load - dual.body.body.initial_load
-    return CompanionState(contacts, v, c, plates, tractions, dual.live, bound, load, reasons)
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,7 +288,11 @@ class BodyAtRest:
             If the stiffness matrix cannot be factorised.
 
         """
-        contacts, body = condensed_at_rest(problem, degree)
+        model = _Model.of(problem, triangle(degree))
+        contacts = Contacts.of(model.traces(None, {})[0], model.body.space.size)
+        held = replace(model.held, values=np.zeros_like(model.held.values))
+        with Request().limited_blas():
+            body = CondensedBody.of(model.body, np.zeros_like(model.load), held, contacts.rows)
         moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions
         B = np.hstack([moved, -driven])
         live = np.abs(moved).sum(axis=1) > PARALLEL
@@ -343,8 +312,12 @@ class BodyAtRest:
         particular, free = solutions(rows)
         count = int(given.sum())
         P, S = particular[:, :count], self.S
-        cross = free.T @ S @ P
-        found = P.T @ S @ P - cross.T @ pseudo_solve(free.T @ S @ free, cross)
+        found, left = P.T @ S @ P, free.T @ S @ free
+        if len(left):  # without rigid motions, which make it singular
+            values, vectors = np.linalg.eigh((left + left.T) / 2.0)
+            kept = values > SINGULAR * values[-1]
+            cross = vectors[:, kept].T @ (free.T @ S @ P)
+            found = found - cross.T @ (cross / values[kept, None])
         return np.asarray((found + found.T) / 2.0)
 
 
@@ -353,12 +326,3 @@ def solutions(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     U, values, V = np.linalg.svd(rows, full_matrices=True)
     rank = int((values > _DEPENDENT * max(float(values.max(initial=0.0)), 1e-300)).sum())
     return (V[:rank].T / values[:rank]) @ U[:, :rank].T, V[rank:].T
-
-
-def pseudo_solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """The least solution of matrix · x = right (k, j) for a symmetric matrix ≥ 0, which rigid motions make singular."""
-    if not len(matrix):
-        return np.zeros((0, right.shape[1]))
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
-    kept = values > SINGULAR * values[-1]
-    return np.asarray((vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ right))

@@ -35,9 +35,7 @@ from skfem.refdom import RefTri  # type: ignore[import-untyped]
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature, triangle_lattice
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import arc_offsets
-from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.topology import OPPOSITE
+from qvi_contact.mesh.edges import OPPOSITE, Edges, arc_offsets
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
@@ -145,14 +143,10 @@ class Triangle:
         p, points = self.degree, np.zeros((2, int(vertices.max()) + 1))
         topology = MeshTri(points, np.ascontiguousarray(vertices.T))
         numbers = Dofs(topology, _Counts(RefTri, p - 1, (p - 1) * (p - 2) // 2)).element_dofs.T
-        return np.asarray(numbers, dtype=np.int64)[:, self._local]
-
-    @property
-    def _local(self) -> IntArray:
-        """Place of each coefficient among vertices, sides and the inside."""
         on_sides = [self.sides[first, last][1:-1] for first, last in _SIDES]
-        inside = np.flatnonzero((exponents(self.degree) > 0).all(axis=1))
-        return np.argsort(np.concatenate([self.corners, *on_sides, inside]))
+        inside = np.flatnonzero((exponents(p) > 0).all(axis=1))
+        own = np.argsort(np.concatenate([self.corners, *on_sides, inside]))
+        return np.asarray(numbers, dtype=np.int64)[:, own]
 
 
 def barycentric(t: FloatArray) -> FloatArray:

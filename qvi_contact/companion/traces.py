@@ -11,6 +11,9 @@ A plate driven by force adds its motion: then c is what the body moves beyond it
 
 mean tractions τ_i [stress] weighted by the positive B_i. The laws hold for them: c_N ≤ g, τ_N ≤ 0 and |τ_T| ≤ s_i with
 s_i = ∫ s B_i ds / W_i, under Coulomb's law min(cohesion + μ_i |τ_N|, cap), μ_i at the coefficient's own point.
+
+Springs along a contact stretch by a polynomial d = Σ d_i B_i of their own, with the energy ½ ∫ k d² ds: c is what they
+leave of the displacement, that of the body less d.
 """
 
 from collections.abc import Mapping
@@ -22,11 +25,12 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, real_array
-from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, edge_moments
+from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, edge_moments, load_points
 from qvi_contact.companion.space import DisplacementSpace
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.problem.conditions import DRIVES, Contact, Law, RigidPlate
@@ -77,6 +81,8 @@ class DisplacementContact:
     slipping : (n,) array
         ±1 where displacements may slip in one sense only, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where they are
         free.
+    stiffness : two (e, p + 1, p + 1) arrays, or None
+        ∫ k_N B_i B_j ds and ∫ k_T B_i B_j ds on each edge, of springs; the latter for c_T as `turned`.
 
     """
 
@@ -100,6 +106,7 @@ class DisplacementContact:
     moved: FloatArray
     lengths: FloatArray
     slipping: FloatArray
+    stiffness: tuple[FloatArray | None, FloatArray | None]
 
     @property
     def count(self) -> int:
@@ -242,6 +249,7 @@ def _trace(
     trace = DisplacementContact(
         contact.name, contact.law, edges, columns, turned, places, weights, normal, tangential, friction, cohesion,
         limit, gap, offset, fluid, bound, motions, moved, lengths, np.full(n, np.nan),
+        (line.stiffness("normal_stiffness", np.ones_like(turned)), line.stiffness("tangential_stiffness", turned)),
     )  # fmt: skip
     return trace, reasons
 
@@ -274,18 +282,32 @@ class _OnLine:
         lengths = (self.edges.length / self.scales.length)[:, None]
         if not callable(field):
             return self.summed(np.repeat(lengths, p + 1, axis=1)) * (float(field) / stress / (p + 1))
-        found = edge_moments(self.problem, self.edges, f"Contact.{kind}", field, p, stress, minimum=0.0)
-        what = "pore pressure" if kind == "pore_pressure" else kind
-        self.reasons.extend(found.reason(f"The {what} of {self.contact.name!r}", self.scales))
-        return self.summed(lengths * found.values)
+        values, misfit = edge_moments(self.problem, self.edges, f"Contact.{kind}", field, p, stress)
+        if misfit > MISFIT * max(1.0, float(np.abs(values).max(initial=0.0))):
+            what = "pore pressure" if kind == "pore_pressure" else kind
+            self.reasons.append(
+                f"The {what} of {self.contact.name!r} is not a polynomial on each edge. The integrated values differ "
+                f"by up to {misfit * stress:.2g} [stress]."
+            )
+        return self.summed(lengths * values)
+
+    def stiffness(self, kind: str, signs: FloatArray) -> FloatArray | None:
+        """∫ k B_i B_j ds (e, p + 1, p + 1) of springs, dimensionless, with the signs (e, p + 1) of the coefficients."""
+        field = getattr(self.contact, kind)
+        if field is None:
+            return None
+        t, weights = gauss_legendre(load_points(self.degree))
+        k = evaluate(f"Contact.{kind}", field, *self.problem.mesh.points_along(self.edges, t), minimum=0.0)
+        k = k * (self.scales.compliance * self.edges.length[:, None] * weights)
+        shape = signs[:, None] * bernstein.basis(self.degree, t)
+        return np.asarray((k[..., None] * shape).swapaxes(1, 2) @ shape)
 
     def obstacle(self, kind: str, signs: FloatArray) -> FloatArray:
         """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between them the smaller one."""
         p, unit, contact = self.degree, self.scales.displacement, self.contact
-        data = edge_data(self.problem, self.edges, f"Contact.{kind}", getattr(contact, kind), p, unit)
-        own, least = signs * data.coefficients, np.full(len(self.places), np.inf)
+        data, misfit = edge_data(self.problem, self.edges, f"Contact.{kind}", getattr(contact, kind), p, unit)
+        own, least = signs * data, np.full(len(self.places), np.inf)
         np.minimum.at(least, self.columns, own)
-        misfit = data.misfit
         if contact.law != "unilateral" or kind == "offset":
             misfit = max(misfit, float(np.abs(least[self.columns] - own).max(initial=0.0)))
         if misfit > MISFIT * max(1.0, float(np.abs(least).max(initial=0.0))):

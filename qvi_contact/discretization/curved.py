@@ -34,7 +34,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles
-from qvi_contact.mesh.arcs import angles, arc_offsets, arc_points, area_factors, barycentric_of, stretches, turned
+from qvi_contact.mesh.edges import angles, arc_offsets, arc_points, area_factors, barycentric_of, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
 
@@ -50,7 +50,7 @@ def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
     Parameters
     ----------
     bend : (n, k) array
-        How the arcs bend, see `mesh.arcs`.
+        How the arcs bend, see `mesh.edges`.
     t : (n, q) array
         Shares of their lengths.
 
@@ -76,7 +76,7 @@ def from_corners(bend: FloatArray, degree: int) -> FloatArray:
     Parameters
     ----------
     bend : (n, k) array
-        How the arcs bend, see `mesh.arcs`.
+        How the arcs bend, see `mesh.edges`.
     degree : int
         d.
 
@@ -121,7 +121,7 @@ class CurvedTriangles:
     triangles : AffineTriangles
         The straight triangles, dimensionless.
     bends : (c, 3, k) array
-        How their sides bend, see `mesh.arcs`.
+        How their sides bend, see `mesh.edges`.
 
     """
 

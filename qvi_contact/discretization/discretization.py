@@ -15,8 +15,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, whole_number
 from qvi_contact.basics.kept import Kept, read_only
-from qvi_contact.basics.retired import refuse_arguments
-from qvi_contact.discretization.energy import BodyStiffness, Root
+from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
     ContactRows,
     cell_stress,
@@ -31,10 +30,9 @@ from qvi_contact.discretization.loads import (
 from qvi_contact.discretization.plates import PlateRows, misplaced_pins, plate_rows, pressed_pins
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, LawOn, Rows, StressSpace, edge_rule
-from qvi_contact.discretization.springs import Springs
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, refuse_arguments
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import PicklesFields

@@ -13,11 +13,21 @@ it is ½ |U w + U⁻ᵀs|² + rest, where UᵀU are the rows and columns of S be
 however small the triangle is and however far away the gauge.
 
 U depends on materials, what S is made of. Body forces φ enter s and e', prescribed tractions u₀.
+
+Springs along contacts, beds and compliant joints, are a layer between the body and the obstacle, or between the sides.
+The law holds for what is left of u behind the springs of stiffness k_N and k_T, u_N + σ_N'/k_N and u_T + σ_T/k_T, and
+the energy has
+
+    ½ ∫ σ_N'²/k_N + σ_T²/k_T ds = ½ |S u + s|²
+
+more, with rows of S for the Gauss points of the edges, over the degrees of freedom u of Φ.
+
+In `docs/theory.md`: (D35).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -25,15 +35,17 @@ from typing import Any, Final
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.curved import Rule
+from qvi_contact.discretization.loads import ContactRows, EdgePoints, physical, potential_at
+from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import StressSpace
-from qvi_contact.discretization.springs import Springs
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
 from qvi_contact.element.triangle import AffineTriangles
 from qvi_contact.errors import InputError
+from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import PicklesFields
 from solvers.inequality.stiffness import Stiffness
 
@@ -42,6 +54,7 @@ _LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stress
 _BLOCK: Final = 2**24  # entries of element matrices at a time
 _ORDERED: Final = 2000  # unknowns from which on their order of elimination counts
 _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
+_SOFTEST: Final = 1e-300  # stiffness of a spring
 _AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine function is made of
 
 
@@ -141,7 +154,7 @@ class TriangleEnergy(PicklesFields):
     def loaded(self, stress: FloatArray) -> BodyLoad:
         """What is added where the energy is ½ c(σ + τ):(σ + τ), with τ at the points of `StressSpace.cell_quadrature`.
 
-        That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.initial_strain`. With
+        That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.material`. With
         K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
         """
         space, order = self.space, _interior_first(self.space.element)
@@ -218,6 +231,60 @@ def _stress_load(
     strain = stress @ compliances * triangles.areas[:, None, None]
     load = (strain @ triangles.stress_maps).reshape(len(stress), -1) @ table.reshape(-1, table.shape[2])
     return np.asarray(load), (strain * stress).sum(axis=2) @ weights / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """The rows of all springs, dimensionless.
+
+    Attributes
+    ----------
+    rows : (r, N) sparse array
+        S.
+    constant : (r,) array
+        s, of body forces and fluids.
+    places : (r, 2) array
+        Where they are.
+
+    """
+
+    rows: sparse.csr_array
+    constant: FloatArray
+    places: FloatArray
+
+    @property
+    def key(self) -> tuple[bytes, bytes]:
+        """What tells S from that of other springs."""
+        return self.rows.data.tobytes(), self.rows.indices.tobytes()
+
+    @classmethod
+    def of(
+        cls, problem: ContactProblem, space: StressSpace, scales: Scales, contacts: Sequence[ContactRows]
+    ) -> Springs | None:
+        """Those of the contacts of a problem; None if all are rigid."""
+        parts = []
+        for rows, contact in zip(contacts, problem.contacts, strict=True):
+            if contact.normal_stiffness is None and contact.tangential_stiffness is None:
+                continue
+            points = EdgePoints(space, rows.points.edges, space.degree + 1)
+            x, y = physical(problem, scales, points.coordinates)
+            table = space.trace_rows([points.edges], points.reference).matrix(space.size)
+            count = len(points.weights)
+            given = {"normal_stiffness": contact.normal_stiffness, "tangential_stiffness": contact.tangential_stiffness}
+            for half, (name, field) in enumerate(given.items()):
+                if field is not None:
+                    stiffness = evaluate(f"Contact.{name}", field, x, y, minimum=_SOFTEST)
+                    roots = np.sqrt(points.weights / (stiffness * scales.compliance * scales.length))
+                    own = np.zeros(count)
+                    if half == 0:
+                        pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
+                        own = potential_at(problem, scales, points.coordinates) + pressure / scales.stress
+                    chosen = table[half * count : (half + 1) * count]
+                    parts.append((sparse.diags_array(roots) @ chosen, roots * own, points.coordinates))
+        if not parts:
+            return None
+        rows_of, constants, places = zip(*parts, strict=True)
+        return cls(sparse.csr_array(sparse.vstack(rows_of)), np.concatenate(constants), np.concatenate(places))
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,9 +43,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh.arcs import cross
-from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.topology import OPPOSITE
+from qvi_contact.mesh.edges import OPPOSITE, Edges, cross
 from qvi_contact.mesh.triangles import TriangleMesh
 
 _FAR: Final = 500.5  # distance to the centre over size of cells that is allowed: its square times ε is lost

@@ -20,7 +20,7 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact, Displacement, Law, Traction, has_coulomb
 from qvi_contact.problem.fields import along_edges
-from qvi_contact.problem.initial_strain import is_strained, stress_at_rest
+from qvi_contact.problem.material import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem
 
 LOAD_POINTS = 8

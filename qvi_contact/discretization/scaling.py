@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
-from qvi_contact.basics.shown import Rounding
+from qvi_contact.basics.units import Rounding
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
-from qvi_contact.problem.initial_strain import is_strained, stress_at_rest
+from qvi_contact.problem.material import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem
 from solvers.inner.linear_program import solved
 

@@ -22,7 +22,7 @@ force to the caller, who adds it to σ_N, or to σ_xx and σ_yy.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Final, Literal, TypeAlias
@@ -159,11 +159,6 @@ class Rows:
         column = self.columns[row, place]
         own = np.bincount(self.columns[there], minlength=width)[column] == 1
         return dict(zip(row[own].tolist(), column[own].tolist(), strict=True))
-
-    def __iter__(self) -> Iterator[dict[int, float]]:
-        """The entries of each by column."""
-        for columns, values in zip(self.columns.tolist(), self.values.tolist(), strict=True):
-            yield {column: value for column, value in zip(columns, values, strict=True) if value != 0.0}
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ In `docs/theory.md`: (D2).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, NamedTuple
@@ -512,22 +512,25 @@ class Elimination:
         alone = C.alone(len(age))  # rows with one entry in a column of their own make that zero, in any order
         solved = dict.fromkeys(alone.values(), _NOTHING)
         rows, ages = {column: row for row, column in alone.items()}, age.tolist()
-        waiting = np.setdiff1d(np.arange(len(C.columns)), list(alone))
-        for row, given in zip(waiting.tolist(), C.take(waiting), strict=True):
-            terms = _reduced(given, solved)
-            left = max(map(abs, terms.values()), default=0.0)
-            if left <= _DEPENDENT * max(map(abs, given.values()), default=0.0):
+        waiting = np.delete(np.arange(len(C.columns)), list(alone))
+        largest = np.abs(C.values[waiting]).max(axis=1, initial=0.0).tolist()
+        entries = C.columns[waiting].tolist(), C.values[waiting].tolist()
+        for row, most, columns, values in zip(waiting.tolist(), largest, *entries, strict=True):
+            terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
+            sizes = list(map(abs, terms.values()))
+            left = max(sizes, default=0.0)
+            if left <= _DEPENDENT * most:
                 continue
-            sizes = zip(terms, map(abs, terms.values()), strict=True)
-            pivot = -max([(ages[column], size, -column) for column, size in sizes if size >= _WORTHY * left])[2]
+            sized = zip(terms, sizes, strict=True)
+            pivot = -max([(ages[column], size, -column) for column, size in sized if size >= _WORTHY * left])[2]
             factor = -1.0 / terms.pop(pivot)
             solved[pivot] = {column: factor * value for column, value in terms.items()}
             rows[pivot] = row
         for pivot in reversed(solved):  # the latest depend on kept ones only, earlier ones perhaps on them
             if solved[pivot]:
-                solved[pivot] = _reduced(solved[pivot], solved)
-        pivots = np.fromiter(solved, dtype=np.int64, count=len(solved))
-        taken = np.fromiter((rows[pivot] for pivot in solved), dtype=np.int64, count=len(solved))
+                solved[pivot] = _reduced(solved[pivot].items(), solved)
+        pivots = np.array(list(solved), dtype=np.int64)
+        taken = np.array([rows[pivot] for pivot in solved], dtype=np.int64)
         order = np.argsort(taken, kind="stable")
         return cls(C, taken[order], pivots[order], Basis.of(solved, pivots, len(age)))
 
@@ -546,9 +549,9 @@ class Elimination:
         return splu(matrix.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
 
 
-def _reduced(terms: dict[int, float], solved: dict[int, dict[int, float]]) -> dict[int, float]:
+def _reduced(terms: Iterable[tuple[int, float]], solved: dict[int, dict[int, float]]) -> dict[int, float]:
     """Σ factor u with everything replaced that is solved for, until nothing is left to replace."""
-    result, pending = dict[int, float](), list(terms.items())
+    result, pending = dict[int, float](), list(terms)
     for column, factor in pending:  # which grows meanwhile
         if column in solved:
             pending += [(other, factor * value) for other, value in solved[column].items()]

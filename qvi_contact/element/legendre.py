@@ -4,14 +4,19 @@ from functools import cache
 from math import comb
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
 
 from qvi_contact.basics.checks import FloatArray
 
 
 def basis(degree: int, t: FloatArray) -> FloatArray:
     """Values P_k(2t − 1), shape (..., degree + 1)."""
-    return np.asarray(legvander(2.0 * np.asarray(t, dtype=float) - 1.0, degree))
+    x = 2.0 * np.asarray(t, dtype=float) - 1.0
+    values = np.ones((*x.shape, degree + 1))
+    if degree:
+        values[..., 1] = x
+    for k in range(2, degree + 1):  # k P_k = (2k − 1) x P_(k−1) − (k − 1) P_(k−2)
+        values[..., k] = (values[..., k - 1] * x * (2 * k - 1) - values[..., k - 2] * (k - 1)) / k
+    return values
 
 
 @cache

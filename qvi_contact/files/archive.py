@@ -19,9 +19,8 @@ from numpy.lib.format import MAGIC_PREFIX
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.basics.files import open_regular, read_arrays
 from qvi_contact.basics.units import Units
-from qvi_contact.basics.writing import replacing
+from qvi_contact.basics.writing import open_regular, read_arrays, replacing
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError

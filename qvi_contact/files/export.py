@@ -1,4 +1,4 @@
-"""Results as files for other programs: JSON summary and NumPy archive; for ParaView see `files.vtu`.
+"""Results as files for other programs: JSON summary, NumPy archive, and VTU files for ParaView, by meshio.
 
 Every file is either written whole or not at all.
 """
@@ -6,18 +6,35 @@ Every file is either written whole or not at all.
 import json
 from collections.abc import Mapping
 from dataclasses import fields
+from importlib.util import find_spec
+from math import isqrt
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+from xml.sax.saxutils import escape
 
 import numpy as np
 
+from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
 from qvi_contact.basics.units import Units
-from qvi_contact.basics.writing import check_suffix, write_text
+from qvi_contact.basics.writing import check_suffix, replacing, write_text
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import physical
 from qvi_contact.discretization.space import FAMILY
+from qvi_contact.element.triangle import bernstein, triangle_lattice
+from qvi_contact.errors import InputError
 from qvi_contact.files.archive import solution_arrays, write_archive
+from qvi_contact.limit.flow import Nodes
+from qvi_contact.limit.stresses import part_corners
+from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
+from qvi_contact.solution.stress import cell_factors, held_along_z, principal_stresses, stress_in_cells, von_mises
+from solvers.basics.types import load
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
+    from qvi_contact.limit import LimitLoad
+    from qvi_contact.problem.problem import ContactProblem
 
 _NOT_STORED: Final = ("name", "ends", "pore_pressure", "rounding", "senses", "frictionless")
 """Fields of contacts that come from the mesh, or not always."""
@@ -83,7 +100,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "element": element_of(result.discretization),
         **(_state(result, units) if result.has_state else dict.fromkeys(_STATE_KEYS)),
     }
-    return {key: _plain(value) for key, value in document.items()}
+    return {key: json_ready(value) for key, value in document.items()}
 
 
 def write_json(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
@@ -225,14 +242,240 @@ def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:
     return {"value": float(value), "unit": unit}
 
 
-def _plain(value: object) -> object:
-    """The same with None for what JSON has no number for."""
+def json_ready(value: Any) -> Any:
+    """The same for JSON, in mappings and lists too: Python's own numbers, and None for those that JSON has not."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
+        return {str(key): json_ready(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
+        return [json_ready(entry) for entry in value]
     if isinstance(value, (float, np.floating)):
         return float(value) if np.isfinite(value) else None
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     return int(value) if isinstance(value, np.integer) else value
+
+
+_CHUNK: Final = 4096  # cells at a time: their tables stay small
+_SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
+_DIVIDED: Final = 3  # parts along each side of a part of a triangle, in files of limit loads
+_MOST_SUBDIVISIONS: Final = 100  # of a part of a cell: ten thousand triangles
+
+
+def write_vtu(
+    path: str | Path,
+    result: ContactResult,
+    units: Units | None = None,
+    subdivisions: int = 4,
+    bracket: "Bracket | None" = None,
+) -> None:
+    """Write stresses as an unstructured VTK grid, which ParaView opens; needs the extra ``vtk`` (meshio).
+
+    Each of the three parts of a cell is divided into subdivisions² triangles of its own, that share no points with
+    those of other cells, so that normal stresses may jump between cells as they do in the element. Fields are linear in
+    them.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, ending in .vtu.
+    result : ContactResult
+        A result with a stress state.
+    units : Units, optional
+        If given, names of fields end in their unit, as in "stress [MPa]".
+    subdivisions : int
+        Parts along each side of a cell.
+    bracket : Bracket, optional
+        That of the result, such as ``result.bracket``: displacements and the error of each cell are written too.
+
+    Raises
+    ------
+    InputError
+        If meshio is missing, there is no stress state, the bracket is of another mesh or has no displacement, the
+        suffix is another one, or the file cannot be written.
+
+    Notes
+    -----
+    Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = ν(xx + yy) in plane
+    strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function (left out
+    where a hole carries a force, as it has several values around it); with a bracket "displacement", x, y, 0, of its
+    displacement elements. Cell data: "material", 0 for the body's own and then the number of the region, "cell", the
+    number of the mesh's cell; with a bracket "energy gap", what the whole cell adds to the gap between the bounds of
+    the energy.
+
+    """
+    _check_vtu(path)
+    known, problem = result.discretization, result.problem
+    t, corners = known.space.lattice(whole_number("subdivisions", subdivisions, _MOST_SUBDIVISIONS))
+    count, coefficients = problem.mesh.cell_count, known.coefficients(result.dofs)
+    chunks = [np.arange(start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
+    places = np.concatenate([known.space.points(cells, t) for cells in chunks]).reshape(-1, 2)
+    stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
+    stress *= known.scales.stress
+    x, y = physical(problem, known.scales, places)
+    xx, yy, xy = stress.T
+    factor, zero = np.repeat(cell_factors(problem), len(t)), np.zeros(len(stress))
+    held = held_along_z(problem, np.repeat(np.arange(count), len(t)), x, y)
+    first, second, _ = principal_stresses(stress)
+    fields = {
+        "stress": np.column_stack([xx, yy, factor * (xx + yy) + held, xy, zero, zero]),
+        "von Mises": von_mises(stress, factor, held),
+        "principal 1": first,
+        "principal 2": second,
+    }
+    point_data = {_named(name, "stress", units): values for name, values in fields.items()}
+    if np.abs(known.space.jumps(result.dofs)).max(initial=0.0) <= _SINGLE_VALUED:
+        airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks])
+        point_data[_named("Airy function", "moment", units)] = airy.ravel() * known.scales.airy
+    number = np.repeat(np.arange(count), len(corners))
+    cell_data: dict[str, FloatArray | IntArray] = {"material": problem.cell_materials[number], "cell": number}
+    if bracket is not None:
+        mesh, companion = bracket.problem.mesh, bracket.companion
+        if not mesh.same_as(problem.mesh):
+            raise InputError("bracket", repr(mesh), "belongs to another mesh: give the one of this result")
+        if companion is None or not companion.has_state:
+            raise InputError("bracket", bracket.message, "there is no displacement in it to write")
+        moved = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2)
+        point_data[_named("displacement", "displacement", units)] = _vectors(moved)
+        cell_data[_named("energy gap", "energy", units)] = bracket.cell_gaps[number]
+    cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
+    _write_grid(path, np.column_stack([x, y]), cells, point_data, cell_data)
+
+
+def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
+    """Write what happens on the contacts as lines through their points, for ParaView.
+
+    Arguments and errors are those of `write_vtu`; `InputError` too if the result has no contact.
+
+    Notes
+    -----
+    Point data: "pressure" −σ_N, "fluid pressure" p_w, which is part of it, "shear" σ_T, "friction bound" (NaN where
+    tied), "gap", "slip" and "state" (numbers of `ContactState`) as `ContactLine` has them, "traction" on the body and
+    "normal" as vectors. Cell data: "contact", its number in the order of the problem. Lines join neighbouring points
+    along each contact.
+
+    """
+    _check_vtu(path)
+    if not result.contacts:
+        raise InputError("vtk", str(path), "there is no contact to write")
+    parts, joints, number, count = [], [], [], 0
+    for index, (contact, line) in enumerate(zip(result.problem.contacts, result.contacts.values(), strict=True)):
+        edges = result.problem.mesh.edges(contact.edges)
+        normal, tangent = (np.repeat(each, line.points_per_edge, axis=0) for each in (edges.normal, edges.tangent))
+        bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
+        traction = line.normal_stress[:, None] * normal + line.tangential_stress[:, None] * tangent
+        fields = {
+            "stress": {
+                "pressure": -line.normal_stress,
+                "fluid pressure": line.pore_pressure,
+                "shear": line.tangential_stress,
+                "friction bound": bound,
+                "traction": _vectors(traction),
+            },
+            "displacement": {"gap": line.gap, "slip": line.slip},
+        }
+        named = {_named(name, unit, units): each for unit, own in fields.items() for name, each in own.items()}
+        parts.append(named | {"state": line.state.astype(np.float64), "normal": _vectors(normal)})
+        order, goes_on = line.path.points(line.points_per_edge), np.diff(line.path.line) == 0
+        joints.append(count + np.column_stack([order[:, :-1].ravel(), order[:, 1:].ravel()]))
+        joints.append(count + np.column_stack([order[:-1, -1][goes_on], order[1:, 0][goes_on]]))
+        number.append(np.full(len(joints[-2]) + len(joints[-1]), index))
+        count += len(line.x)
+    points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])
+    data = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    _write_grid(path, points, np.concatenate(joints), data, {"contact": np.concatenate(number)})
+
+
+def write_collapse_vtu(
+    path: str | Path, problem: "ContactProblem", limit: "LimitLoad", units: Units | None = None
+) -> None:
+    """Write how a body that yields gives way at its limit load, for ParaView.
+
+    The problem is that on the mesh of the analysis, such as `LimitRefinement.problem`, and the limit what
+    `limit_load_factor` has found. Path, units and errors are those of `write_vtu`; `InputError` too if the body does
+    not yield or has no limit.
+
+    Notes
+    -----
+    Each of the three parts of a triangle is cut into 9. Point data: "stress" at `LimitLoad.lower`, with xx, yy, 0, xy,
+    0, 0 as components of VTK's symmetric tensors; "velocity", x, y, 0, of the flow that proves `LimitLoad.upper`, its
+    largest coefficient being 1. Cell data: "dissipation" of a triangle over its area, the largest being 1, "gap", its
+    part of upper − lower, "material", and "cell", its number.
+
+    """
+    _check_vtu(path)
+    mesh, collapse = problem.mesh, limit.collapse
+    if collapse is None:
+        raise InputError("vtk", str(path), "there is no flow to write: the body has no strength, or no largest load")
+    places, corners = triangle_lattice(_DIVIDED)
+    k = (isqrt(8 * collapse.stress.shape[2] + 1) - 3) // 2  # degree of the stress
+    nodes = Nodes.of(k + 1).of_parts
+    points = (places @ part_corners(mesh.corners)).reshape(-1, 2)
+    xx, yy, xy = (bernstein(k, places) @ collapse.stress).reshape(-1, 3).T
+    v = (bernstein(k + 1, places) @ collapse.motion.velocities[:, nodes]).reshape(-1, 2)
+    point_data = {
+        _named("stress", "stress", units): np.column_stack([xx, yy, 0 * xx, xy, 0 * xx, 0 * xx]),
+        "velocity": _vectors(v / np.abs(collapse.motion.velocities).max()),
+    }
+    a, b, c = mesh.corners.swapaxes(0, 1)
+    density = collapse.motion.dissipation / np.abs(cross(b - a, c - a))
+    number = np.repeat(np.arange(mesh.cell_count), 3 * len(corners))
+    cell_data: dict[str, FloatArray | IntArray] = {
+        "dissipation": density[number] / max(float(density.max()), 1e-300),
+        "gap": collapse.gap[number],
+        "material": problem.cell_materials[number],
+        "cell": number,
+    }
+    triangles = (len(places) * np.arange(3 * mesh.cell_count)[:, None, None] + corners).reshape(-1, 3)
+    _write_grid(path, points, triangles, point_data, cell_data)
+
+
+def contacts_path(path: str | Path) -> Path:
+    """The file of contacts beside a file of fields: part.vtu has part_contacts.vtu."""
+    whole = Path(path)
+    return whole.with_name(f"{whole.stem}_contacts{whole.suffix}")
+
+
+def _check_vtu(path: str | Path) -> None:
+    """Refuse a name that does not end in .vtu; `InputError` with the command to type if meshio is missing."""
+    if find_spec("meshio") is None:
+        raise InputError("vtk", "meshio", "VTU files need meshio: python -m pip install meshio")
+    check_suffix("vtk", path, ".vtu")
+
+
+def _write_grid(
+    path: str | Path,
+    points: FloatArray,
+    parts: IntArray,
+    point_data: Mapping[str, FloatArray],
+    cell_data: Mapping[str, FloatArray | IntArray],
+) -> None:
+    """Write points (n, 2), lines or triangles by their corners (c, s), and data of both; whole or not at all.
+
+    Triangles are turned counterclockwise, so that all face the same way. Names of fields are escaped, as a unit may be
+    called anything and meshio writes them as they are.
+    """
+    kind = "line"
+    if parts.shape[1] == 3:
+        kind, (a, b, c) = "triangle", points[parts].swapaxes(0, 1)
+        parts = np.where((cross(b - a, c - a) < 0.0)[:, None], parts[:, ::-1], parts)
+    blocks: list[Any] = [(kind, parts)]
+    flat, quotes = np.column_stack([points, np.zeros(len(points))]), {'"': "&quot;"}
+    grid = load("meshio").Mesh(
+        flat,
+        blocks,
+        point_data={escape(name, quotes): values for name, values in point_data.items()},
+        cell_data={escape(name, quotes): [values] for name, values in cell_data.items()},
+    )
+    with replacing(path) as temporary:
+        grid.write(temporary, file_format="vtu")
+
+
+def _named(name: str, unit: str, units: Units | None) -> str:
+    """The name of a field, with the unit it has among the user's, such as "stress"."""
+    label = Units.labels(units, {name: unit})
+    return f"{name} [{label[name]}]" if label else name
+
+
+def _vectors(values: FloatArray) -> FloatArray:
+    """Plane vectors (n, 2) as VTK has them, with z = 0."""
+    return np.column_stack([values, np.zeros(len(values))])

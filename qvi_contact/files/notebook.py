@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.schema import defaults_of
-from qvi_contact.basics.shown import shown
+from qvi_contact.basics.units import shown
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem

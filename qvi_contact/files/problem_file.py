@@ -50,9 +50,8 @@ from qvi_contact.files.mesh_tables import EdgesTable, JointTable, MeshTable, Reg
 from qvi_contact.files.options import RefineOptions, SolveOptions
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
-from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
+from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
 from qvi_contact.problem.material import Material, cell_materials
-from qvi_contact.problem.point_data import PointData
 from qvi_contact.problem.problem import ContactProblem
 
 VERSION: Final = 1

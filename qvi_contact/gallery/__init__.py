@@ -4,6 +4,8 @@ from qvi_contact.gallery.benchmarks import (
     CORNER_EXPONENTS,
     block_corner,
     cylinder_in_bore,
+    cylinder_on_block,
+    half_discs,
     loaded_pin,
     persson_pressure,
     press_fit,
@@ -19,7 +21,6 @@ from qvi_contact.gallery.literature import (
     ssnv128,
     stick_slip_block,
 )
-from qvi_contact.gallery.rollers import cylinder_on_block, half_discs
 from solvers.basics.front import front
 
 __all__ = [

@@ -178,12 +178,8 @@ def jointed_slope(
         Angle β of the bedding [°], from 5 to 60.
     height : float
         Height of the slope [m].
-    friction : float
-        Coefficient of friction μ of all joints.
-    cohesion : float
-        Shear that joints carry without pressure [kPa].
-    weight : float
-        Weight of the rock [kN/m³].
+    friction, cohesion, weight : float
+        As of `masonry_wall`, of the rock and its joints.
     crack_water : float
         Weight of the water, as a multiple of 10 kN/m³; 0 leaves the crack dry.
 

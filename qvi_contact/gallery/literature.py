@@ -139,12 +139,7 @@ def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0) -> Contact
 def stick_slip_block(
     cells: tuple[int, int] = (4, 3),
     transition: float = 1.0,
-    width: float = 2.0,
-    height: float = 1.0,
-    young: float = 1000.0,
-    poisson: float = 0.3,
     plane: Plane = "stress",
-    pressure: float = 100.0,
     pressure_drop: float = 0.0,
     shear: float = 30.0,
     slip: float = 0.02,
@@ -154,7 +149,8 @@ def stick_slip_block(
 ) -> tuple[ContactProblem, ExactState]:
     """A block whose curved base sticks for x < x_t and slips beyond, with the exact answer.
 
-    On [0, width] × [0, height] the stress function is Φ = −p x²/2 + a x³ y + k (x⁴ − 3x²y²)/12, that is
+    On [0, 2] × [0, 1], with E = 1000, ν = 0.3 and p = 100, the stress function is Φ = −p x²/2 + a x³ y +
+    k (x⁴ − 3x²y²)/12, that is
 
         σ_xx = −k x²/2,    σ_yy = −p + 6a x y + k (x² − y²/2),    σ_xy = −3a x² + k x y.
 
@@ -183,19 +179,15 @@ def stick_slip_block(
     cells : (int, int)
         Cells along x and y.
     transition : float
-        x_t [length], between 0 and `width`.
-    width, height : float
-        Size of the block [length].
-    young, poisson, plane
-        Material data, see `Material`.
-    pressure : float
-        Pressure p at x = 0 [stress].
+        x_t [length], between 0 and 2.
+    plane : "stress" or "strain"
+        See `Material`.
     pressure_drop : float
-        How much of it is lost at x = width [stress]: k = pressure_drop / width².
+        How much of the pressure is lost at x = 2 [stress]: k = pressure_drop / 4.
     shear : float
-        σ_T at x = width [stress]: a = shear / (3 width²).
+        σ_T at x = 2 [stress]: a = shear / 12.
     slip : float
-        |u_T − w| at x = width [length]: A = slip / (width − x_t)².
+        |u_T − w| at x = 2 [length]: A = slip / (2 − x_t)².
     rotation, lift : float
         Rigid motion c₀ and d [length]; body and obstacle are moved together.
     grading : float
@@ -207,13 +199,14 @@ def stick_slip_block(
         If a number is out of its range, such as a transition that is not on the base.
 
     """
-    for name, value in (("width", width), ("pressure", pressure), ("shear", shear), ("slip", slip)):
+    width, pressure = 2.0, 100.0
+    for name, value in (("shear", shear), ("slip", slip)):
         positive_number(name, value)
     if not 0.0 < finite_number("transition", transition) < width:
         raise InputError("transition", transition, f"give a number between 0 and the width {width:g}")
     if finite_number("pressure_drop", pressure_drop) >= pressure:
         raise InputError("pressure_drop", pressure_drop, f"give less than the pressure {pressure:g}")
-    material = Material(young, poisson, plane)
+    material = Material(1000.0, 0.3, plane)
     state = _sheared_block(material, pressure, pressure_drop / width**2, shear / (3 * width**2), rotation, lift)
 
     def bound_over_pressure(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -224,7 +217,7 @@ def stick_slip_block(
         beyond = np.maximum(x - transition, 0.0) / (width - transition)
         return np.asarray(state.displacement(x, y)[0] + slip * beyond**2)
 
-    mesh = TriangleMesh.rectangle(cells, width, height, grading=grading)
+    mesh = TriangleMesh.rectangle(cells, width, 1.0, grading=grading)
     base = Contact(
         "bottom",
         friction=bound_over_pressure,

@@ -87,10 +87,19 @@ class ConicProgram:
             If there is no x, or not in time.
 
         """
-        clarabel = load("clarabel")
+        found = self.answered()
+        return found if isinstance(found, str) else found[0]
+
+    def rows(self) -> tuple[sparse.csc_array, FloatArray]:
+        """All rows (A, b), A x ≤ b or = b: those of E, of L, and of the cones."""
         parts = [(self.E, self.e), (self.L, self.h), (self.cones.G, self.cones.g.ravel())]
         A = sparse.csc_array(sparse.vstack([matrix for matrix, _ in parts]))
-        b = np.concatenate([vector for _, vector in parts])
+        return A, np.concatenate([vector for _, vector in parts])
+
+    def answered(self) -> tuple[FloatArray, FloatArray] | str:
+        """What `solve` gives, with the multipliers of all `rows`: q + Aᵀ multipliers = 0."""
+        clarabel = load("clarabel")
+        A, b = self.rows()
         kinds = [clarabel.ZeroConeT(len(self.e))] if len(self.e) else []
         kinds += [clarabel.NonnegativeConeT(len(self.h))] if len(self.h) else []
         kinds += [clarabel.SecondOrderConeT(self.cones.g.shape[1])] * len(self.cones.g)
@@ -98,7 +107,7 @@ class ConicProgram:
         scale[scale == 0.0] = 1.0
         A = sparse.csc_array(A @ sparse.diags_array(1.0 / scale))
         q, unit = self.q / scale, float(np.abs(b).max(initial=0.0)) or 1.0  # its tolerances are for numbers of size 1
-        q /= float(np.abs(q).max(initial=0.0)) or 1.0
+        size = float(np.abs(q).max(initial=0.0)) or 1.0
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
         gap = _COARSER if len(self.cones.g) > _LARGE else _TOLERANCE
@@ -109,7 +118,7 @@ class ConicProgram:
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         n = len(self.q)
         answer = clarabel.DefaultSolver(
-            sparse.csc_matrix((n, n)), q, sparse.csc_matrix(A), b / unit, kinds, settings
+            sparse.csc_matrix((n, n)), q / size, sparse.csc_matrix(A), b / unit, kinds, settings
         ).solve()
         word, x = str(answer.status), unit * np.array(answer.x) / scale
         if word.endswith("PrimalInfeasible"):
@@ -122,7 +131,7 @@ class ConicProgram:
             raise SolveError(
                 f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
             )
-        return np.asarray(x)
+        return np.asarray(x), size * np.array(answer.z)
 
     def _falls(self) -> bool:
         """Whether there is a direction in which q·x falls for ever, and not by rounding only."""

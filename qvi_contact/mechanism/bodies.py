@@ -150,22 +150,17 @@ class Work:
 
 def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
     """Works of tractions, plates, body force and fluids by the names a limit analysis gives them."""
-    found: dict[str, Work] = {}
+    given, found = list[tuple[str, Work]](), dict[str, Work]()
     for condition in problem.conditions:
-        work = None
         if isinstance(condition, Traction):
-            work = _of_traction(problem, bodies, condition)
+            given.append((condition.name, _of_traction(problem, bodies, condition)))
         elif isinstance(condition, Contact) and condition.plate is not None:
-            work = _of_plate(bodies, condition)
-        if work is not None and isinstance(condition, (Traction, Contact)):
-            found[condition.name] = found[condition.name] + work if condition.name in found else work
-    for name, potential in problem.body_forces.items():
-        if callable(potential):  # a constant one is no force
-            work = _of_body(problem, bodies, potential)
-            found[name] = found[name] + work if name in found else work
-    wet = [_of_fluid(problem, bodies, contact) for contact in problem.contacts if contact.has_fluid]
-    for work in wet:
-        found[FLUID] = found[FLUID] + work if FLUID in found else work
+            given.append((condition.name, _of_plate(bodies, condition)))
+    forces = problem.body_forces.items()
+    given += [(name, _of_body(problem, bodies, field)) for name, field in forces if callable(field)]  # else no force
+    given += [(FLUID, _of_fluid(problem, bodies, contact)) for contact in problem.contacts if contact.has_fluid]
+    for name, work in given:
+        found[name] = found[name] + work if name in found else work
     return {name: Work(np.where(np.abs(work.row) > _ROUNDING * work.size, work.row, 0.0), work.size)
             for name, work in found.items()}  # fmt: skip
 

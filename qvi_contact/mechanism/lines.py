@@ -36,8 +36,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mechanism.bodies import Bodies
-from qvi_contact.mesh.arcs import angles
-from qvi_contact.mesh.edges import Edges, points_along, vectors_along
+from qvi_contact.mesh.edges import Edges, angles, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 

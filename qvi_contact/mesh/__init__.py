@@ -9,13 +9,11 @@ __all__ = ["TriangleMesh", "graded_lines"]
 __getattr__ = front(
     __name__,
     {
-        "arcs": ("arc_offsets", "cross"),
         "curves": ("Curve",),
-        "edges": ("frames_along", "outward_normals"),
+        "edges": ("Topology", "arc_offsets", "cross", "frames_along", "outward_normals"),
         "gmsh": ("divided_corners",),
         "grid": ("SIDES",),
         "outline": ("polygons",),
         "selection": ("edges_on_segment",),
-        "topology": ("Topology",),
     },
 )

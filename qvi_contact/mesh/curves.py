@@ -16,7 +16,9 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import (
+from qvi_contact.mesh.edges import (
+    OPPOSITE,
+    Topology,
     angles,
     arc_offsets,
     coefficients,
@@ -30,7 +32,6 @@ from qvi_contact.mesh.arcs import (
     turned,
 )
 from qvi_contact.mesh.selection import checked_pairs, point
-from qvi_contact.mesh.topology import OPPOSITE, Topology
 
 ROUNDING: Final = 1.5e-6
 """Distance of a vertex from its circle over the radius, or from another curve over its size, that is taken as rounding
@@ -52,7 +53,7 @@ class Curve:
         The edges by their vertices.
     coefficients : (k, n) array
         How each bends from its first vertex to the second one: coefficients of Legendre, along its length, of the angle
-        from its chord to its tangent, counterclockwise [rad]. See `mesh.arcs`.
+        from its chord to its tangent, counterclockwise [rad]. See `mesh.edges`.
 
     """
 
@@ -156,7 +157,7 @@ _PLACES: Final = np.linspace(0.0, 1.0, 33)  # where heights, areas and angles ar
 
 
 def bends_of(arcs: Sequence[Curve], topology: Topology) -> FloatArray:
-    """How each edge bends from its vertex of lower number to the other, shape (e, terms); see `mesh.arcs`."""
+    """How each edge bends from its vertex of lower number to the other, shape (e, terms); see `mesh.edges`."""
     terms = [arc.coefficients.shape[1] for arc in arcs]
     found = np.zeros((len(topology.ends), max([_LEAST_TERMS, *terms])))
     for arc, count in zip(arcs, terms, strict=True):

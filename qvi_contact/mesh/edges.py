@@ -1,14 +1,300 @@
-"""Edges of a mesh, where contact, loads and supports live."""
+"""The edges of triangles: who shares them, the lines they make up, how they bend, and what lives on them.
+
+Curved edges are known by their chords and their bends, the angle θ from the chord to the tangent, counterclockwise.
+Along shares t of the length θ is a polynomial, θ(t) = Σ c_k P_k(2t − 1) with Legendre's P_k. With the chord as unit of
+length, and along the x-axis,
+
+    x(t) = ℓ ∫₀ᵗ (cos θ, sin θ) dt,   ℓ ∫₀¹ cos θ dt = 1,   ∫₀¹ sin θ dt = 0
+
+and ℓ is the length. On a straight edge c = 0; of an arc of a circle that turns by α it is c₁ = α/2 alone.
+
+Triangles with sides that are curved: seen from the barycentre c, the third of the triangle at side s reaches up to the
+arc γ instead of the chord,
+
+    x = c + r (γ(τ) − c),   0 ≤ r ≤ 1,   0 ≤ τ ≤ 1
+
+in the place of c + r (a + τ (b − a) − c). The other thirds, and sides that are straight, stay what they are.
+Polynomials are those of the straight triangle, continued. So every point has two triples of coordinates: *reference*
+coordinates t, those of the straight triangle's point with the same r and τ, and the *barycentric* coordinates λ of x,
+of which one is negative beyond the chord.
+"""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Final, Self
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss, legval, legvander
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh.arcs import angles, arc_offsets, reversed_bends, stretches, turned
-from qvi_contact.mesh.topology import Topology
+
+OPPOSITE = ((1, 2), (0, 2), (0, 1))
+"""Corners of the edges of a triangle, edge s opposite to corner s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """Edges of triangles.
+
+    Attributes
+    ----------
+    ends : (e, 2) int array
+        Vertices of each edge, the lower number first; edges in the order of these pairs.
+    of_cells : (m, 3) int array
+        Edges of each triangle, edge s opposite to its corner s.
+    cells : (e, 2) int array
+        The triangles at each edge, in ascending order; −1 for the second on the boundary.
+    count : (e,) int array
+        How many triangles share the edge: 1 on the boundary, 2 inside, more in what is no mesh.
+    keys : (e,) int array
+        ends[0] · base + ends[1], in ascending order, with the number of vertices as base.
+    base : int
+        See there.
+
+    """
+
+    ends: IntArray
+    of_cells: IntArray
+    cells: IntArray
+    count: IntArray
+    keys: IntArray
+    base: int
+
+    @classmethod
+    def of(cls, cells: IntArray, vertices: int) -> "Topology":
+        """Edges of triangles (m, 3), whose corners are in ascending order, among so many vertices."""
+        pairs = cells[:, OPPOSITE].reshape(-1, 2)
+        keys, index, count = np.unique(pairs[:, 0] * vertices + pairs[:, 1], return_inverse=True, return_counts=True)
+        order = np.argsort(index, kind="stable")
+        start = np.concatenate([[0], np.cumsum(count)[:-1]])
+        beside = np.full((len(keys), 2), -1)
+        beside[:, 0] = order[start] // 3
+        shared = count > 1
+        beside[shared, 1] = order[start[shared] + 1] // 3
+        return cls(np.column_stack(np.divmod(keys, vertices)), index.reshape(-1, 3), beside, count, keys, vertices)
+
+    @cached_property
+    def boundary(self) -> BoolArray:
+        """Which edges belong to one triangle only, shape (e,)."""
+        return np.asarray(self.count == 1)
+
+    def number(self, pairs: IntArray) -> IntArray:
+        """The edges between pairs of vertices (k, 2), in any order; −1 where there is none."""
+        one, other = pairs[:, 0], pairs[:, 1]
+        wanted = np.minimum(one, other) * self.base + np.maximum(one, other)
+        at = np.minimum(np.searchsorted(self.keys, wanted), len(self.keys) - 1)
+        return np.where(self.keys[at] == wanted, at, -1)
+
+
+def chains(ends: IntArray) -> list[IntArray]:
+    """Edges ordered along the lines they make up, each line as indices into `ends` (k, 2), their vertices.
+
+    A line starts at a vertex of one edge only if it has such a vertex, that of lowest number, else at the lowest of
+    all; where more than two edges meet lines end.
+    """
+    at: dict[int, list[int]] = {}
+    for edge, pair in enumerate(ends.tolist()):
+        for vertex in pair:
+            at.setdefault(vertex, []).append(edge)
+    used = np.zeros(len(ends), dtype=bool)
+    found: list[IntArray] = []
+    starts = sorted(vertex for vertex, edges in at.items() if len(edges) != 2) + sorted(at)
+    for start in starts:
+        for first in at[start]:
+            line: list[int] = []
+            vertex, edge = start, first
+            while not used[edge]:
+                used[edge] = True
+                line.append(edge)
+                low, high = ends[edge].tolist()
+                vertex = high if vertex == low else low
+                if len(at[vertex]) != 2:
+                    break
+                edge = next((e for e in at[vertex] if e != edge), edge)
+            if line:
+                found.append(np.array(line))
+    return found
+
+
+# how edges bend
+
+_MORE: Final = 6  # Gauss points beside the coefficients: digits of ∫ cos θ where θ changes by 90°
+
+
+def angles(bend: FloatArray, t: FloatArray) -> FloatArray:
+    """θ of edges with bends (n, k) at shares t, (q,) or (n, q), of their lengths; shape (n, q)."""
+    return polynomials(bend, 2.0 * np.broadcast_to(t, (len(bend), np.shape(t)[-1])) - 1.0)
+
+
+def stretches(bend: FloatArray) -> FloatArray:
+    """Lengths ℓ of edges with bends (n, k) over those of their chords; 1 of straight ones."""
+    x, _ = _from_first(bend, np.ones((len(bend), 1)))
+    return np.asarray(1.0 / x[:, 0])
+
+
+def arc_offsets(chords: FloatArray, bend: FloatArray, t: FloatArray) -> FloatArray:
+    """From the first ends of edges with chords (n, 2) and bends (n, k) to their points, shape (n, q, 2).
+
+    Points are at shares t of the lengths, (q,) or (n, q).
+    """
+    count = len(chords)
+    shares = np.concatenate([np.broadcast_to(t, (count, np.shape(t)[-1])), np.ones((count, 1))], axis=1)
+    along, across = _from_first(bend, shares)
+    across_chords = np.column_stack([-chords[:, 1], chords[:, 0]])
+    found = along[:, :-1, None] * chords[:, None] + across[:, :-1, None] * across_chords[:, None]
+    return np.asarray(found / along[:, -1:, None])  # at the end of an edge its chord over its length
+
+
+def levelled(bend: FloatArray) -> FloatArray:
+    """The bends of the same curves, turned so that ∫ sin θ = 0: θ counts from the chord."""
+    x, y = _from_first(bend, np.ones((len(bend), 1)))
+    found = bend.copy()
+    found[:, 0] -= np.arctan2(y, x)[:, 0]
+    return found
+
+
+def reversed_bends(bend: FloatArray) -> FloatArray:
+    """The bends of the same edges taken from their second ends to the first ones."""
+    return np.asarray(bend * (-1.0) ** np.arange(bend.shape[1]))
+
+
+def halves(bend: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The bends of both halves of edges, (n, k) each."""
+    t, _ = gauss(bend.shape[1])
+    first, second = (levelled(coefficients(angles(bend, at))) for at in (t / 2.0, (1.0 + t) / 2.0))
+    return first, second
+
+
+@cache
+def gauss(count: int) -> tuple[FloatArray, FloatArray]:
+    """Points and weights (count,) of Gauss on 0 to 1."""
+    nodes, weights = leggauss(count)
+    return (1.0 + nodes) / 2.0, weights / 2.0
+
+
+def coefficients(values: FloatArray) -> FloatArray:
+    """Coefficients of Legendre (..., q) of polynomials from their values (..., q) at as many points of Gauss."""
+    count = values.shape[-1]
+    t, weights = gauss(count)
+    project = (2.0 * np.arange(count) + 1.0) * legvander(2.0 * t - 1.0, count - 1) * weights[:, None]
+    return np.asarray(values @ project)
+
+
+def polynomials(terms: FloatArray, x: FloatArray) -> FloatArray:
+    """Polynomials by coefficients of Legendre (n, k) at x (n, q), −1 to 1."""
+    return np.asarray(legval(x, terms.T[:, :, None], tensor=False))
+
+
+def turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
+    """Vectors (..., 2) turned counterclockwise by angles (...) [rad]."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+
+
+def cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    """u_x v_y − u_y v_x of vectors (..., 2)."""
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+def _from_first(bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """∫₀ᵗ cos θ and ∫₀ᵗ sin θ at t (n, q), (n, q) each; t and 0 of straight edges, to the last digit."""
+    along, across = np.array(t), np.zeros(t.shape)
+    bent = np.flatnonzero(bend.any(axis=1))
+    if not len(bent):
+        return along, across
+    nodes, weights = gauss(bend.shape[1] + _MORE)
+    at = t[bent]
+    between = at[:, :, None] * nodes
+    angle = angles(bend[bent], between.reshape(len(bent), at.shape[1] * len(nodes))).reshape(between.shape)
+    along[bent] = at * (np.cos(angle) @ weights)
+    across[bent] = at * (np.sin(angle) @ weights)
+    return along, across
+
+
+# triangles whose sides bend
+
+_STEPS: Final = 8  # of Newton's method for τ; it doubles the digits each time
+
+
+def barycentric_of(corners: FloatArray, bends: FloatArray, t: FloatArray) -> FloatArray:
+    """Barycentric coordinates λ (n, q, 3) of reference points t, (q, 3) or (n, q, 3), of triangles (n, 3, 2).
+
+    Sides bend so (n, 3, k) from the corner of lower number to that of higher one.
+    """
+    t = np.broadcast_to(t, (len(corners), *np.shape(t)[-2:]))
+    found, part = np.array(t), np.argmin(t, axis=-1)
+    for s, (a, b) in enumerate(OPPOSITE):
+        cell, point = np.nonzero((part == s) & bends[:, [s]].any(axis=2))
+        at = t[cell, point]
+        r = 1.0 - 3.0 * at[:, s]
+        tau = _tau(at, s, r)
+        chord = corners[cell, b] - corners[cell, a]
+        bulge = arc_offsets(chord, bends[cell, s], tau[:, None])[:, 0] - tau[:, None] * chord
+        u, v, along = corners[cell, 1] - corners[cell, 0], corners[cell, 2] - corners[cell, 0], r[:, None] * bulge
+        second, third = cross(along, v) / cross(u, v), cross(u, along) / cross(u, v)
+        found[cell, point] += np.column_stack([-second - third, second, third])
+    return found
+
+
+def reference_of(corners: FloatArray, bends: FloatArray, barycentric: FloatArray) -> FloatArray:
+    """Reference coordinates (n, 3) of points with barycentric coordinates λ (n, 3) in triangles (n, …), one in each."""
+    found, part = np.array(barycentric), np.argmin(barycentric, axis=-1)
+    for s, (a, b) in enumerate(OPPOSITE):
+        cell = np.flatnonzero((part == s) & bends[:, s].any(axis=1))
+        own, bend, centre = corners[cell], bends[cell, s], corners[cell].mean(axis=1)
+        at = barycentric[cell]
+        away = np.einsum("nk,nkx->nx", at - 1.0 / 3.0, own)
+        outer = at[:, a] + at[:, b] - 2.0 * at[:, s]  # r on the straight triangle
+        tau = np.clip(_tau(at, s, outer), 0.0, 1.0)
+        for _ in range(_STEPS):
+            place, slope = _arc(own[:, a], own[:, b], bend, tau)
+            across, rate = cross(place - centre, away), cross(slope, away)
+            tau = np.clip(tau - np.where(rate != 0.0, across / np.where(rate != 0.0, rate, 1.0), 0.0), -0.5, 1.5)
+        arm = _arc(own[:, a], own[:, b], bend, tau)[0] - centre
+        r = (arm * away).sum(axis=1) / np.square(arm).sum(axis=1)
+        found[cell, s] = (1.0 - r) / 3.0
+        found[cell, a] = r * (1.0 - tau) + (1.0 - r) / 3.0
+        found[cell, b] = r * tau + (1.0 - r) / 3.0
+    return found
+
+
+def area_factors(corners: FloatArray, bends: FloatArray, t: FloatArray) -> FloatArray:
+    """How many times as large areas are as on the straight triangles, at reference points t; shape (n, q)."""
+    t = np.broadcast_to(t, (len(corners), *np.shape(t)[-2:]))
+    found, part, centres = np.ones(t.shape[:2]), np.argmin(t, axis=-1), corners.mean(axis=1)
+    for s, (a, b) in enumerate(OPPOSITE):
+        cell, point = np.nonzero((part == s) & bends[:, [s]].any(axis=2))
+        at = t[cell, point]
+        tau = _tau(at, s, 1.0 - 3.0 * at[:, s])
+        first, second = corners[cell, a], corners[cell, b]
+        place, slope = _arc(first, second, bends[cell, s], tau)
+        straight = cross(first - centres[cell], second - first)
+        found[cell, point] = cross(place - centres[cell], slope) / straight
+    return found
+
+
+def arc_points(s: int, t: FloatArray) -> FloatArray:
+    """Reference coordinates (q, 3) of the points t (q,) along side s, from its corner of lower number."""
+    found = np.zeros((len(t), 3))
+    found[:, OPPOSITE[s][0]], found[:, OPPOSITE[s][1]] = 1.0 - t, t
+    return found
+
+
+def _tau(t: FloatArray, s: int, r: FloatArray) -> FloatArray:
+    """The τ of points t (n, 3) of the straight triangle in the third at side s, from their r; any at the barycentre."""
+    along = t[:, OPPOSITE[s][1]] - t[:, s]
+    return np.where(r > 0.0, along / np.where(r > 0.0, r, 1.0), 0.5)
+
+
+def _arc(first: FloatArray, second: FloatArray, bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2) at t (n,) on arcs, and their derivatives by t."""
+    chord = second - first
+    slope = turned(chord * stretches(bend)[:, None], angles(bend, t[:, None])[:, 0])
+    return first + arc_offsets(chord, bend, t[:, None])[:, 0], slope
+
+
+# edges with their normals and cells
 
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 
@@ -37,7 +323,7 @@ class Edges:
     length : (n,) array
         Lengths, of arcs along them [length].
     bend : (n, k) array
-        Coefficients of Legendre of that angle, counterclockwise [rad]; 0 on straight edges. See `mesh.arcs`.
+        Coefficients of Legendre of that angle, counterclockwise [rad]; 0 on straight edges. See `mesh.edges`.
 
     """
 

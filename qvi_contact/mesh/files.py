@@ -31,8 +31,8 @@ from numpy.typing import NDArray
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import cross
 from qvi_contact.mesh.curves import MeshParts
+from qvi_contact.mesh.edges import cross
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med", ".vtk": "vtk", ".vtu": "vtu"}
 _LARGEST: Final = 200_000_000  # bytes

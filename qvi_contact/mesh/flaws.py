@@ -10,9 +10,8 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import cross
+from qvi_contact.mesh.edges import Topology, cross
 from qvi_contact.mesh.selection import numbers_of
-from qvi_contact.mesh.topology import Topology
 
 LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none

@@ -16,13 +16,11 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import cross
 from qvi_contact.mesh.curves import Curve, MeshParts, circle
+from qvi_contact.mesh.edges import Topology, cross
 from qvi_contact.mesh.outline import Polygon, Polygons
-from qvi_contact.mesh.topology import Topology
-from solvers.basics.foreign import foreign_code
+from solvers.basics.foreign import foreign_code, handlers_kept
 from solvers.basics.types import load
 
 _LOCK: Final = Lock()

@@ -15,18 +15,16 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
 from qvi_contact.basics.kept import Kept
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import barycentric_of, stretches
-from qvi_contact.mesh.bisection import bisected, divided_at_arcs, fanned
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
-from qvi_contact.mesh.edges import Edges, edges_of, points_along
+from qvi_contact.mesh.cutting import bisected, divided_at_arcs, fanned, joined, stacked
+from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, points_along, stretches
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
-from qvi_contact.mesh.joining import joined, stacked
 from qvi_contact.mesh.outline import Line, Point, polygons
-from qvi_contact.mesh.search import PointSearch
 from qvi_contact.mesh.selection import (
+    PointSearch,
     Range,
     Where,
     checked_pairs,
@@ -37,7 +35,6 @@ from qvi_contact.mesh.selection import (
     selected,
     triangles_in_box,
 )
-from qvi_contact.mesh.topology import Topology, chains
 from solvers.basics.names import known_name
 from solvers.basics.types import PicklesFields, load
 
@@ -635,7 +632,7 @@ class TriangleMesh(PicklesFields):
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
 
-        In triangles with arcs they are those of the points of the straight triangle, see `mesh.arcs`.
+        In triangles with arcs they are those of the points of the straight triangle, see `mesh.edges`.
         """
         return self._search.reference(cells, points)
 

@@ -110,21 +110,9 @@ def plate(
 ) -> QuarterPlate:
     """The quarter plate on a grid; the defaults are the paper's data, in MPa and a length of 1.
 
-    Parameters
-    ----------
-    friction : float
-        Coefficient of friction μ ≥ 0.
-    cells : (int, int)
-        Elements along x and y.
-    width, height : float
-        Size a × h of the quarter [length].
-    grading : float
-        Ratio of each cell to the one before it, in both directions: below 1 the cells shrink towards the free corner.
-    young, poisson, plane
-        Of the material, see `Material`; plane strain with ν = 0.5 is refused.
-    displacement : float
-        U > 0 of the quarter's own top [length]. The paper calls it the relative translation of the two plates, but its
-        forces are those of this U: P/2 = E U at μ = 0.
+    Parameters are those of `qvi_contact.gallery.compressed_plate`, the same plate on triangles. Friction is a number
+    here, cells are elements, and plane strain with ν = 0.5 is refused. The paper calls U the relative translation of
+    the two plates, but its forces are those of this U: P/2 = E U at μ = 0.
 
     Raises
     ------

@@ -8,10 +8,10 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
-from qvi_contact.mesh.arcs import cross
-from qvi_contact.plots.fields import COMPONENT_LABELS, draw_contours
+from qvi_contact.mesh.edges import cross
+from qvi_contact.plots.fields import COMPONENT_LABELS, draw_contours, usual_range
 from qvi_contact.plots.labels import Written, alignment, beside
-from qvi_contact.plots.problem import draw_symbols
+from qvi_contact.plots.problem import SPRING, draw_symbols
 from qvi_contact.plots.shape import Shape, faces
 from qvi_contact.plots.style import (
     BLUE,
@@ -27,10 +27,10 @@ from qvi_contact.plots.style import (
     plain_units,
     show_all,
 )
-from qvi_contact.plots.symbols import ground
+from qvi_contact.plots.symbols import ground, has_springs, springs
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import cell_factors, held_along_z, sample_body, stress_component
+from qvi_contact.solution.stress import cell_factors, held_along_z, sample_body, stress_component
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,6 +45,7 @@ _LEAST: Final = 0.02  # share of the largest value below which nothing is drawn
 _LABELLED: Final = 8  # so many lines of contacts have arrows and numbers; of more those of obstacles alone
 _NOTHING: Final = 1e-6  # tractions below this share of the stress in the body count as none
 _CENTRAL: Final = 0.005  # eccentricity over the length of a line below which it is not written
+_DEEP: Final = 0.005  # of the body's length: overlap of bodies that is not seen
 _HATCH: Final = 0.016  # of obstacles, as a share of the body's length
 
 _ARROW: Final[dict[str, Any]] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
@@ -124,25 +125,48 @@ class Carried:
 
 @dataclass(frozen=True)
 class Scales:
-    """The largest displacement [length], pressure and friction stress [stress] of what is drawn in one scale."""
+    """What drawings that are looked at beside each other have in common.
 
-    displacement: float
+    Attributes
+    ----------
+    factor : float
+        By how much displacements are exaggerated.
+    pressure, friction : float
+        The largest on contacts [stress].
+    stress : (float, float) or None
+        Ends of the bands of colour [stress]; None for those of each drawing.
+
+    """
+
+    factor: float
     pressure: float
     friction: float
+    stress: tuple[float, float] | None = None
 
     @classmethod
-    def of(cls, results: Iterable[ContactResult]) -> "Scales":
-        """Those of results that are looked at beside each other, such as the steps of a history."""
-        found = [(0.0, 0.0, 0.0)]
+    def of(cls, results: Iterable[ContactResult], component: str = "von_mises") -> "Scales":
+        """Those of results such as the steps of a history.
+
+        Displacements are exaggerated no more than keeps bodies from being drawn inside each other.
+        """
+        moved, most, tractions, ranges = 0.0, np.inf, [(0.0, 0.0)], []
         for result in results:
-            moved = float(np.hypot(*Shape.of(result).coefficients.T).max())
-            lines = result.contacts.values()
-            found.append((
-                max(moved, LEAST * result.discretization.scales.displacement),
-                max((float(np.abs(line.normal_stress).max()) for line in lines), default=0.0),
-                max((float(np.abs(line.tangential_stress).max()) for line in lines), default=0.0),
-            ))  # fmt: skip
-        return cls(*np.max(found, axis=0).tolist())
+            shape = Shape.of(result)
+            moved = max(
+                float(np.hypot(*shape.coefficients.T).max()), LEAST * result.discretization.scales.displacement, moved
+            )
+            most = min(most, _separate(result, shape, magnified(moved, _CALM * result.problem.mesh.length)))
+            tractions += [
+                (float(np.abs(line.normal_stress).max()), float(np.abs(line.tangential_stress).max()))
+                for line in result.contacts.values()
+            ]
+            x, y, stress = result.gauss_stress()
+            held = held_along_z(result.problem, np.arange(len(x)), x, y)
+            ranges.append(usual_range(stress_component(stress, component, cell_factors(result.problem)[:, None], held)))
+        low, high = np.array(ranges).reshape(-1, 2).T
+        common = (float(low.min()), float(high.max())) if len(ranges) > 1 else None
+        pressure, friction = np.max(tractions, axis=0).tolist()
+        return cls(most if np.isfinite(most) else 1.0, pressure, friction, common)
 
 
 @dataclass(frozen=True)
@@ -208,14 +232,14 @@ def draw_body(
 
     """
     units, mesh, shape = plain_units(units), result.problem.mesh, Shape.of(result)
-    scales = Scales.of([result]) if scales is None else scales
-    factor = magnified(scales.displacement, _CALM * mesh.length)
+    scales = Scales.of([result], component) if scales is None else scales
+    factor = scales.factor
     samples = sample_body(result, _SAMPLES)
     held = held_along_z(result.problem, samples.cells, *samples.points.T)
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
     part = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
-    field = draw_contours(axes, samples.points, places, samples.triangles, values, part[samples.cells])
+    field = draw_contours(axes, samples.points, places, samples.triangles, values, part[samples.cells], scales.stress)
     t = np.linspace(0.0, 1.0, CHORDS + 1)
     before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1)
     after = before + factor * shape.along(mesh.boundary, t)
@@ -228,9 +252,16 @@ def draw_body(
             face = middle + factor * shape.along(edges, t, other=other)
             axes.add_collection(lines(face, "#333333", "solid", 0.6))
     carried = [part for name in result.contacts for part in _carried(result, name, shape, factor)]
+    sprung = {contact.name for contact in result.problem.contacts if has_springs(contact)}
     for part in carried:
+        away = SPRING * mesh.length * part.normal * (part.name in sprung)
+        if part.name in sprung:
+            count = max(1, round((part.s[-1] - part.s[0]) / (2.0 * _SPACING * mesh.length)))
+            at = part.s[0] + (np.arange(count) + 0.5) / count * (part.s[-1] - part.s[0])
+            ends = part.place - part.joint * away / 2.0, part.obstacle + away * (0.5 if part.joint else 1.0)
+            springs(axes, *(np.column_stack([np.interp(at, part.s, x) for x in end.T]) for end in ends))
         if not part.joint:
-            ground(axes, part.obstacle, part.normal, _HATCH * mesh.length)
+            ground(axes, part.obstacle + away, part.normal, _HATCH * mesh.length)
     extent = [before.reshape(-1, 2), after.reshape(-1, 2)]
     extent += draw_symbols(axes, result.problem, _moving(*extent))
     pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
@@ -258,6 +289,35 @@ def draw_body(
     label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
     colour_bar(axes, field, label, None, 0.04 * max(1.0, float(up / across)))
     return Drawn(factor, box, pressure, friction, thrust, written)
+
+
+def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten up to the factor that draws no block inside another; at least 1."""
+    mesh, block, cells = result.problem.mesh, shape.space.block, np.arange(result.problem.mesh.cell_count)
+    t = np.linspace(0.0, 1.0, CHORDS + 1)
+    owner = np.repeat(block[mesh.boundary.cells[:, 0]], len(t))
+    inwards = np.repeat(mesh.boundary.normal, len(t), axis=0) * (-_DEEP * mesh.length)
+    before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1).reshape(-1, 2) + inwards
+    moved = shape.along(mesh.boundary, t).reshape(-1, 2)
+    corners = np.stack([shape.at(cells, np.tile(at, (len(cells), 1))) for at in np.eye(3)[:, 1:]], axis=1)
+
+    def apart(factor: float) -> bool:
+        points, triangles = before + factor * moved, mesh.corners + factor * corners
+        for number in np.unique(block).tolist():
+            own = triangles[block == number]
+            low, high = own.min(axis=(0, 1)), own.max(axis=(0, 1))
+            near = points[(owner != number) & ((points > low) & (points < high)).all(axis=1)]
+            a = own[:, None]
+            turns = [cross(a[:, :, k - 2] - a[:, :, k], near - a[:, :, k]) > 0.0 for k in range(3)]
+            if np.logical_and.reduce(turns).any():
+                return False
+        return True
+
+    if factor <= 1.0 or (block == block[0]).all():
+        return factor
+    powers = 10.0 ** np.arange(np.floor(np.log10(factor)), -1.0, -1.0)
+    smaller = [step * power for power in powers for step in (5.0, 2.0, 1.0) if step * power <= factor]
+    return float(next((each for each in smaller if apart(each)), 1.0))
 
 
 def _moving(before: FloatArray, after: FloatArray) -> Callable[[FloatArray], FloatArray]:

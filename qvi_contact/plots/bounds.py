@@ -7,7 +7,7 @@ import numpy as np
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket import Bracket
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import cross
+from qvi_contact.mesh.edges import cross
 from qvi_contact.plots.style import (
     BLUE,
     GREEN,
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DECADES: Final = 6.0  # shown below the largest share
-_LOOKS: Final = {"bulk": (BLUE, ""), "contact": (ORANGE, "//"), "friction": (GREEN, "..")}
+_LOOKS: Final = {"bulk": (BLUE, ""), "contact": (ORANGE, "//"), "friction": (GREEN, ".."), "springs": ("0.6", "xx")}
 _SAMPLES: Final = 160  # parts of cells along the longer side
 _MOST_CELLS: Final = 6400  # whose outlines are drawn
 _POINTS: Final = 9  # of a curved edge
 
 
 def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = "") -> "Figure":
-    """The map of the gap, contacts as lines, and the gap by origin: bulk, contact, friction [stress × length²].
+    """The map of the gap, contacts as lines, the gap by origin: bulk, contact, friction, springs [stress × length²].
 
     `InputError` where a bound is missing: there is no gap to draw.
     """

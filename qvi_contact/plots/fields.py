@@ -25,13 +25,27 @@ _ALL_BUT_FEW: Final = 0.99  # share of the points whose values set the range of 
 _UNIFORM: Final = 1e-4  # range of values over their size below which there is nothing to see
 
 
+def usual_range(values: FloatArray) -> tuple[float, float]:
+    """The range of values, without a few that are much larger than all others, as in corners."""
+    sizes = np.abs(values)
+    size, usual = float(sizes.max()) or 1.0, float(np.quantile(sizes, _ALL_BUT_FEW))
+    end = usual if usual < 0.7 * size else size
+    return max(float(values.min()), -end), min(float(values.max()), end)
+
+
 def draw_contours(
-    axes: "Axes", points: FloatArray, places: FloatArray, triangles: IntArray, values: FloatArray, part: IntArray
+    axes: "Axes",
+    points: FloatArray,
+    places: FloatArray,
+    triangles: IntArray,
+    values: FloatArray,
+    part: IntArray,
+    ends: tuple[float, float] | None = None,
 ) -> "TriContourSet":
     """Draw values (n,) at points (n, 2) as bands with contour lines between, at the `places` (n, 2) of the drawing.
 
-    Where points of one `part` (n,) coincide they have the mean of their values. If a few values are much larger than
-    all others, as in corners, the bands end below them. Values of both signs have a map that is white at zero.
+    Where points of one `part` (n,) coincide they have the mean of their values. Bands end at `ends`, by default at the
+    `usual_range`. Values of both signs have a map that is white at zero.
     """
     from matplotlib import colormaps
     from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -42,10 +56,9 @@ def draw_contours(
     _, first, one = np.unique(np.column_stack([rounded, part]), axis=0, return_index=True, return_inverse=True)
     one = one.ravel()
     means = np.bincount(one, values) / np.bincount(one)
+    low, high = usual_range(means) if ends is None else ends
+    end = max(abs(low), abs(high))
     size = float(np.abs(means).max()) or 1.0
-    usual = float(np.quantile(np.abs(means), _ALL_BUT_FEW))
-    end = usual if usual < 0.7 * size else size
-    low, high = max(float(means.min()), -end), min(float(means.max()), end)
     if high - low <= _UNIFORM * size:
         middle = (low + high) / 2.0
         low, high = middle - 0.05 * size, middle + 0.05 * size

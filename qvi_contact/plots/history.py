@@ -9,6 +9,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
+from qvi_contact.plots.body import draw_body
 from qvi_contact.plots.style import BLUE, GREY, new_figure, plain_text, plain_units, settings
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
@@ -18,13 +19,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_ROOM: Final = 0.12  # for numbers around the body, as a share of its drawing
 _LOOPS: Final = 4  # at most so many loops, and forces of contacts
 
 
 def history_figure(
-    history: History, units: Units | None = None, times: Sequence[float] | None = None, title: str = ""
+    history: History,
+    units: Units | None = None,
+    times: Sequence[float] | None = None,
+    title: str = "",
+    step: int | None = None,
 ) -> "Figure":
-    """Hysteresis loops of up to four contacts, and the forces of contacts step by step.
+    """The deformed body in one step, hysteresis loops of up to four contacts, and forces of contacts step by step.
 
     A loop needs something that moves, such as an obstacle or a prescribed displacement. Under loads alone there are
     forces only.
@@ -40,32 +46,43 @@ def history_figure(
         first step.
     title : str
         The problem's title; what the history says of itself stands below it.
+    step : int, optional
+        The step of the body, from 1; by default the last one that has a state.
 
     Raises
     ------
     InputError
-        If there is nothing to draw, or not a time for each step.
+        If there is nothing to draw, no such step, or not a time for each step.
 
     """
     units = plain_units(units)
     abscissa = None if times is None else real_array("times", times)
     forces: dict[str, list[tuple[float, float]]] = {}
-    first = None
-    for step in history.steps:
-        if step.has_state:
-            first = first or step.problem
-            for name, line in step.contacts.items():
+    drawn = None
+    for number, each in enumerate(history.steps, 1):
+        if each.has_state:
+            drawn = (number, each) if step is None or number == step else drawn
+            for name, line in each.contacts.items():
                 forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
-    loops = {} if first is None else _loops(history, first)
-    if not forces and not loops:
+    if drawn is None and step is not None:
+        raise InputError("step", step, "give the number of a step that has a state, the first is 1")
+    loops = {} if drawn is None else _loops(history, drawn[1].problem)
+    if drawn is None or not (forces or loops):
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
     count = max(map(len, forces.values()), default=0)
     if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
         raise InputError("times", times, f"give the times of all {count} steps")
     rows = [names for names in (list(loops)[:_LOOPS], list(forces)[:_LOOPS]) if names]
     with settings():
-        figure = new_figure(max(4.6, 3.2 * max(map(len, rows))), 0.4 + 3.0 * len(rows))
-        parts = figure.subfigures(len(rows), 1, squeeze=False)[:, 0]
+        figure = new_figure(3.8 + 3.0 * max(map(len, rows)), 0.4 + 3.0 * len(rows))
+        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, 3.0 * max(map(len, rows))])[0]
+        body, (number, shown) = left.subplots(), drawn
+        picture = draw_body(body, shown, units=units)
+        low, high = picture.box + np.array([[-1.0], [1.0]]) * _ROOM * float(np.ptp(picture.box, axis=0).max())
+        body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
+        at = f"step {number}" if abscissa is None else f"t = {abscissa[number - 1]:g}"
+        body.set_title(f"{at}; displacements × {picture.factor:g}", fontsize="medium")
+        parts = right.subfigures(len(rows), 1, squeeze=False)[:, 0]
         for part, names in zip(parts, rows, strict=True):
             for axes, name in zip(part.subplots(1, len(names), squeeze=False)[0], names, strict=True):
                 if part is parts[0] and loops:

@@ -7,7 +7,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.limit.load_factor import Collapse
 from qvi_contact.mechanism import Mechanism
-from qvi_contact.mesh.arcs import cross, turned
+from qvi_contact.mesh.edges import cross, turned
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.style import BLUE, GREY, LONGEST, lines
 

@@ -25,7 +25,7 @@ from qvi_contact.plots.style import (
     require_matplotlib,
     show_all,
 )
-from qvi_contact.plots.symbols import Places, Run, arrows, ground, runs
+from qvi_contact.plots.symbols import Places, Run, arrows, ground, has_springs, runs, springs
 from qvi_contact.problem.conditions import (
     CARTESIAN,
     LOCAL,
@@ -47,6 +47,8 @@ _ARROW: Final = 0.11  # length of the longest arrow as a share of the body's len
 _SPACING: Final = 0.07  # distance of arrows and symbols as a share of the body's length
 _SMALL: Final = 0.7  # size of symbols in the drawing of a result
 _VISIBLE: Final = 0.45  # share of the length of the largest arrow that every load has there
+SPRING: Final = 0.04
+"""Length of springs, as a share of the body's length."""
 _AWAY: Final = 0.018  # distance from the body at which obstacles and symbols are drawn, as a share of its length
 _SAMPLES: Final = 64  # points along the body's length where the range of a field is looked at
 _MATERIALS: Final = 8  # so many materials are explained in the legend
@@ -245,6 +247,11 @@ class _Sketch:
         self._line(pieces, _JOINT if joint else _TOUCHING)
         if not joint:
             self.obstacle(contact)
+        elif has_springs(contact):
+            for run in pieces:
+                places = run.points(_SPACING * self.length, least=1)
+                half = 0.5 * SPRING * self.length * places.normals
+                springs(self.axes, places.points - half, places.points + half)
         self._name(contact, pieces, joint)
         text = f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}"
         self._entry(text, _JOINT if joint else _TOUCHING)
@@ -368,7 +375,12 @@ class _Sketch:
         for run, gap in zip(pieces, gaps, strict=True):
             places = run.ends_and_points(self.length / _SAMPLES)
             distance = 0.5 * _AWAY * self.length + spread * (gap - least)
+            if has_springs(contact):
+                distance += SPRING * self.size * self.length
             line = places.points + distance[:, None] * places.normals
+            if has_springs(contact):
+                few = run.points(_SPACING * self.length, least=1)
+                springs(self.axes, few.points, few.points + distance.mean() * few.normals)
             ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
         plate = contact.plate
         if plate is not None:
@@ -392,7 +404,8 @@ class _Sketch:
         if contact.plate is not None:  # the middle belongs to the plate's force
             aside = (run.at(0.2).points[0] - middle.points[0]) / (0.3 * run.length)
         shift = max(0.3 * run.length, 0.05 * self.length)
-        place = middle.points[0] + shift * aside + (2.0 * _AWAY + 0.03) * self.length * outward
+        away = (2.0 * _AWAY + 0.03 + SPRING * has_springs(contact)) * self.length
+        place = middle.points[0] + shift * aside + away * outward
         self._write(contact.name, [(place, alignment(outward + aside))], "black")
 
     def _on_line(self, pieces: Sequence[Run]) -> list[Spot]:

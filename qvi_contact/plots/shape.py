@@ -24,7 +24,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.problem.conditions import Displacement
-from qvi_contact.problem.initial_strain import stress_at_rest
+from qvi_contact.problem.material import stress_at_rest
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import stress_in_cells
 

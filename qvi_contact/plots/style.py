@@ -18,8 +18,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import arc_offsets, reversed_bends
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, arc_offsets, reversed_bends
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import load
 

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.mesh.arcs import angles, arc_offsets
-from qvi_contact.mesh.edges import Edges, frames_along
-from qvi_contact.mesh.topology import chains
+from qvi_contact.mesh.edges import Edges, angles, arc_offsets, chains, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.plots.style import CHORDS, lines
+from qvi_contact.plots.style import CHORDS, GREEN, lines
+from qvi_contact.problem.conditions import Contact
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +19,16 @@ if TYPE_CHECKING:
 
 _OBLIQUE: Final = 0.05  # sine of the angle to a side below which an arrow counts as lying along it
 CORNER: Final = 0.64  # cosine of the angle, 50 degrees, by which edges of one run may turn
+_ZIGZAG: Final = (
+    (0.0, 0.0),
+    (0.15, 0.0),
+    (0.25, 0.3),
+    (0.42, -0.3),
+    (0.58, 0.3),
+    (0.75, -0.3),
+    (0.85, 0.0),
+    (1.0, 0.0),
+)
 _STRAIGHT: Final = 1e-12  # 1 − cosine of the angle of edges that lie on one straight line
 
 
@@ -149,6 +158,19 @@ def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> N
     sideways = np.column_stack([outward[:, 1], -outward[:, 0]])
     strokes = np.stack([begin, begin + 0.7 * size * (outward + sideways)], axis=1)
     axes.add_collection(lines(strokes, "black", "solid", 0.6))
+
+
+def has_springs(contact: Contact) -> bool:
+    """Whether the contact gives way by springs."""
+    return contact.normal_stiffness is not None or contact.tangential_stiffness is not None
+
+
+def springs(axes: "Axes", start: FloatArray, end: FloatArray) -> None:
+    """Draw springs between points (n, 2) as zigzag lines."""
+    along = end - start
+    side = along[:, ::-1] * [-1.0, 1.0]
+    points = [start + share * along + across * side for share, across in _ZIGZAG]
+    axes.add_collection(lines(np.stack(points, axis=1), GREEN, "solid", 1.0), autolim=False)
 
 
 def arrows(axes: "Axes", places: Places, vectors: FloatArray, away: float, look: dict[str, Any]) -> FloatArray:

@@ -1,9 +1,8 @@
 """What is to be solved: mesh, material and conditions as one problem."""
 
 from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
-from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
+from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
 from qvi_contact.problem.material import Material, Mises, MohrCoulomb, NoTension, Region, Strength, Tresca
-from qvi_contact.problem.point_data import PointData
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.front import front
 
@@ -31,5 +30,7 @@ __getattr__ = front(
     __name__,
     {
         "conditions": ("disc_gap",),
+        "material": ("stress_along_z",),
+        "problem": ("problem_digest",),
     },
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import pickle
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -10,9 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field
-from qvi_contact.basics.retired import refuse_retired
-from qvi_contact.errors import InputError, UnknownNameError
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field, evaluate
+from qvi_contact.errors import InputError, UnknownNameError, refuse_retired
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import (
@@ -21,13 +21,20 @@ from qvi_contact.problem.conditions import (
     Condition,
     Contact,
     Displacement,
+    RigidPlate,
     Symmetry,
     Traction,
     components,
 )
 from qvi_contact.problem.fields import BodyForces
-from qvi_contact.problem.initial_strain import check_compressible
-from qvi_contact.problem.material import Material, Region, cell_materials
+from qvi_contact.problem.material import (
+    Material,
+    Region,
+    cell_materials,
+    check_compressible,
+    is_strained,
+    stress_at_rest,
+)
 from solvers.basics.types import PicklesFields, load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
@@ -83,7 +90,7 @@ class ContactProblem(PicklesFields):
         Parts of other material; where they overlap the later one counts.
     temperature : float or function of (x, y)
         Rise ΔT of temperature since the body was free of stress [temperature]; materials have their `expansion`, and
-        regions may have a temperature of their own. See `problem.initial_strain`. Limit loads do not depend on it.
+        regions may have a temperature of their own. See `problem.material`. Limit loads do not depend on it.
 
     Raises
     ------
@@ -411,3 +418,73 @@ def _raise_on_edge(mesh: TriangleMesh, name: str, component: int, edge: int, rem
     x, y = _midpoint(mesh, edge)
     what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
     raise InputError("ContactProblem.conditions", name, f"{what} of the edge around ({x:.6g}, {y:.6g}) {remedy}")
+
+
+# what stored answers are told from those of other problems by; functions count by their values at some points
+
+_PASSING = ("callback", "threads", "throw")  # options that change no answer
+_PLACES = np.array([0.05, 0.2, 0.45, 0.7, 0.9])  # along an edge
+
+
+def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]) -> str:
+    """SHA-256 of problems on one mesh and of the options they are solved with, as hexadecimal text.
+
+    Options that are None or change no answer do not count.
+    """
+    told = {name: value for name, value in sorted(options.items()) if name not in _PASSING and value is not None}
+    found = hashlib.sha256(mesh_digest(problems[0].mesh) + repr(told).encode())
+    for number in range(len(problems)):
+        found.update(problem_digest(problems[number]))
+    return found.hexdigest()
+
+
+def mesh_digest(mesh: TriangleMesh) -> bytes:
+    """SHA-256 of vertices, cells, arcs and named parts."""
+    parts: list[object] = [mesh.vertices, mesh.cells, mesh.sides]
+    parts += [part for name in mesh.edge_names for part in (name, mesh.edge_set(name))]
+    parts += [part for name in mesh.joint_names for part in (name, mesh.joint_set(name))]
+    return _digest(iter([type(mesh).__name__, *parts]))
+
+
+def problem_digest(problem: ContactProblem) -> bytes:
+    """SHA-256 of everything but the mesh."""
+    return _digest(_stated(problem))
+
+
+def _stated(problem: ContactProblem) -> Iterator[object]:
+    mesh = problem.mesh
+    yield from (problem.compliances, problem.cell_materials)
+    middles = mesh.vertices[mesh.cells].mean(axis=1).T
+    potential = problem.body_potential
+    yield evaluate("body_potential", potential, *middles) if callable(potential) else potential
+    if is_strained(problem):
+        yield stress_at_rest(problem, np.arange(mesh.cell_count), *middles)
+    for condition in problem.conditions:
+        yield type(condition).__name__
+        yield from _values(condition, mesh.edges(condition.edges), mesh)
+
+
+def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> Iterator[object]:
+    """Names and values of all fields."""
+    for each in fields(part):
+        value = getattr(part, each.name)
+        yield each.name
+        if callable(value):
+            yield evaluate(each.name, value, *mesh.points_along(edges, _PLACES))
+        elif isinstance(value, RigidPlate):
+            yield from _values(value, edges, mesh)
+        else:
+            yield value
+
+
+def _digest(parts: Iterator[object]) -> bytes:
+    """Arrays by their bytes, everything else as it is written; numbers to the last bit."""
+    found = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            found.update(f"{part.dtype.str}{part.shape}".encode())
+            found.update(np.ascontiguousarray(part).reshape(-1).view(np.uint8).data)
+        else:
+            found.update(repr(part).encode())
+        found.update(b"\0")
+    return found.digest()

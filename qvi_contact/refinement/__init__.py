@@ -11,6 +11,6 @@ __getattr__ = front(
     {
         "reference_solution": ("energies_between", "places", "reference_problem"),
         "rounds": ("bulk",),
-        "outcome": ("unit_of",),
+        "measure": ("unit_of",),
     },
 )

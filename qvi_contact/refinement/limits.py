@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem

@@ -1,40 +1,26 @@
-"""The number that a refinement is for, and what the refinement ends with."""
+"""What a refinement ends with."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.shown import Certainty
-from qvi_contact.basics.units import Units
-from qvi_contact.errors import InputError
+from qvi_contact.basics.units import Certainty
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.frames import columns_of, frame
-from solvers.basics.names import known_name
+from solvers.basics.types import load
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-
-Quantity: TypeAlias = str | Callable[[ContactResult], float]
-
-_FORCES: Final = ("normal_force", "tangential_force")
-_PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
-_MOTIONS: Final = ("x", "y", "rotation")
-_SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for relative errors
-_UNITS: Final = {
-    "energy": "engineering_energy",
-    "moment": "engineering_moment",
-    "x": "displacement",
-    "y": "displacement",
-    "rotation": "",
-}
-"""Which of the `Units` quantities are in whose names end so, all but forces."""
+    from qvi_contact.discretization.space import LawOn
+    from qvi_contact.solution.derivatives import Side
 
 
 @dataclass(frozen=True)
@@ -50,61 +36,49 @@ class LimitFactor:
 
     loads: Sequence[str]
 
+    def derivative(
+        self,
+        problem: ContactProblem,
+        parameter: str,
+        side: Side | None = None,
+        *,
+        degree: int | None = None,
+        law_on: LawOn | None = None,
+    ) -> float:
+        """By how much the factor grows with a datum of the problem, from the multipliers of its program.
 
-@dataclass(frozen=True)
-class Measure:
-    """A quantity: its name, its value, the unit of its relative error, and whether a bracket may bound it."""
+            LimitFactor(["drag"]).derivative(problem, "ground.friction")
 
-    name: str
-    value: Callable[[ContactResult], float]
-    unit: Callable[[ContactResult], float]
-    bounded: bool = True
+        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree.
 
-    @property
-    def of_a_force(self) -> bool:
-        """Whether it is the force of a contact, which may have bounds where contacts slip."""
-        return self.bounded and self.name.endswith(_FORCES)
+        Parameters
+        ----------
+        problem : ContactProblem
+            The problem.
+        parameter : str
+            "NAME.friction", "NAME.cohesion" or "NAME.shear_limit" of a contact; "load.NAME", a factor of a load; of
+            strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
+            everywhere.
+        side : "above" or "below", optional
+            Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
+            sides differ; such values are good to about five digits. What is zero has only the one from above.
+        degree, law_on
+            As for `limit_load_factor`.
 
-    @classmethod
-    def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
-        """The measure that `refine` calls by this name, or a function; `InputError` if there is none."""
-        if not isinstance(quantity, str):
-            if not callable(quantity):
-                raise InputError("quantity", quantity, "give a name or a function of a ContactResult")
-            function = quantity
-            name = getattr(function, "__name__", "quantity")
-            return cls(name, lambda result: float(function(result)), lambda result: abs(float(function(result))), False)
-        if quantity == "energy":
-            return cls(quantity, lambda result: result.energies.complementary, lambda result: result.energies.strain)
-        known = ["energy"]
-        for contact in problem.contacts:
-            kinds = [*_FORCES, *(() if contact.plate is None else (*_PLATE_FORCES, *_MOTIONS))]
-            known += [f"{contact.name}.{kind}" for kind in kinds]
-        known_name("quantity", quantity, {"numbers": known})
-        own, _, kind = quantity.rpartition(".")
+        Returns
+        -------
+        float
+            The derivative [1/unit of the parameter].
 
-        def value(result: ContactResult) -> float:
-            if kind in _FORCES:
-                return float(getattr(result.contacts[own], kind))
-            if kind in _PLATE_FORCES:
-                return float(getattr(result.plate_force(own), _PLATE_FORCES[kind]))
-            return float(getattr(result.plates[own], kind))
+        Raises
+        ------
+        InputError
+            If there is no such name, no finite factor, the derivatives from both sides differ, or bilateral contacts
+            have friction.
 
-        def unit(result: ContactResult) -> float:
-            scales = result.discretization.scales
-            if kind in _MOTIONS:
-                size = scales.displacement / (scales.length if kind == "rotation" else 1.0)
-            else:
-                size = scales.stress * scales.length ** (2 if kind == "moment" else 1)
-            return max(abs(value(result)), _SMALL * size)
-
-        return cls(quantity, value, unit)
-
-
-def unit_of(quantity: str, units: Units) -> str:
-    """The unit of a quantity of a refinement by its name, that of forces for a function."""
-    chosen = _UNITS.get(quantity.rpartition(".")[2], "engineering_force")
-    return str(getattr(units, chosen)) if chosen else "rad"
+        """
+        found = load("qvi_contact.solution.derivatives").limit_derivative
+        return float(found(problem, self.loads, parameter, side, degree=degree, law_on=law_on))
 
 
 class RefinementStatus(StrEnum):
@@ -264,11 +238,14 @@ class Refinement(Outcome):
     Attributes
     ----------
     result : ContactResult
-        On the last mesh that was solved; if there is none, the failed one on the first.
+        On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one.
+    history : History or None
+        All load steps on that mesh, if these were refined.
 
     """
 
     result: ContactResult
+    history: History | None = None
 
     @property
     def problem(self) -> ContactProblem:
@@ -287,6 +264,9 @@ class Refinement(Outcome):
 class LimitRefinement(Outcome):
     """A limit load on a mesh refined until both of its sides are as near as asked for.
 
+    It is not guaranteed where tractions, or what enters them along contacts, are no polynomials that the mesh can
+    follow: loads are then met in their resultants on every edge.
+
     Attributes
     ----------
     limit : LimitLoad
@@ -298,12 +278,3 @@ class LimitRefinement(Outcome):
 
     limit: LimitLoad
     problem: ContactProblem
-
-    @property
-    def guaranteed(self) -> bool:
-        """Whether stresses in equilibrium carry the lower side at every point, up to rounding.
-
-        False where tractions, or what enters them along contacts, are no polynomials that the mesh can follow: loads
-        are then met in their resultants on every edge.
-        """
-        return super().guaranteed

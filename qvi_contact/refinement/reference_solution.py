@@ -20,11 +20,11 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.outcome import Measure
+from qvi_contact.refinement.measure import Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import ContactResult
 

@@ -1,4 +1,4 @@
-"""Refinement of triangle meshes: bisection where the answer differs from a companion or from a reference solution.
+"""Refinement of triangle meshes: bisection where answers differ from a companion or from a reference solution.
 
 In `docs/theory.md`: (D22).
 """
@@ -11,12 +11,13 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_number
-from qvi_contact.basics.shown import Certainty
+from qvi_contact.basics.units import Certainty
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import has_coulomb
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.outcome import Measure, RefinementStatus
+from qvi_contact.refinement.measure import Measure
+from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.reference_solution import (
     Comparison,
     Places,
@@ -32,6 +33,7 @@ from qvi_contact.refinement.rounds import (
     TooLargeError,
     bulk,
 )
+from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import discretized, solve
 from solvers import Status
@@ -68,6 +70,8 @@ class TriangleRound(Round[ContactResult]):
         Whether bounds were asked for in vain.
     reference : float
         The quantity of the reference solution; NaN where there was none.
+    history : History or None
+        All load steps, if there are several.
 
     """
 
@@ -75,6 +79,7 @@ class TriangleRound(Round[ContactResult]):
     deeper: tuple[IntArray, ...]
     hopeless: bool
     reference: float
+    history: History | None = None
 
 
 @dataclass(frozen=True)
@@ -196,6 +201,77 @@ class TriangleRefinement:
         if discretization.qvi.n > most:
             raise TooLargeError(discretization.qvi.n)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
+
+
+@dataclass(frozen=True)
+class HistoryRefinement(TriangleRefinement):
+    """One mesh for all load steps, bisected by the sum of what they are off; each round solves all of them anew.
+
+    Attributes
+    ----------
+    steps : tuple of ContactProblem
+        The load steps, on any mesh.
+
+    """
+
+    steps: tuple[ContactProblem, ...]
+
+    def answer(self, problem: ContactProblem) -> History:  # type: ignore[override]
+        """The history on the problem's mesh."""
+        return self._history(problem.mesh, self.degree, self.settings.max_unknowns)
+
+    def assessed(  # type: ignore[override]
+        self, problem: ContactProblem, history: History, earlier: Sequence[TriangleRound]
+    ) -> TriangleRound:
+        """The history beside one on a reference mesh, which is bisected where any step asks for it."""
+        if history.status is not Status.SOLVED:
+            raise StopError(_STOPS.get(history.status, RefinementStatus.UNSOLVED), history.message)
+        mesh, last = problem.mesh, history.steps[-1]
+        each = [places(problem, mesh, step) for step in history.steps]
+        at = Places(*(np.unique(np.concatenate([getattr(one, name) for one in each])) for name in ("cells", "corners")))
+        finer = reference_problem(problem, mesh, at).mesh
+        reference = self._history(finer, self.degree + 1, np.inf)
+        value, better = self._value(history), self._value(reference) if reference.steps[-1].has_state else np.nan
+        step = abs(better - earlier[-1].reference) if earlier else 0.0
+        unit = abs(value) if self.measure.kind == "dissipation" else self.measure.unit(last)
+        estimate = _SAFETY * max(abs(better - value), step) / unit if unit > 0.0 else 0.0
+        rounding = max(each.certificate.accuracy for each in reference.steps)
+        near = reference.status is Status.INACCURATE and rounding <= _NEAR * estimate
+        if not near and reference.status is not Status.SOLVED:
+            late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
+            raise StopError(late, f"the accuracy of the answer could not be determined: {reference.message}")
+        pairs = zip(history.steps, reference.steps, strict=True)
+        parts = np.sum([energies_between(coarse, fine, mesh, finer) for coarse, fine in pairs], axis=0)
+        marked, total = bulk(parts), float(parts.sum())
+        marked[at.cells] = True
+        return TriangleRound(
+            problem=problem,
+            answer=last,
+            unknowns=last.discretization.qvi.n,
+            value=value,
+            unit=unit,
+            estimate=estimate,
+            certainty=Certainty.ESTIMATE,
+            indicator=parts * (estimate / total) if total > 0.0 else parts,
+            marked=marked,
+            deeper=(),
+            hopeless=True,
+            reference=better,
+            history=history,
+        )
+
+    def _history(self, mesh: TriangleMesh, degree: int, most: float) -> History:
+        steps = [replace(step, mesh=mesh) for step in self.steps]
+        unknowns = discretized(steps[0], **{**self.settings.options, "degree": degree}).qvi.n
+        if unknowns > most:
+            raise TooLargeError(unknowns)
+        return solve_history(steps, **{**self.settings.options, "degree": degree})
+
+    def _value(self, history: History) -> float:
+        """What friction loses in all steps, or the quantity in the last one."""
+        if self.measure.kind == "dissipation":
+            return float(history.dissipated.sum())
+        return self.measure.value(history.steps[-1])
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:

@@ -5,13 +5,19 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "contact_line": ("ContactLine", "ContactState", "STATE_TOLERANCE", "contact_states"),
-        "contact_path": ("ContactPath", "leads_one_way", "turning_senses"),
+        "contact_line": (
+            "ContactLine",
+            "ContactPath",
+            "ContactState",
+            "STATE_TOLERANCE",
+            "contact_states",
+            "leads_one_way",
+            "turning_senses",
+        ),
         "history": ("loop_area", "solve_history"),
+        "remarks": ("UndeterminedMotion", "motions_in_words", "undetermined_motions"),
         "result": ("ContactResult",),
-        "sampling": ("cell_factors", "sample_body", "stress_component", "von_mises"),
         "solver": ("discretized", "solve"),
-        "stress": ("stress_at", "stress_in_cells"),
-        "undetermined": ("UndeterminedMotion", "motions_in_words", "undetermined_motions"),
+        "stress": ("cell_factors", "sample_body", "stress_at", "stress_component", "stress_in_cells", "von_mises"),
     },
 )

@@ -9,8 +9,8 @@ In `docs/theory.md`: (D34).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, Final, Literal, TypeAlias
 
@@ -19,7 +19,10 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.limit.load_factor import loads_of, multiplied
+from qvi_contact.limit.conic import ConicProgram
+from qvi_contact.limit.linear import EITHER, both_signs
+from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
+from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -33,6 +36,10 @@ Side: TypeAlias = Literal["above", "below"]
 
 _LAWS: Final = ("friction", "cohesion", "shear_limit", "gap", "offset")
 _AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
+
+_NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are compared
+_NEAR: Final = 1e-3  # the same for derivatives at either side of a change of mechanism
+_SAME: Final = 1e-4  # relative difference of these that counts as none: they are extrapolated
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +56,10 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
         raise InputError("result", result.status.value, "derivatives need a solved result")
     if side not in (None, "above", "below"):
         raise InputError("side", side, "give 'above' or 'below', or leave it out")
-    measure = load("qvi_contact.refinement.outcome").Measure.of(result.problem, quantity)  # that room builds on this
-    if not isinstance(quantity, str) or quantity == "energy":
-        raise InputError("quantity", quantity, "give the name of a force, or of a motion of a plate")
+    measure = load("qvi_contact.refinement.measure").Measure.of(result.problem, quantity)  # that room builds on this
+    if not measure.linear:
+        remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
+        raise InputError("quantity", quantity, remedy)
     known = result.discretization
     parameters = dict(_parameters(result.problem, known.scales))
     chosen = parameters[known_name("parameter", parameter, {"parameters": parameters})]
@@ -180,3 +188,98 @@ def _plus(field: Field, step: float) -> Field:
         return np.asarray(field(x, y), dtype=float) + step
 
     return larger
+
+
+def limit_derivative(
+    problem: ContactProblem, loads: Sequence[str], parameter: str, side: Side | None = None, **space: Any
+) -> float:
+    """See `LimitFactor.derivative`.
+
+    With the rows A x ≤ b of the cone program of stresses and their multipliers y the derivative is y·(b' − A' x), where
+    b' and A' are those of the rows in x (envelope theorem). Where several mechanisms have one limit, derivatives from
+    both sides differ. They are those a little to either side, extrapolated.
+    """
+    posed = LimitProblem.of(problem, checked_loads(problem, loads), **space)
+    if both_signs(posed.low).any():
+        raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
+    if side not in (None, "above", "below"):
+        raise InputError("side", side, "give 'above' or 'below', or leave it out")
+    data = dict(_limit_data(problem, posed.low.scales))
+    unit, least, moved = data[known_name("parameter", parameter, {"parameters": data})]
+
+    def program(step: float) -> ConicProgram:
+        low, high = (multiplied(moved(step * unit), posed.names, factor) for factor in (1.0, 2.0))
+        first = posed.low.with_data(low, posed.low.scales)
+        stresses = StressProgram(first, first.with_data(high, posed.low.scales))
+        return stresses.program(np.full(len(both_signs(first)), EITHER))
+
+    def at(step: float) -> float:
+        base, further = program(step), program(step + _NEXT)
+        found = base.answered()
+        if isinstance(found, str):
+            raise InputError(
+                "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
+            )
+        (A, b), (more, limits) = base.rows(), further.rows()
+        return float(found[1] @ ((limits - b) - (more @ found[0] - A @ found[0]))) / (_NEXT * unit)
+
+    above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
+    if not least or side == "above":
+        return above
+    below = 2.0 * at(-_NEAR) - at(-2.0 * _NEAR)
+    if side == "below":
+        return below
+    if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / unit):
+        return at(0.0)
+    remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
+    raise InputError("side", None, remedy + "ask for one of them")
+
+
+_Datum: TypeAlias = tuple[float, bool, Callable[[float], ContactProblem]]
+"""A unit, whether the datum may be less than it is, and the problem with it larger by a step."""
+
+
+def _limit_data(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Datum]]:
+    """Data of limit loads by name."""
+    for number, contact in enumerate(problem.conditions):
+        if isinstance(contact, Contact) and contact.law != "tied":
+            for name in ("friction", "cohesion", "shear_limit"):
+                value = getattr(contact, name)
+                if value is not None:
+                    unit = _unit(value, 1.0 if name == "friction" else scales.stress)
+                    yield f"{contact.name}.{name}", (*unit, partial(_rougher, problem, number, name))
+    for name in loads_of(problem):
+        yield f"load.{name}", (1.0, True, partial(_heavier, problem, name))
+    owners = [("material", problem.material), *((region.name, region.material) for region in problem.regions)]
+    for number, (title, material) in enumerate(owners):
+        strength = material.strength
+        for each in fields(strength) if strength is not None and title is not None else ():
+            value = getattr(strength, each.name)
+            if value is not None:
+                unit = _unit(value, 1.0 if each.name == "phi" else scales.stress)
+                yield f"{title}.{each.name}", (*unit, partial(_stronger, problem, number, each.name))
+
+
+def _unit(value: Field, otherwise: float) -> tuple[float, bool]:
+    return (otherwise, True) if callable(value) else (abs(float(value)) or otherwise, value != 0.0)
+
+
+def _rougher(problem: ContactProblem, number: int, name: str, step: float) -> ContactProblem:
+    return _changed(problem, number, **{name: _plus(getattr(problem.conditions[number], name), step)})()
+
+
+def _heavier(problem: ContactProblem, name: str, step: float) -> ContactProblem:
+    return multiplied(problem, [name], 1.0 + step)
+
+
+def _stronger(problem: ContactProblem, number: int, name: str, step: float) -> ContactProblem:
+    """With another strength of the body, 0, or of a region, from 1."""
+    material = problem.material if number == 0 else problem.regions[number - 1].material
+    changes: Any = {name: _plus(getattr(material.strength, name), step)}
+    assert material.strength is not None  # as listed
+    material = replace(material, strength=replace(material.strength, **changes))
+    if number == 0:
+        return replace(problem, material=material)
+    regions = list(problem.regions)
+    regions[number - 1] = replace(regions[number - 1], material=material)
+    return replace(problem, regions=regions)

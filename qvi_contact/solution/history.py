@@ -28,8 +28,7 @@ from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, Displacement, components
-from qvi_contact.problem.fingerprint import run_digest
-from qvi_contact.problem.problem import ContactProblem, direction_of
+from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solved
@@ -307,7 +306,7 @@ def solve_history(
         results: Any = list[ContactResult]()
         if store is not None:
             fingerprint = run_digest(steps, {**settings.stated, "warm_start": warm_start})
-            results = load("qvi_contact.files.step_store").StepStore(store, fingerprint, len(steps), discretized)
+            results = load("qvi_contact.files.stores").StepStore(store, fingerprint, len(steps), discretized)
         warm = warm_start and settings.takes_state
         for number in range(len(results) + 1, len(steps) + 1):
             before = results[number - 2] if number > 1 else None

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.attached import Attached
 from qvi_contact.basics.checks import FloatArray, real_array
-from qvi_contact.basics.shown import SHARE, Rounding
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import (
     LOAD_POINTS,
@@ -26,7 +25,7 @@ from qvi_contact.discretization.loads import (
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, RigidPlate
-from qvi_contact.problem.initial_strain import is_strained
+from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket, Uniqueness
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.solution.derivatives import Side
-    from qvi_contact.solution.undetermined import UndeterminedMotion
+    from qvi_contact.solution.remarks import UndeterminedMotion
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 
@@ -415,7 +414,8 @@ class ContactResult(PicklesFields, Attached):
         ----------
         quantity : str
             "NAME.normal_force" or "NAME.tangential_force" of a contact; "NAME.force_x", "NAME.force_y", "NAME.moment",
-            "NAME.x", "NAME.y" or "NAME.rotation" of a plate.
+            "NAME.x", "NAME.y" or "NAME.rotation" of a plate; at a point "NAME.slip(x, y)" of a contact, and stresses
+            "xx(x, y)", "yy(x, y)", "xy(x, y)".
         parameter : str
             "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap", "NAME.offset" or a stiffness of a contact,
             and what is given of its plate; "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor

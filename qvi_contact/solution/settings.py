@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
-from qvi_contact.basics.retired import RETIRED, refuse_arguments
-from qvi_contact.errors import InputError
+from qvi_contact.errors import RETIRED, InputError, refuse_arguments
 from solvers.settings import Settings as Method
+
+LawOn: TypeAlias = Literal["edges", "points"]
+"""As `discretization.space` has it, which files and commands do without."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +44,7 @@ class Settings(Method):
     """
 
     degree: int | None = None
-    law_on: Literal["edges", "points"] | None = None
+    law_on: LawOn | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.options, Mapping):
@@ -55,7 +57,7 @@ class Settings(Method):
                 _ = pressures(self.initial)
 
     @property
-    def law(self) -> Literal["edges", "points"] | None:
+    def law(self) -> LawOn | None:
         """Where the law is asked for, or has to be for the method; None if it takes either."""
         if self.law_on is None and self.method == "uzawa":
             return "points"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish

@@ -88,30 +88,32 @@ def solved(
 ) -> ContactResult:
     """The same with checked settings, until the time is over; from a result `before` in place of their `initial`."""
     with Log(f"qvi_contact {__version__}: solve", settings.verbose) as log:
-        known, attempts = problem, tuple[Attempt, ...]()
-        if isinstance(known, ContactProblem):
-            if known.mesh.cell_count >= _MANY_CELLS:
-                report(Progress("mesh", stage=f"discretising {known.mesh.cell_count} cells"))
-            given = discretize(known, degree=settings.degree, law_on=settings.law)
-            known = _fitted(given, settings)
-            attempts = () if known is given else (UNITS,)
-        space, rule = known.space, known.rule
-        if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
-            remedy = (
-                "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish where "
-                "the shear does not: leave law_on out, or give 'points'"
-            )
-            raise InputError("law_on", rule.law_on, remedy)
-        element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
-        log.begin({"cells": len(space.triangles), "element": element, **facts_of(known.qvi, settings)})
-        initial = settings.initial if before is None else before
-        start = None if initial is None else _initial(initial, known)
-        solution = solve_checked(known.qvi, settings, start)
-        attempts += solution.attempts
-        if _reached(known, solution):
-            known = known.with_far_obstacles()
+        if isinstance(problem, ContactProblem):
+            if problem.mesh.cell_count >= _MANY_CELLS:
+                report(Progress("mesh", stage=f"discretising {problem.mesh.cell_count} cells"))
+            given = discretize(problem, degree=settings.degree, law_on=settings.law)
+        else:
+            given = problem
+        with given.qvi.stiffness.using(settings.factorisation, settings.threads):  # once for all that follows
+            known = _fitted(given, settings) if given is not problem else given
+            attempts: tuple[Attempt, ...] = () if known is given else (UNITS,)
+            space, rule = known.space, known.rule
+            if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
+                remedy = (
+                    "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish "
+                    "where the shear does not: leave law_on out, or give 'points'"
+                )
+                raise InputError("law_on", rule.law_on, remedy)
+            element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
+            log.begin({"cells": len(space.triangles), "element": element, **facts_of(known.qvi, settings)})
+            initial = settings.initial if before is None else before
+            start = None if initial is None else _initial(initial, known)
             solution = solve_checked(known.qvi, settings, start)
-            attempts += (FAR_OBSTACLES, *solution.attempts)
+            attempts += solution.attempts
+            if _reached(known, solution):
+                known = known.with_far_obstacles()
+                solution = solve_checked(known.qvi, settings, start)
+                attempts += (FAR_OBSTACLES, *solution.attempts)
         result = _judged(ContactResult(known, replace(solution, attempts=attempts)))
         log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if settings.throw and result.status is not Status.SOLVED:

@@ -26,8 +26,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Condition, Contact
-from qvi_contact.problem.fingerprint import run_digest
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem, run_digest
 from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
@@ -44,7 +43,7 @@ from solvers.basics.types import load
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from qvi_contact.files.sweep_store import StoredSweep
+    from qvi_contact.files.stores import StoredSweep
 
 Parameter: TypeAlias = Literal["friction", "load", "gap", "offset"]
 """What a sweep changes."""
@@ -283,7 +282,7 @@ def solve_sweep(
                 told(number, result, result.certificate.accuracy)
             sweep = Sweep(parameter, numbers, tuple(steps))
         else:
-            kept = load("qvi_contact.files.sweep_store")
+            kept = load("qvi_contact.files.stores")
             asked = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
             fingerprint = run_digest([task.problem], {**settings.stated, **asked})
             with (

@@ -6,7 +6,7 @@ __getattr__ = front(
     __name__,
     {
         "checks": ("one_of", "real_array", "whole_number"),
-        "foreign": ("foreign_code",),
+        "foreign": ("foreign_code", "handlers_kept"),
         "progress": ("Deadline", "Log", "Progress", "deadline", "listening", "report"),
         "types": ("IntVector", "Matrix", "Vector"),
     },

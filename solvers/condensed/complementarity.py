@@ -24,6 +24,7 @@ In `docs/theory.md`: (D5), (D6).
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, pairwise
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
@@ -74,7 +75,7 @@ class Complementarity:
     ) -> None:
         self._shares, self.start = shares, shares.start
         self._qvi, self._space, self.stress = qvi, space, stress
-        frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), space.E_T, qvi.W)
+        frictionless = Frictionless.of(space.frictionless, space.E_T, qvi.W)
         self._equations = Equations.of(space.A, frictionless, space.size)
         self._lay_out()
         self._lay_out_rows()
@@ -89,7 +90,8 @@ class Complementarity:
         capped = friction[np.isfinite(qvi.cap[friction]) & (qvi.mu[friction] > 0.0)]
         parts = (normal, friction, friction, capped, capped)
         lengths = [len(part) for part in parts]
-        of_normal, of_friction, below, cap, below_cap = np.split(np.arange(sum(lengths)), np.cumsum(lengths)[:-1])
+        ends = pairwise((0, *accumulate(lengths)))
+        of_normal, of_friction, below, cap, below_cap = (np.arange(first, last) for first, last in ends)
         self._points: IntVector = np.concatenate(parts)
         self._above, self._below = np.concatenate([of_friction, cap]), np.concatenate([below, below_cap])
         self._sign: Vector = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], lengths)
@@ -155,7 +157,7 @@ class Complementarity:
         self._moved = bool(base.z.any())
         _, self._in_body, self._nothing = body_scales(self._qvi, base.strain_energy) if self._moved else (0.0, 0.0, 0.0)
         self._base = base
-        self._offset: Vector = self._equations.offset(base.equality, base.tangential)
+        self._offset: Vector = self._equations.offset(base.equality[: len(space.A)], base.tangential)
         half = base.c + 0.5 * (space.stiffness @ self._offset)
         self._energy = base.energy + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + space.stiffness @ self._offset)
@@ -321,15 +323,15 @@ class Complementarity:
     def multipliers(self, u: Vector, lam: Vector) -> tuple[Vector, Vector, Vector]:
         """Row multipliers (m_N, m_T, ν) of (D2)."""
         qvi, space = self._qvi, self._space
-        rows = self.weights * lam
+        rows, y = self.weights * lam, self.full(u)
         normal = self._sign == 0.0
         m_N: Vector = np.zeros(qvi.m) + np.bincount(self._points[normal], rows[normal], qvi.m)
         m_T: Vector = np.zeros(qvi.m) + np.bincount(self._points[~normal], (self._sign * rows)[~normal], qvi.m)
-        residual = (
-            self._base.c + space.stiffness @ self.full(u) + space.E_N.T @ m_N + space.E_T.T @ m_T
-        )  # fmt: skip
-        nu, frictionless = self._equations.multipliers(residual, qvi.m, qvi.p)
-        return m_N, m_T + frictionless, nu
+        found = space.equation_multipliers(space.held(self._base, y))
+        if found is None:
+            residual = self._base.c + space.stiffness @ y + space.E_N.T @ m_N + space.E_T.T @ m_T
+            found = self._equations.multipliers(residual, qvi.m, qvi.p)
+        return m_N, m_T + found[1], found[0]
 
 
 def _beyond(values: Vector, rounding: Vector) -> Vector:
@@ -436,6 +438,11 @@ class Equations:
     @classmethod
     def of(cls, A: Matrix, frictionless: Frictionless, size: int) -> "Equations":
         """Choose pivots for A (p, k) and the equations of points without friction."""
+        if not len(A) and not len(frictionless.points):
+            free, none, square = np.arange(size), np.arange(0), np.zeros((0, 0))
+            return cls(
+                free, _map(size, free, none, np.zeros((0, size))), A, frictionless, none, A[:, 0], square, square
+            )
         A = np.vstack([A, frictionless.equations])
         unknown = np.setdiff1d(np.arange(size), frictionless.fixed)
         lengths = np.linalg.norm(A, axis=1)
@@ -451,6 +458,8 @@ class Equations:
     def offset(self, b: Vector, tangential: Vector) -> Vector:
         """y₀ (k,): the solution of A y = b and σ_T = 0 with u = 0; b without, tangential (m,) the shear at y = 0."""
         y = np.zeros(self.map.shape[0])
+        if len(self.free) == len(y):
+            return y
         y[self.frictionless.fixed] = self.frictionless.values(tangential)
         right = np.concatenate([b, -tangential[self.frictionless.kept]]) - self.A @ y
         if len(self._pivots):

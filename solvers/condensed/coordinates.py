@@ -38,6 +38,8 @@ from solvers.inequality.rows import Rows, transposed
 if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity
 
+_NOTHING: Vector = np.zeros(0)
+
 
 class DenseCoordinates(Coordinates):
     """The maps between z and trace coordinates, and S_y.
@@ -60,6 +62,7 @@ class DenseCoordinates(Coordinates):
         self.stiffness = interface.stiffness
         self.E = interface.rows
         self.A = interface.A
+        self.frictionless = np.flatnonzero(qvi.frictionless)
         self._many = not qvi.stiffness.condensing_pays(qvi.contact)
         self.shares = MANY_POINTS_SHARES if self._many else FRICTION_SHARES
 
@@ -76,7 +79,7 @@ class DenseCoordinates(Coordinates):
         """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
         return DenseSystem(np.asarray(S), many=self._many)
 
-    def base(self, z: Vector) -> Expansion:
+    def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
         """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""
         qvi = self._qvi
         strain, gradient = qvi.state(z)
@@ -87,7 +90,7 @@ class DenseCoordinates(Coordinates):
             reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
         c = -self._scale * self._coordinates.from_unknowns(reduced)
         return Expansion(
-            z, c, qvi.b - qvi.arrays.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state
+            z, c, qvi.b - qvi.arrays.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state, held
         )
 
     def move(self, base: Expansion, y: Vector) -> Vector:
@@ -115,12 +118,14 @@ class DenseCoordinates(Coordinates):
 
 # (D2) in all unknowns, for contacts that are a large share of a body: nothing is eliminated, all stays sparse.
 #
-# Coordinates are y = (x, t): unknowns x = D^½ z with which the diagonal of K is 1, and the traces t = Y z of [N; T] = E
-# Y, all of them, whether they depend on each other or not. Both grow with every step by what the step says, so that t =
-# Y z but for rounding, and slacks that are taken from E t fit each other exactly. Forces act on x alone:
+# Coordinates are y = (x, t, h): unknowns x = D^½ z with which the diagonal of K is 1, the traces t = Y z of [N; T] = E
+# Y, all of them, whether they depend on each other or not, and multipliers h of equations C x = d, rows of length one:
+# σ_T = 0 at points without friction, and A z = b. Traces grow with every step by what the step says, so that t = Y z
+# but for rounding, and slacks that are taken from E t fit each other exactly. Forces of bounds act on x alone:
 #
-#     S = [D^-½ K D^-½  0],      E_y = [0  E],      Eᵀ m stands for D^-½ Yᵀ Eᵀ m on x, and 0 on t.
-#         [0            0]
+#     S = [D^-½ K D^-½  0  Cᵀ],      E_y = [0  E  0],      Eᵀ m stands for D^-½ Yᵀ Eᵀ m on x, and 0 on t and h.
+#         [0            0  0 ]
+#         [C            0  0 ]
 #
 # Newton's matrix is K plus, with D = diag(λ/s), one 2 × 2 block at each contact point,
 #
@@ -129,15 +134,21 @@ class DenseCoordinates(Coordinates):
 #
 # Σ_N, Σ_T over the bounds of either traction, p' = dp/dσ_N, which is −1 but at bilateral points. It has K's pattern: it
 # is analysed once, and filled by one sparse matrix G, which adds G (M_NN, M_TN, M_TT) to those of K's entries that
-# contact points touch.
+# contact points touch. Equations are springs beside it, of a stiffness ω so large that C x − h/ω = d says the same but
+# for a rounding that refinement takes away:
 #
+#     (H + CᵀωC) x = f + Cᵀω d,    h = ω (C x − d).
+#
+# At points without friction they are blocks M_TT; the few rows of A, long as they may be, are a matrix of low rank.
 
 
 _NEAR_FROM = 12_000  # contact points, above which a start near the bonded solution is the first, else the last
+_ROUNDING = 1e-14  # rows of equations shorter than this beside the longest are rounding
+_SPRING = 1e6  # least ω: refinement gains as many digits each time, and dependent rows make noise of ω roundings in h
 
 
 class SparseCoordinates(Coordinates):
-    """The maps between z and the coordinates y = (x, t), with those of `DenseCoordinates`."""
+    """The maps between z and the coordinates y = (x, t, h), with those of `DenseCoordinates`."""
 
     name = "sparse"
     stiffness: SparseRows
@@ -151,31 +162,68 @@ class SparseCoordinates(Coordinates):
         rows = qvi.contact_rows if qvi.traces is None else qvi.traces.rows
         self._Y = csr_array(rows @ diags_array(self._scale))
         E = eye_array(rows.shape[0]) if qvi.traces is None else qvi.traces.interpolation
-        self.E = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E]))
-        self.A = np.zeros((0, self.size))
-        self.stiffness = _scaled(qvi.K, self._scale, rows.shape[0])
+        self._points: IntVector = np.flatnonzero(qvi.frictionless)  # without friction
+        equations = csr_array(vstack([csr_array(qvi.T)[self._points], qvi.A]) @ diags_array(self._scale))
+        lengths = np.sqrt(np.asarray(equations.multiply(equations).sum(axis=1)).ravel())
+        self._free = lengths > _ROUNDING * lengths.max(initial=0.0)  # what is prescribed cannot be changed
+        self._lengths: Vector = np.where(self._free, lengths, 1.0)
+        self.equations = csr_array(diags_array(1.0 / self._lengths) @ equations)
+        count = len(lengths)
+        self.E = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E, csr_array((2 * qvi.m, count))]))
+        self.A, self.frictionless = np.zeros((0, self.size)), np.zeros(0, dtype=np.int64)  # none is solved for any
+        K = _scaled(qvi.K, self._scale, rows.shape[0])
+        coupling = csr_array((self.equations.data, self.equations.indices, self.equations.indptr), (count, K.shape[0]))
+        self._K = K
+        beside = csr_array(hstack([coupling, csr_array((count, count))]))
+        self.stiffness = csr_array(vstack([hstack([K, coupling.T]), beside])) if count else K
 
     @property
     def size(self) -> int:
-        """Number of coordinates k = n + r."""
-        return sum(self._Y.shape)
+        """Number of coordinates k = n + r + equations."""
+        return sum(self._Y.shape) + len(self._lengths)
 
-    def base(self, z: Vector) -> Expansion:
-        """The problem about z: one gradient."""
-        qvi = self._qvi
+    @property
+    def springs(self) -> tuple[Vector, Vector]:
+        """ω of the equations, at points without friction proportional to their weights; as entries of M_TT (m,)."""
+        points, blocks = self._points, np.zeros(self._qvi.m)
+        weights, squares = self._qvi.W[points], self._lengths[: len(points)] ** 2
+        blocks[points] = weights * (_SPRING / float((weights * squares).min(initial=np.inf)))
+        return np.append(blocks[points] * squares, np.full(self._qvi.p, _SPRING)), blocks
+
+    def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
+        """The problem about z, with these multipliers of equations, 0 by default: one gradient."""
+        qvi, count = self._qvi, len(self._lengths)
         energy, gradient = qvi.state(z)
-        c = np.concatenate([self._scale * gradient, np.zeros(self._Y.shape[0])])
-        return Expansion(
-            z, c, qvi.b, qvi.normal(z), qvi.tangential(z), gradient, energy, qvi.energy(z), np.zeros((0, 0))
-        )
+        normal, tangential, missed = qvi.normal(z), qvi.tangential(z), qvi.b - qvi.arrays.A @ z
+        held = held if len(held) else np.zeros(count)
+        c = np.zeros(self.size)
+        c[: qvi.n] = self._scale * gradient + self.equations.T @ held
+        c[self.size - count :] = self._free * np.concatenate([tangential[self._points], -missed]) / self._lengths
+        state = np.zeros((0, 0))
+        return Expansion(z, c, missed, normal, tangential, gradient, energy, qvi.energy(z), state, held)
 
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose coordinates are y."""
         return np.asarray(base.z + self._scale * y[: self._qvi.n])
 
+    def held(self, base: Expansion, y: Vector) -> Vector:
+        """See `Coordinates`."""
+        return base.held + y[self.size - len(self._lengths) :]
+
+    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector]:
+        """(ν (p,), m_T (m,) of points without friction) for multipliers h of the equations."""
+        forces, m_T = held / self._lengths, np.zeros(self._qvi.m)
+        m_T[self._points] = forces[: len(self._points)]
+        return forces[len(self._points) :], m_T
+
     def bonded(self, base: Expansion) -> Vector:
         """Coordinates (k,) of the bonded solution, on which no contact law acts."""
-        return self.coordinates(self._linear.solve(-base.reduced)[0])
+        return self.coordinates(self._linear.solve(-base.reduced, base.equality)[0])
+
+    def length(self, y: Vector) -> float:
+        """Energy norm of a step."""
+        x = y[: self._K.shape[0]]
+        return float(np.sqrt(abs(x @ (self._K @ x))))
 
     def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
         """Energy norm of what K as it is assembled missed on the way from one base to the next, y its step."""
@@ -188,16 +236,17 @@ class SparseCoordinates(Coordinates):
 
     def coordinates(self, z: Vector) -> Vector:
         """Coordinates (k,) of a point z (n,), counted from z = 0."""
-        return self.with_traces(z / self._scale)
+        return self.whole(z / self._scale, np.zeros(len(self._lengths)))
 
-    def with_traces(self, x: Vector) -> Vector:
-        """(x, t) (k,)."""
-        return np.concatenate([x, self._Y @ x])
+    def whole(self, x: Vector, held: Vector) -> Vector:
+        """(x, t, h) (k,)."""
+        return np.concatenate([x, self._Y @ x, held])
 
     def forces(self, rows: Rows) -> Rows:
         """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces: those on t are brought to x."""
-        on_traces = csr_array(rows)[:, self._qvi.n :]
-        return csr_array(vstack([self._Y.T @ on_traces.T, csr_array((self._Y.shape[0], rows.shape[0]))]))
+        n, r = self._qvi.n, self._Y.shape[0]
+        on_traces = csr_array(rows)[:, n : n + r]
+        return csr_array(vstack([self._Y.T @ on_traces.T, csr_array((self.size - n, rows.shape[0]))]))
 
     def system(self, S: Matrix | SparseRows) -> "SparseSystem":  # noqa: ARG002  # it is this one's own
         """Newton's matrices, analysed once."""
@@ -207,7 +256,7 @@ class SparseCoordinates(Coordinates):
     def _analysed(self) -> "tuple[Filling, Refactorisation]":
         """The pattern of Newton's matrices, and what factorises them; every start takes these."""
         rows, m = csr_array(self._qvi.contact_rows @ diags_array(self._scale)), self._qvi.m
-        filling = _filling(self.stiffness, rows[:m], rows[m:])
+        filling = _filling(self._K, rows[:m], rows[m:])
         return filling, self._qvi.stiffness.refactorisation(filling.starts, filling.columns)
 
 
@@ -250,6 +299,9 @@ class SparseSystem:
         self._whole, self._filling, self._factor = whole, filling, factor
         self._size = len(filling.starts) - 1
         self._values = np.empty_like(filling.entries)  # of H, whichever was filled last
+        self._springs, self._blocks = whole.springs
+        points = int(np.count_nonzero(self._blocks))
+        self._sheared, self._across = whole.equations[:points], whole.equations[points:]
 
     def norm(self, force: Vector) -> float:
         """See `NewtonSystem`."""
@@ -260,6 +312,7 @@ class SparseSystem:
         blocks = problem.spread(*problem.blocks(ratio, slope))
         if not np.isfinite(blocks).all():
             raise LinAlgError("it is not finite")
+        blocks[2 * len(self._blocks) :] += self._blocks
         values, scale = self._filled(blocks)
         try:
             self._factor.factorise(values)
@@ -268,8 +321,20 @@ class SparseSystem:
                 raise
             raise LinAlgError("it is singular") from error
 
+        def inverse(force: Vector) -> Vector:
+            return np.asarray(scale * self._factor.solve(scale * force))
+
+        across, points = self._across, self._sheared.shape[0]
+        columns = np.array([inverse(row) for row in across.toarray()]).reshape(across.shape).T
+        relief = across @ columns + np.diag(1.0 / self._springs[points:])
+
         def solve(force: Vector) -> Vector:
-            return self._whole.with_traces(scale * self._factor.solve(scale * force[: self._size]))
+            wanted = force[len(force) - len(self._springs) :]
+            x = inverse(force[: self._size] + self._sheared.T @ (self._springs * wanted)[:points])
+            held = np.linalg.solve(relief, across @ x - wanted[points:])
+            x = x - columns @ held
+            sheared = self._springs[:points] * (self._sheared @ x - wanted[:points])
+            return self._whole.whole(x, np.concatenate([sheared, held]))
 
         return solve
 
@@ -285,15 +350,6 @@ class SparseSystem:
         scale = np.ones(self._size)
         scale[filling.touched] = own
         return values, scale
-
-
-def obstacle(qvi: FrictionQVI) -> str:
-    """Why a problem cannot be posed in all unknowns, as a clause; empty if it can."""
-    if qvi.p:
-        return "equations, such as those of plates driven by force, are solved on the contact"
-    if qvi.frictionless.any():
-        return "points without friction are equations, which are solved on the contact"
-    return ""
 
 
 def _scaled(K: Sparse, scale: Vector, more: int) -> SparseRows:

@@ -217,18 +217,14 @@ class InteriorPoint:
         falls = -step.values / point.values
         farther = min(1.0, _STEP / max(float(np.partition(falls, -1 - self._few)[-1 - self._few]), _LEAST))
         while farther > _FARTHER * length:
-            passed = self._passed(step, farther)
+            moved = point.moved(step, farther)
+            passed = Point(moved.y, np.maximum(moved.values, _KEPT * point.values), moved.count)
             if self._parameter(passed) <= _RISE * self.parameter():
                 self.point = passed
                 return farther
             farther *= 0.5
         self.point = point.moved(step, length)
         return length
-
-    def _passed(self, step: Point, length: float) -> Point:
-        """The point a step further, where slacks and multipliers keep a share at least."""
-        moved = self.point.moved(step, length)
-        return Point(moved.y, np.maximum(moved.values, _KEPT * self.point.values), moved.count)
 
     def lowest(self, residuals: Residuals, tau: float) -> float:
         """τ that may be aimed at; above the least one as long as bounds that were passed do not fit."""

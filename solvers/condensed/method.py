@@ -37,7 +37,7 @@ from numpy.linalg import LinAlgError
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.coordinates import DenseCoordinates, SparseCoordinates, obstacle
+from solvers.condensed.coordinates import DenseCoordinates, SparseCoordinates
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
 from solvers.condensed.systems import Coordinates, Expansion, PathWeights, SystemName
 from solvers.inequality.loads import SLOW_CONTRACTION
@@ -83,7 +83,6 @@ class CondensedRun:
     warm : whether it began near the answer to a problem before
     near : whether the state given was near; None without one
     setup : seconds before the first iteration
-    remark : a sentence where the linear systems asked for cannot be had
     reason : how it ended
 
     """
@@ -109,7 +108,6 @@ class CondensedRun:
     warm: bool = False
     near: bool | None = None
     setup: float = 0.0
-    remark: str = ""
     turns: int = 0
     began: float = 0.0
     scale: float = 0.0  # energy norm of the first step
@@ -120,15 +118,12 @@ class CondensedRun:
     def of(cls, qvi: FrictionQVI, options: CondensedOptions) -> "CondensedRun":
         """The usual start, in the coordinates asked for, or those that cost less."""
         began = time.perf_counter()
-        wanted, reason = options.system, ""
+        wanted = options.system
         if wanted == "auto":
             wanted = "dense" if qvi.stiffness.condensing_pays(qvi.contact) else "sparse"
-        if wanted == "sparse":
-            reason = obstacle(qvi)
-        space = SparseCoordinates(qvi) if wanted == "sparse" and not reason else DenseCoordinates(qvi)
-        remark = f"Dense linear systems were taken: {reason}." if reason else ""
+        space = SparseCoordinates(qvi) if wanted == "sparse" else DenseCoordinates(qvi)
         setup = time.perf_counter() - began
-        return cls._starting(qvi, space, options, space.shares[0], setup=setup, remark=remark)
+        return cls._starting(qvi, space, options, space.shares[0], setup=setup)
 
     @classmethod
     def _starting(
@@ -150,12 +145,12 @@ class CondensedRun:
     def by_root(self) -> "CondensedRun":
         """The usual start by the factorisation of R."""
         space = DenseCoordinates(self.qvi)
-        kept = {"near": self.near, "setup": self.setup, "remark": self.remark}
+        kept = {"near": self.near, "setup": self.setup}
         return self._starting(self.qvi, space, self.options, space.shares[0], **kept)
 
     def again(self, shares: PathWeights, *, turned: bool) -> "CondensedRun":
         """Another start with these shares of friction; `turned`: a turn of the path so far is of interest."""
-        kept = {"near": self.near, "setup": self.setup, "remark": self.remark, "history": self.history}
+        kept = {"near": self.near, "setup": self.setup, "history": self.history}
         count, elsewhere = len(self.history), turned and (self.elsewhere or self.turns > 0)
         return self._starting(
             self.qvi, self.space, self.options, shares, before=count, best=(np.inf, count), elsewhere=elsewhere, **kept
@@ -242,7 +237,7 @@ class CondensedRun:
     def _correct(self, step: float) -> None:
         """Move the base to the current point; records what the reduced problem had missed."""
         y = self.problem.full(self.interior.point.y)
-        after = self.space.base(self.space.move(self.base, y))
+        after = self.space.base(self.space.move(self.base, y), self.space.held(self.base, y))
         self.steps.append(step)
         self.sizes.append(self.relative(self.space.defect(self.base, y, after)))
         self.base = after
@@ -406,5 +401,5 @@ class CondensedRun:
         return Outcome(
             self.reason, self.space.move(self.base, y), m_N, m_T, nu, self.history, len(self.history), self.message,
             setup=self.setup, form=_FORMS[self.space.name], corrections=tuple(self.sizes), turned=turned,
-            near=self.near, remark=self.remark,
+            near=self.near,
         )  # fmt: skip

@@ -79,6 +79,7 @@ class Expansion:
     strain_energy : at z
     energy : that of (D2) at y = 0, z with its interior in equilibrium
     state : of the elimination, what `Factorisation.expand` takes
+    held : multipliers of equations that are coordinates
 
     """
 
@@ -91,6 +92,7 @@ class Expansion:
     strain_energy: float
     energy: float
     state: State
+    held: Vector
 
 
 class Coordinates(ABC):
@@ -102,7 +104,7 @@ class Coordinates(ABC):
     shares : of friction, see `FRICTION_SHARES`
     stiffness : (k, k), the energy is ½ yᵀ stiffness y + cᵀy + const
     E : (2m, k) rows, tractions by coordinates; E_N, E_T its halves
-    A : (p, k) equations
+    A : (p, k) equations, and frictionless : points with σ_T = 0, that are solved for some of the coordinates
 
     """
 
@@ -111,6 +113,7 @@ class Coordinates(ABC):
     stiffness: Matrix | SparseRows
     E: Rows
     A: Matrix
+    frictionless: IntVector
 
     @property
     @abstractmethod
@@ -118,12 +121,20 @@ class Coordinates(ABC):
         """Number of coordinates k."""
 
     @abstractmethod
-    def base(self, z: Vector) -> Expansion:
-        """The problem about z."""
+    def base(self, z: Vector, held: Vector = ...) -> Expansion:
+        """The problem about z, with these multipliers of equations that are coordinates."""
 
     @abstractmethod
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz (n,) whose coordinates are y."""
+
+    def held(self, base: Expansion, y: Vector) -> Vector:  # noqa: ARG002  # where equations are coordinates
+        """Multipliers of equations that are coordinates, at y."""
+        return base.held
+
+    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector] | None:  # noqa: ARG002
+        """(ν (p,), m_T (m,) of points without friction) for these; None where equations are solved."""
+        return None
 
     @abstractmethod
     def bonded(self, base: Expansion) -> Vector:

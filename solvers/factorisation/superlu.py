@@ -6,7 +6,7 @@ matrix K' = K + [0 0; 0 D] has the Schur complement S' = S + D, well conditioned
     g_Γ − K_ΓI K_II⁻¹ g_I = S' y_Γ,        K_II⁻¹ (g_I − K_IΓ x_Γ) = y_I + (K'⁻¹ [0; S' (x_Γ − y_Γ)])_I.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from time import perf_counter
 from typing import Final, Literal, Protocol, TypeAlias
 
@@ -15,7 +15,7 @@ import scipy
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import spilu, splu
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, Module, Sparse, Vector, load
+from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector, load
 from solvers.factorisation.base import Factorisation, FactorisationError, State, check_pivots, symmetrised
 
 __all__ = ["SuperLU", "filled", "version"]
@@ -163,7 +163,6 @@ MinimumDegree: TypeAlias = Callable[[Sparse], IntVector]
 """A symmetric pattern (m, m) with full diagonal → its elimination order, a permutation of 0 … m − 1."""
 
 _LEAF = 30  # unknowns that are not parted any more; from 20 to 60 times hardly differ
-_UPPER, _TOUCHING = 1, 2  # marks of unknowns
 
 
 def interface_last(
@@ -197,63 +196,51 @@ def interior_groups(K: Sparse, interface: IntVector) -> tuple[IntVector, Sparse,
 def nested_dissection(places: Matrix, starts: IntVector, columns: IntVector) -> IntVector:
     """A permutation of 0 … n − 1 for a symmetric pattern in compressed rows whose unknowns are at places (n, 2).
 
-    Unknowns are halved across the longer side of where they are; those of one half that neighbour the other come last,
-    and each half is halved again. On a grid what comes last is a line of it.
+    Unknowns are halved across the longer side of where they are; those of one half that neighbour the other, the fewer
+    of the two, come last, and each half is halved again. On a grid what comes last is a line of it. All parts of one
+    size are halved at once.
 
     Source: A. George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973).
     """
-    return np.concatenate(list(_Dissection(places, starts, columns).parts(np.arange(len(places)))))
-
-
-class _Dissection:
-    """Unknowns of a pattern, halved by their places."""
-
-    def __init__(self, places: Matrix, starts: IntVector, columns: IntVector) -> None:
-        self._places, self._columns = places, columns
-        self._starts, self._counts = np.asarray(starts[:-1], dtype=np.int64), np.diff(starts)
-        self._side = np.zeros(len(places), dtype=np.int8)
-
-    def parts(self, unknowns: IntVector) -> Iterator[IntVector]:
-        """The unknowns in the order in which they are eliminated."""
-        first = self._lower(unknowns) if len(unknowns) > _LEAF else np.ones(len(unknowns), dtype=bool)
-        if first.all():
-            yield unknowns
-            return
-        lower, upper, between = self._parted(unknowns[first], unknowns[~first])
-        yield from self.parts(lower)
-        yield from self.parts(upper)
-        yield between
-
-    def _lower(self, unknowns: IntVector) -> BoolVector:
-        """Which are in the lower half; all of them if they are at one place."""
-        places = self._places[unknowns]
-        along = places[:, np.argmax(np.ptp(places, axis=0))]
-        middle, least, most = np.median(along), along.min(), along.max()
-        if least == most:
-            return np.ones(len(unknowns), dtype=bool)
-        return np.asarray(along <= middle if middle < most else along < most)
-
-    def _parted(self, lower: IntVector, upper: IntVector) -> tuple[IntVector, IntVector, IntVector]:
-        """What is left of either half without those of one of them that neighbour the other, and these, the fewer."""
-        self._side[upper] = _UPPER
-        rows, columns = self._entries(lower)
-        across = self._side[columns] == _UPPER
-        self._side[upper] = 0
-        ends = rows[across], columns[across]
-        for end in ends:
-            self._side[end] = _TOUCHING
-        touching = [self._side[half] == _TOUCHING for half in (lower, upper)]
-        for end in ends:
-            self._side[end] = 0
-        if touching[0].sum() <= touching[1].sum():
-            return lower[~touching[0]], upper, lower[touching[0]]
-        return lower, upper[~touching[1]], upper[touching[1]]
-
-    def _entries(self, unknowns: IntVector) -> tuple[IntVector, IntVector]:
-        """Rows and columns of all entries in the rows of these unknowns."""
-        counts = self._counts[unknowns]
-        skipped = self._starts[unknowns] - (np.cumsum(counts) - counts)
-        return np.repeat(unknowns, counts), self._columns[np.repeat(skipped, counts) + np.arange(counts.sum())]
+    n = len(places)
+    order, unknowns = np.empty(n, dtype=np.int64), np.arange(n)  # the latter part by part
+    counts, first = np.array([n]), np.zeros(1, dtype=np.int64)  # of the parts, and where they begin in the order
+    ends = np.repeat(unknowns, np.diff(starts)), np.asarray(columns)  # of all links inside parts
+    side = np.empty(n, dtype=np.int64)
+    while len(unknowns):
+        begins, number = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
+        where = places[unknowns]
+        least, most = (bound.reduceat(where, begins) for bound in (np.minimum, np.maximum))
+        axis = np.argmax(most - least, axis=1)
+        least, most = (bound[np.arange(len(axis)), axis] for bound in (least, most))
+        along = where[np.arange(len(where)), axis[number]]
+        ranked = along[np.lexsort((along, number))]
+        middle = 0.5 * (ranked[begins + (counts - 1) // 2] + ranked[begins + counts // 2])
+        lower = np.where((middle < most)[number], along <= middle[number], along < most[number])
+        whole = (counts <= _LEAF) | (least == most)  # parted no more
+        side[unknowns] = np.where(whole[number], -1, 2 * number + ~lower)
+        rows, others = side[ends[0]], side[ends[1]]
+        across = (rows >= 0) & (rows % 2 == 0) & (others == rows + 1)
+        touching = np.zeros(n, dtype=np.bool_)
+        touching[ends[0][across]] = touching[ends[1][across]] = True
+        touching = touching[unknowns]
+        found = np.bincount(number[touching & lower], minlength=len(counts))
+        fewer = 2 * found <= np.bincount(number[touching], minlength=len(counts))
+        last = whole[number] | (touching & (lower == fewer[number]))
+        kind = 3 * number + np.where(last, 2, ~lower)  # lower, upper, what comes last
+        sizes = np.bincount(kind, minlength=3 * len(counts)).reshape(-1, 3)
+        firsts = (first[:, None] + np.cumsum(sizes, axis=1) - sizes).ravel()
+        grouped = np.argsort(kind, kind="stable")
+        rank = np.arange(len(kind)) - (np.cumsum(sizes) - sizes.ravel())[kind[grouped]]
+        done = last[grouped]
+        order[firsts[kind[grouped[done]]] + rank[done]] = unknowns[grouped[done]]
+        side[unknowns] = np.where(last, -1, kind)
+        inside = (side[ends[0]] >= 0) & (side[ends[0]] == side[ends[1]])
+        ends = ends[0][inside], ends[1][inside]
+        unknowns = unknowns[grouped[~done]]
+        left = np.flatnonzero(sizes.ravel() * (np.arange(sizes.size) % 3 < 2))
+        counts, first = sizes.ravel()[left], firsts[left]
+    return order
 
 
 def _pattern(K: Sparse) -> Sparse:

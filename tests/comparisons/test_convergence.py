@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 from pandas import DataFrame
 
-from comparisons.convergence import bodies, linearised
-from comparisons.convergence.mesh import report as mesh
-from comparisons.convergence.mesh import study as meshes
-from comparisons.convergence.outer import study as loops
-from comparisons.convergence.uzawa import study as steps
+from comparisons.convergence import bodies, linearised, mesh
+from comparisons.convergence import outer as loops
+from comparisons.convergence import uzawa as steps
 from solvers import solve_qvi
 from solvers.certificate import uniqueness_bound
-from tests.comparisons.parts import committed
+from tests.comparisons.conftest import committed
 
 
 class TestRates:
@@ -221,10 +219,10 @@ class TestOrders:
 class TestCorner:
     """Exponents of Williams' expansion."""
 
-    @pytest.mark.parametrize("friction", meshes.CORNER)
+    @pytest.mark.parametrize("friction", mesh.CORNER)
     def test_the_conditions_on_both_faces_are_dependent(self, friction):
         """Rows: u_θ and u_r or σ_rθ − μ σ_θθ on the face of the contact, σ_θθ and σ_rθ on the free one."""
-        power, kappa = meshes.CORNER[friction], (3.0 - 0.3) / (1.0 + 0.3)
+        power, kappa = mesh.CORNER[friction], (3.0 - 0.3) / (1.0 + 0.3)
 
         def shape(angle):  # F and F′ by a, b, c, d
             outer, inner = (power + 1.0) * angle, (power - 1.0) * angle

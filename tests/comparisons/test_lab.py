@@ -23,7 +23,6 @@ from comparisons.lab.commands import Plan, experiment
 from comparisons.lab.reports import render
 from comparisons.lab.studies import (
     Study,
-    finite_json,
     frame_of,
     largest_of,
     plain,
@@ -35,8 +34,8 @@ from comparisons.lab.studies import (
 )
 from qvi_contact import InputError
 from qvi_contact.runs import FAILURES, Outcome, database
-from tests.comparisons.parts import row
-from tests.run_processes import eventually, marked, started
+from tests.comparisons.conftest import row
+from tests.run_tasks import eventually, marked, started
 
 PLACES = [(mesh, mu, 7) for mesh in (8, 16) for mu in (0.1, 0.2, 0.5)]
 DEMO = Study(
@@ -199,13 +198,9 @@ def text(path):
 
 @pytest.mark.parametrize(
     ("change", "word"),
-    [
-        (lambda path: os.truncate(path, path.stat().st_size - 8192), "damaged"),
-        (text, "not the store of a study"),
-        (other_application, "not the store of a study"),
-        (other_schema, "version 99, not 2"),
-    ],
-)
+    [(lambda path: os.truncate(path, path.stat().st_size - 8192), "damaged"), (text, "not the store of a study"),
+     (other_application, "not the store of a study"), (other_schema, "version 99, not 2")],
+)  # fmt: skip
 def test_a_store_that_is_not_sound_is_one_line_and_stays_as_it_was(tmp_path, change, word):
     path = filled(tmp_path / "a")
     change(path)
@@ -265,11 +260,6 @@ class TestExport:
         before = path.read_bytes()
         write_csv(path, read_csv(path))
         assert path.read_bytes() == before
-
-    def test_numbers_that_json_has_not(self):
-        found = finite_json({"a": [math.inf, 1.0], "b": {"c": (math.nan, -math.inf)}})
-        assert found == {"a": ["inf", 1.0], "b": {"c": ["nan", "-inf"]}}
-        assert finite_json({"a": [math.inf, 1.0]}, null=True) == {"a": [None, 1.0]}
 
 
 def comparable(path):

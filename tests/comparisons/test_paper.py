@@ -17,8 +17,7 @@ import pytest
 
 from comparisons import paper as room
 from solvers import available
-from tests.comparisons.conftest import outlines
-from tests.comparisons.parts import command
+from tests.comparisons.conftest import command
 
 TABLE_1 = {0.0: "209.15", 0.05: "210.67", 0.1: "212.05", 0.15: "212.86", 0.2: "213.44", 0.25: "213.81", 0.3: "213.89"}
 FIGURES = {2: (0.0, "210.58"), 3: (0.1, "237.19"), 4: (0.2, "254.41"), 5: (0.3, "259.65")}
@@ -46,17 +45,6 @@ def run():
 @pytest.fixture(scope="module")
 def paper(run):
     return run[0]
-
-
-@pytest.fixture(scope="module")
-def written(paper, tmp_path_factory):
-    """The report's files by name."""
-    pytest.importorskip("matplotlib")
-    folder = tmp_path_factory.mktemp("report")
-    with outlines():
-        _, paths = room.write(paper, folder)
-    assert sorted(paths) == sorted(folder.iterdir())  # no temporary file stays
-    return {path.name: path for path in paths}
 
 
 def altered(solution, factor=1.0, **changes):
@@ -184,12 +172,19 @@ def known(monkeypatch, paper):
 class TestFiles:
     """The report's files, and its tables in the terminal."""
 
-    @pytest.mark.usefixtures("in_tmp_path")
-    @pytest.mark.usefixtures("known", "outlined")
-    def test_terminal_and_the_default_folder(self, paper, tmp_path):
+    @pytest.mark.usefixtures("in_tmp_path", "known", "outlined")
+    def test_terminal_and_the_default_folder_whose_tables_hold_the_data(self, paper, tmp_path):
         ended = command("paper")
         assert (ended.status, ended.err) == (0, "")
-        assert len(list((tmp_path / "results" / "paper").iterdir())) == 9
+        written = {path.name: path for path in (tmp_path / "results" / "paper").iterdir()}
+        pictures = {f"paper-{name}.svg" for name in room.PICTURES}
+        assert set(written) == pictures | set(room.TABLES) | {"paper.md", "paper.html"}  # no temporary file stays
+        for name, rows_of in room.TABLES.items():
+            with written[name].open(encoding="utf-8", newline="") as file:
+                for found, row in zip(csv.DictReader(file), rows_of(paper), strict=True):
+                    assert list(found) == list(row)
+                    for key, value in row.items():
+                        assert (found[key] if isinstance(value, str) else float(found[key])) == value
         for mu, force in TABLE_1.items():
             assert re.search(rf"{mu:.2f} +{force} +{force} ", ended.out)
         for number, (mu, stress) in FIGURES.items():
@@ -197,16 +192,6 @@ class TestFiles:
         for row in room.back_end_rows(paper):
             assert re.search(rf"{row['solver']} +{row['certified']}/7 .*{row['verdict']}", ended.out)
         assert "…" not in ended.out  # nothing is cut off
-
-    def test_tables_hold_the_data(self, written, paper):
-        pictures = {f"paper-{name}.svg" for name in room.PICTURES}
-        assert set(written) == pictures | set(room.TABLES) | {"paper.md", "paper.html"}
-        for name, rows_of in room.TABLES.items():
-            with written[name].open(encoding="utf-8", newline="") as file:
-                for found, row in zip(csv.DictReader(file), rows_of(paper), strict=True):
-                    assert list(found) == list(row)
-                    for key, value in row.items():
-                        assert (found[key] if isinstance(value, str) else float(found[key])) == value
 
 
 class TestPictures:

@@ -19,7 +19,7 @@ from comparisons import LIMITS, SETTLED
 from comparisons import peers as room
 from qvi_contact import InputError, TriangleMesh, graded_lines, solve
 from qvi_contact.gallery import compressed_plate
-from tests.comparisons.parts import committed, row
+from tests.comparisons.conftest import committed, row
 
 CODES_FOLDER = Path(import_module("comparisons.peers.codes").__file__).parent
 LIMIT = {friction: value for friction, (value, _) in LIMITS.items()}
@@ -154,13 +154,10 @@ class TestFailures:
     @posix
     @pytest.mark.parametrize(
         ("does", "reason"),
-        [
-            ("echo no libgetfem.so.5 >&2; exit 3", "status 3: no libgetfem.so.5"),
-            ("kill -SEGV $$", "status -11: no message"),
-            ("cat >/dev/null; echo hello", "Expecting value"),
-            ('[ -n "$PYTHONPATH" ] && echo "finds this project" >&2; exit 1', "status 1: no message"),
-        ],
-    )
+        [("echo no libgetfem.so.5 >&2; exit 3", "status 3: no libgetfem.so.5"),
+         ("kill -SEGV $$", "status -11: no message"), ("cat >/dev/null; echo hello", "Expecting value"),
+         ('[ -n "$PYTHONPATH" ] && echo "finds this project" >&2; exit 1', "status 1: no message")],
+    )  # fmt: skip
     def test_the_reason_is_told(self, tmp_path, environ, does, reason):
         environ(**{room.GETFEM: other_python(tmp_path, does), "PYTHONPATH": tmp_path})
         with pytest.raises((room.ProcessError, ValueError), match=reason) as caught:

@@ -15,7 +15,7 @@ from comparisons.lab.drawing import drawn
 from comparisons.lab.reports import Report, crossed, markdown_table, render
 from qvi_contact import InputError
 from qvi_contact.plots import new_figure
-from tests.comparisons.parts import row
+from tests.comparisons.conftest import row
 
 MACHINE = {
     "processor": "P1", "cores": 4, "memory_bytes": 2**34, "system": "Linux, x86_64", "python": "CPython 3.12.1",

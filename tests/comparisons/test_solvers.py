@@ -10,7 +10,7 @@ from comparisons.solvers import report as room
 from qvi_contact import InputError
 from solvers import Status, available, solve_qvi
 from solvers.inner import BackendFailure, attempt, make_inner
-from tests.comparisons.parts import row
+from tests.comparisons.conftest import row
 
 INNER_SOLVERS = [name for name in accuracies.installed() if name not in accuracies.METHODS]
 CASE = {
@@ -160,20 +160,15 @@ class TestOutcomes:
 
     @pytest.mark.parametrize(
         ("said", "passed", "feasible", "expected"),
-        [
-            (Status.SOLVED, True, True, study.RIGHT),
-            (Status.SOLVED, False, True, study.UNTRUE),
-            (Status.SOLVED, False, False, study.UNTRUE),
-            (Status.SOLVED, True, False, study.UNTRUE),
-            (Status.INFEASIBLE, False, False, study.RIGHT),
-            (Status.INFEASIBLE, False, True, study.FALSE_ALARM),
-            (Status.UNBOUNDED, False, True, study.FALSE_ALARM),
-            (Status.UNBOUNDED, False, False, study.GAVE_UP),
-            (Status.INACCURATE, True, True, study.MODEST),
-            (Status.MAX_ITERATIONS, False, True, study.GAVE_UP),
-            (Status.BACKEND_FAILED, False, False, study.GAVE_UP),
-        ],
-    )
+        [(Status.SOLVED, True, True, study.RIGHT), (Status.SOLVED, False, True, study.UNTRUE),
+         (Status.SOLVED, False, False, study.UNTRUE), (Status.SOLVED, True, False, study.UNTRUE),
+         (Status.INFEASIBLE, False, False, study.RIGHT),
+         (Status.INFEASIBLE, False, True, study.FALSE_ALARM),
+         (Status.UNBOUNDED, False, True, study.FALSE_ALARM), (Status.UNBOUNDED, False, False, study.GAVE_UP),
+         (Status.INACCURATE, True, True, study.MODEST),
+         (Status.MAX_ITERATIONS, False, True, study.GAVE_UP),
+         (Status.BACKEND_FAILED, False, False, study.GAVE_UP)],
+    )  # fmt: skip
     def test_what_an_answer_is_worth(self, said, passed, feasible, expected):
         assert study.outcome(said, passed, feasible) == expected
 

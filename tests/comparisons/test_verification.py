@@ -32,8 +32,7 @@ from qvi_contact import (
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
-from tests.comparisons.conftest import outlines
-from tests.comparisons.parts import REPORTS, command
+from tests.comparisons.conftest import REPORTS, command, outlines
 
 SHOWN = {"rings": "[m]", "corner-rates": "[length]", "wedge": "[length]"}
 """Problems whose bodies are drawn, and the unit of their axes: two files in other units, two without."""
@@ -349,14 +348,10 @@ class TestProofs:
 
     @pytest.mark.parametrize(
         ("limit", "passed"),
-        [
-            (LimitLoad(1.5, 1.6, None, 1.5 + 1e-9, 1e-10), True),
-            (LimitLoad(1.5, 1.4, None, 1.5, 0.0), False),
-            (LimitLoad(1.5, 1.6, None, 1.5001, 1e-10), False),
-            (LimitLoad(1.5, 1.6, None, 1.5, 1e-5), False),
-            (LimitLoad(np.inf, np.inf, None, np.inf, 0.0), False),
-        ],
-    )
+        [(LimitLoad(1.5, 1.6, None, 1.5 + 1e-9, 1e-10), True), (LimitLoad(1.5, 1.4, None, 1.5, 0.0), False),
+         (LimitLoad(1.5, 1.6, None, 1.5001, 1e-10), False), (LimitLoad(1.5, 1.6, None, 1.5, 1e-5), False),
+         (LimitLoad(np.inf, np.inf, None, np.inf, 0.0), False)],
+    )  # fmt: skip
     def test_of_limit_loads(self, limit, passed):
         assert room.bounded(limit).passed == passed
 

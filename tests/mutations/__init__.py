@@ -7,4 +7,7 @@ which test passes which line, and how long it takes, and ``python -m tests.mutat
 A mutation changes an operator, comparison, number or truth value (operators of Cosmic Ray). It is tried on the tests
 that pass its line, the quickest first, up to `SECONDS` of tests. A test that fails or does not end
 notices it, so the share that is noticed is a lower bound for the whole suite.
+
+The column `noticed` was measured at commit 582cbf3a, and follows the files that moved since: 204 of 320, which are 148
+of 219 in qvi_contact, 40 of 59 in solvers, and 16 of 42 in comparisons, where most of the others are data of studies.
 """

@@ -138,25 +138,13 @@ NAMES = [np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 
 
 @pytest.mark.parametrize(
     "use",
-    [
-        Symmetry,
-        lambda name: Traction(name, x=0.0),
-        lambda name: Displacement(name, x=0.0),
-        lambda name: Contact(name, 0.3),
-        lambda name: Contact("top", 0.3, name=name),
-        lambda name: Contact("top", 0.3, law=name),
-        lambda name: Material(1.0, 0.3, plane=name),
-        lambda name: TriangleMesh.grid([0, 1], [0, 1], edges={"new": name}),
-        lambda name: limit_load_factor(PLATE, [name]),
-        lambda name: step().resultant([name]),
-        CUT.edges,
-        CUT.edge_set,
-        CUT.joint_set,
-        CUT.region,
-        lambda name: CUT.with_edges(name, [[0, 1]]),
-        lambda name: CUT.with_region(name, [0]),
-    ],
-)
+    [Symmetry, lambda name: Traction(name, x=0.0), lambda name: Displacement(name, x=0.0),
+     lambda name: Contact(name, 0.3), lambda name: Contact("top", 0.3, name=name),
+     lambda name: Contact("top", 0.3, law=name), lambda name: Material(1.0, 0.3, plane=name),
+     lambda name: TriangleMesh.grid([0, 1], [0, 1], edges={"new": name}),
+     lambda name: limit_load_factor(PLATE, [name]), lambda name: step().resultant([name]), CUT.edges, CUT.edge_set,
+     CUT.joint_set, CUT.region, lambda name: CUT.with_edges(name, [[0, 1]]), lambda name: CUT.with_region(name, [0])],
+)  # fmt: skip
 def test_names_are_texts(use):
     for name in NAMES:
         with pytest.raises(InputError):
@@ -168,21 +156,14 @@ COMPLEX = [0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0
 
 @pytest.mark.parametrize(
     "use",
-    [
-        lambda value: TriangleMesh.grid(value, [0.0, 1.0]),
-        lambda value: TriangleMesh(value, CUT.cells),
-        lambda value: TriangleMesh(CUT.vertices, value),
-        CUT.locate,
-        lambda value: Polynomial([value] if np.ndim(value) else [[value]]),
-        lambda value: Contact("top", friction=value),
-        lambda value: Material(value, 0.3),
-        lambda value: Expression("t", t=value),
-        lambda value: Expression("a", {"a": value}),
-        lambda value: Expression("1", value),
-        lambda value: solve(PLATE, damping=value),
-        lambda value: step().stress(value if np.iscomplexobj(value) else 1j, 0.5),
-    ],
-)
+    [lambda value: TriangleMesh.grid(value, [0.0, 1.0]), lambda value: TriangleMesh(value, CUT.cells),
+     lambda value: TriangleMesh(CUT.vertices, value), CUT.locate,
+     lambda value: Polynomial([value] if np.ndim(value) else [[value]]), lambda value: Contact("top", friction=value),
+     lambda value: Material(value, 0.3), lambda value: Expression("t", t=value),
+     lambda value: Expression("a", {"a": value}), lambda value: Expression("1", value),
+     lambda value: solve(PLATE, damping=value),
+     lambda value: step().stress(value if np.iscomplexobj(value) else 1j, 0.5)],
+)  # fmt: skip
 def test_numbers_are_real(use):
     for value in (*COMPLEX, "0.5", ["0.0", "1.0"], 10**400, None):
         with pytest.raises(InputError):
@@ -199,27 +180,19 @@ def test_a_time_out_in_a_function_goes_on():
 
 @pytest.mark.parametrize(
     "use",
-    [
-        lambda: limit_load_factor(None, ["body"]),
-        lambda: discretize(None),
-        lambda: solve_history(PLATE),
-        lambda: solve_history([PLATE]).slip("typo"),
-        lambda: problem_to_toml(None),
-        lambda: problem_to_toml(PLATE, title=None),
-        lambda: problem_to_toml(PLATE, units="mm"),
-        lambda: problem_to_toml(PLATE, times=1.0),
-        lambda: problem_to_toml(PLATE, solve_options=["method"]),
-        lambda: problem_to_toml(PLATE, solve_options={"tolerance": None}),
-        lambda: TriangleMesh.rectangle((2, 2), origin=("0", 0.0)),
-        lambda: graded_lines(0.0, 1.0, 10**400),
-        lambda: compressed_plate(0.3, displacement="1e-3"),
-        lambda: solve(PLATE, element="bfs", degree=4),
-        lambda: solve(step().discretization, degree=5),
-        lambda: Region(Material(2.0, 0.3), x=(0.0, 1.0), name="steel"),
-        lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), x=(0.0, 0.4))]),
-        lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), name="steel")]),
-    ],
-)
+    [lambda: limit_load_factor(None, ["body"]), lambda: discretize(None), lambda: solve_history(PLATE),
+     lambda: solve_history([PLATE]).slip("typo"), lambda: problem_to_toml(None),
+     lambda: problem_to_toml(PLATE, title=None), lambda: problem_to_toml(PLATE, units="mm"),
+     lambda: problem_to_toml(PLATE, times=1.0),
+     lambda: problem_to_toml(PLATE, solve_options=["method"]),
+     lambda: problem_to_toml(PLATE, solve_options={"tolerance": None}),
+     lambda: TriangleMesh.rectangle((2, 2), origin=("0", 0.0)), lambda: graded_lines(0.0, 1.0, 10**400),
+     lambda: compressed_plate(0.3, displacement="1e-3"), lambda: solve(PLATE, element="bfs", degree=4),
+     lambda: solve(step().discretization, degree=5),
+     lambda: Region(Material(2.0, 0.3), x=(0.0, 1.0), name="steel"),
+     lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), x=(0.0, 0.4))]),
+     lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), name="steel")])],
+)  # fmt: skip
 def test_arguments_of_another_kind(use):
     with pytest.raises(InputError):
         use()
@@ -365,13 +338,10 @@ def test_what_is_too_large_is_refused_before_it_is_made(entry):
 
 @pytest.mark.parametrize(
     ("package", "use"),
-    [
-        ("pandas", lambda _: step().contacts["plate"].to_frame()),
-        ("meshio", lambda path: write_vtu(path / "a.vtu", step())),
-        ("matplotlib", lambda _: require_matplotlib()),
-        ("gmsh", lambda _: TriangleMesh.outline(OUTLINE, 0.5)),
-    ],
-)
+    [("pandas", lambda _: step().contacts["plate"].to_frame()),
+     ("meshio", lambda path: write_vtu(path / "a.vtu", step())), ("matplotlib", lambda _: require_matplotlib()),
+     ("gmsh", lambda _: TriangleMesh.outline(OUTLINE, 0.5))],
+)  # fmt: skip
 def test_without_an_optional_package_the_command_to_type_is_told(package, use, without, tmp_path):
     without(package)
     with pytest.raises(InputError, match=f"pip install {package}"):

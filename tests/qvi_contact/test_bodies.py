@@ -151,14 +151,10 @@ class TestLoose:
 
     @pytest.mark.parametrize(
         ("motions", "words"),
-        [
-            ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "move and turn"),
-            ([[1, 0, 0], [0, 1, 0]], "move"),
-            ([[0, -1, 0]], "move along (0, 1)"),
-            ([[0, 0, 1], [1, 0, 0]], "turn and move along (1, 0)"),
-            ([[3, -1, 1]], "turn about (1, 3)"),
-        ],
-    )
+        [([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "move and turn"), ([[1, 0, 0], [0, 1, 0]], "move"),
+         ([[0, -1, 0]], "move along (0, 1)"),
+         ([[0, 0, 1], [1, 0, 0]], "turn and move along (1, 0)"), ([[3, -1, 1]], "turn about (1, 3)")],
+    )  # fmt: skip
     def test_words(self, motions, words):
         """Motions of a square of size r = √2 around the origin: (a − θ y/r, b + θ x/r)."""
         mesh = TriangleMesh.rectangle((1, 1), 2.0, 2.0, origin=(-1.0, -1.0))

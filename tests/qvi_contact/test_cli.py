@@ -18,7 +18,7 @@ from solvers import available
 from solvers.factorisation import DENSE, available_backends
 from solvers.settings import METHODS
 from tests.cases import examples
-from tests.qvi_contact.broken_files import TRIANGLES, mutated
+from tests.qvi_contact.builders import TRIANGLES, mutated
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -162,15 +162,9 @@ def test_charts_are_those_of_panels(shell, plate, tmp_path):
 
 @pytest.mark.parametrize(
     ("option", "value", "words"),
-    [
-        ("--method", "", "method"),
-        ("--method", "nonsense", "uzawa"),
-        ("--inner", "qp:nonsense", "qp:clarabel"),
-        ("--threads", str(10**30), "threads"),
-        ("--tolerance", "2", "between 0 and 1"),
-        ("--time-limit", "nan", "nan"),
-    ],
-)
+    [("--method", "", "method"), ("--method", "nonsense", "uzawa"), ("--inner", "qp:nonsense", "qp:clarabel"),
+     ("--threads", str(10**30), "threads"), ("--tolerance", "2", "between 0 and 1"), ("--time-limit", "nan", "nan")],
+)  # fmt: skip
 def test_options_that_mean_nothing_list_what_there_is(shell, plate, option, value, words):
     ending = shell("solve", plate, option, value)
     refused(ending, option, words)
@@ -180,18 +174,14 @@ def test_options_that_mean_nothing_list_what_there_is(shell, plate, option, valu
 @pytest.mark.usefixtures("in_tmp_path")
 @pytest.mark.parametrize(
     ("options", "words"),
-    [
-        (["--plot", "a.jpeg"], ".png"),
-        (["--plot", "missing/a.png"], "cannot be written"),
-        (["--vtk", ""], "name of a file"),
-        (["--vtk", "a.vtk"], "ends in .vtu"),
-        (["--npz", "."], "name of a file"),
-        (["--save-json", "plate.toml"], "the problem file"),
-        (["--save-json", "soft.json"], "the problem file"),
-        (["--save-json", "hard.json"], "the problem file"),
-        (["--save-json", "a.npz", "--npz", "a.npz"], "the file of --npz"),
-    ],
-)
+    [(["--plot", "a.jpeg"], ".png"),
+     (["--plot", "missing/a.png"], "cannot be written"), (["--vtk", ""], "name of a file"),
+     (["--vtk", "a.vtk"], "ends in .vtu"), (["--npz", "."], "name of a file"),
+     (["--save-json", "plate.toml"], "the problem file"),
+     (["--save-json", "soft.json"], "the problem file"),
+     (["--save-json", "hard.json"], "the problem file"),
+     (["--save-json", "a.npz", "--npz", "a.npz"], "the file of --npz")],
+)  # fmt: skip
 def test_targets_are_checked_before_the_problem_is_read(shell, plate, options, words):
     """It is none, which would be said otherwise; and it stays as it is, whatever other name of it is given."""
     plate.write_text("no problem", encoding="utf-8")

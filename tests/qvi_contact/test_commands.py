@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from qvi_contact import (
     Contact,
     ContactProblem,
+    InputError,
     Material,
     Traction,
     TriangleMesh,
@@ -19,11 +21,14 @@ from qvi_contact import (
     save_problem,
     solve,
 )
+from qvi_contact.bracket import document, lines
+from qvi_contact.cli import group
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.plots import bracket_figure
 from qvi_contact.units import Units
-from tests.qvi_contact.broken_files import RICH
+from tests.qvi_contact.builders import RICH
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FORCE = "plate.normal_force"
@@ -88,7 +93,7 @@ def folder(tmp_path_factory):
 
 
 class TestVerify:
-    """`qvi-contact verify`, and `qvi-contact solve --certificate`."""
+    """`qvi-contact verify`."""
 
     def test_what_solve_has_written_verifies(self, shell, folder, tmp_path):
         assert shell("solve", folder / "plate.toml", "--npz", tmp_path / "a.npz")[0] == 0
@@ -125,34 +130,22 @@ class TestVerify:
             status, out, err = shell("verify", folder / "plate.npz", "--tolerance", tolerance)
             assert (status, out, "tolerance" in err) == (2, "", True)
 
-    def test_solve_prints_the_certificate_on_request(self, shell, folder):
-        status, out, err = shell("solve", folder / "plate.toml", "--certificate")
-        assert (status, err) == (0, "")
-        assert "alart_curnier" in out
-        assert out.splitlines()[-1].startswith("verified: ")
-        assert "alart_curnier" not in shell("solve", folder / "plate.toml")[1]
-        for words, expected in ((["--certificate"], True), ([], False)):
-            document = answered(shell("solve", folder / "plate.toml", *words, "--json"))
-            assert ("verification" in document and document["verification"]["passed"]) == expected
-
     def test_a_tolerance_of_the_file_that_is_too_loose_is_status_1(self, shell, tmp_path):
         """The certificate of the solve is not what decides: here the verification disagrees."""
         path = plate_file(tmp_path, 0.2, solve_options={"tolerance": 1e-3})
-        assert shell("solve", path)[0] == 0
-        status, out, _ = shell("solve", path, "--certificate")
+        assert shell("solve", path, "--npz", tmp_path / "a.npz")[0] == 0
+        status, out, _ = shell("verify", tmp_path / "a.npz")
         assert (status, out.splitlines()[-1]) == (1, "not verified: tolerance")
 
 
 class TestHistory:
     """Problem files with times."""
 
-    def test_a_table_with_a_certificate_for_each_step(self, shell, cycle, tmp_path):
-        status, out, err = shell("solve", cycle, "--certificate", "--npz", tmp_path / "a.npz")
+    def test_a_table_with_a_row_for_each_step(self, shell, cycle, tmp_path):
+        status, out, err = shell("solve", cycle, "--npz", tmp_path / "a.npz")
         assert (status, err) == (0, "")
         rows = [line.split() for line in out.splitlines() if line[:1].isdigit()]
         assert [row[:3] for row in rows] == [["1", "0", "solved"], ["2", "0.25", "solved"], ["3", "0.5", "solved"]]
-        steps = [line.split(":")[0] for line in out.splitlines()[-3:]]
-        assert steps == [f"step {number}, t = {time}" for number, time in ((1, 0), (2, 0.25), (3, 0.5))]
         assert shell("verify", tmp_path / "a.npz")[0] == 0
 
     @pytest.mark.usefixtures("outlined")
@@ -168,18 +161,12 @@ class TestHistory:
         assert lost["total"]["unit"] == document["steps"][0]["units"]["energy"]
         assert "<svg" in (tmp_path / "loop.svg").read_text(encoding="utf-8")
 
-    def test_fields_without_displacement(self, shell, cycle, tmp_path):
+    def test_fields_of_steps(self, shell, cycle, tmp_path):
         fields = tmp_path / "a.vtu"
         status, _, err = shell("solve", cycle, "--vtk", fields)
         assert (status, err) == (0, "")
         names = [name.split()[0] for name in pytest.importorskip("meshio").read(fields).point_data]
-        assert ("stress" in names, "displacement" in names) == (True, False)
-
-    def test_too_little_time(self, shell, cycle):
-        status, out, err = shell("solve", cycle, "--time-limit", "1e-9")
-        assert (status, err) == (1, "")
-        assert out.splitlines()[-1].startswith("step 1 of 3: time limit after ")
-        refused(shell("limit", cycle, "--load", "ground", "--time-limit", "-1"))
+        assert ("stress" in names, "displacement" in names) == (True, True)
 
     def test_a_history_is_neither_swept_nor_refined(self, shell, cycle, tmp_path):
         refused(shell("solve", cycle, "--set", "friction=0.1"), "[history]")
@@ -336,11 +323,10 @@ class TestSweep:
         path = plate_file(tmp_path, 0.2)
         sweep = '\n[sweep]\nparameter = "friction"\nvalues = { start = 0.1, stop = 0.3, steps = 2 }\n'
         path.write_text(path.read_text(encoding="utf-8") + sweep, encoding="utf-8")
-        status, out, _ = shell("solve", path, "--certificate")
+        status, out, _ = shell("solve", path)
         rows = [line.split() for line in out.splitlines() if line[:2] == "0."]
         assert status == 0
         assert [row[:2] for row in rows] == [["0.1", "solved"], ["0.2", "solved"], ["0.3", "solved"]]
-        assert "friction = 0.3" in out
         assert "sweep: friction, 3 values" in shell("check", path)[1]
         named = answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))
         assert list(named["gap"]) == [0.0, 1e-4]
@@ -357,6 +343,8 @@ class TestSweep:
         assert force("--set", "mu=0.9", "--set", "drag.load=1.0") == pytest.approx([whole], rel=1e-6)
         assert force("--set", "mu=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)
         assert shell("solve", path, "--set", "constants.mu=0.8:0.9:2")[1].count("\nmu ") == 1
+        late = shell("solve", path, "--set", "mu=0.8,0.9", "--time-limit", "1e-9", "--json")
+        assert [step["status"] for step in json.loads(late[1])["steps"]] == ["time_limit"]
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
         refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")
 
@@ -371,3 +359,73 @@ class TestSweep:
         """The first of two was left out without a word."""
         ending = shell("solve", plate_file(tmp_path, 0.2), "--set", "friction=0.1", "--set", "gap=0.0")
         refused(ending, "--set: 'friction=0.1 gap=0.0': ")
+
+
+def command(*words):
+    return CliRunner().invoke(group, ["bracket", *map(str, words)], standalone_mode=False)
+
+
+@pytest.mark.usefixtures("outlined")
+def test_guaranteed_example_with_all_files(tmp_path):
+    """A stack of blocks that only friction holds along its joints: the bounds, picture and displacements."""
+    picture, fields = tmp_path / "apart.svg", tmp_path / "moved.vtu"
+    done = command(EXAMPLES / "stacked_blocks.toml", "--plot", picture, "--vtk", fields)
+    assert done.return_value == 0
+    assert "as friction alone holds a body" in done.stdout
+    assert "<text>" in picture.read_text(encoding="utf-8")
+    assert b"displacement" in fields.read_bytes()
+
+
+def test_one_json_document():
+    done = command(EXAMPLES / "compressed_plate.toml", "--json", "--degree", 3)
+    found = json.loads(done.stdout)
+    bounds = found["bracket"]["energies"]
+    assert done.return_value == 0
+    assert bounds["lower"]["value"] < bounds["upper"]["value"]
+    assert found["bracket"]["coulomb"]["kind"] == "guaranteed"
+    assert 0.0 < found["bracket"]["coulomb"]["solutions_apart"] < 0.5
+    assert found["bracket"]["companion"]["degree"] == 3
+    assert found["status"] == "solved"
+
+
+@pytest.mark.parametrize(
+    ("words", "field"),
+    [((EXAMPLES / "cyclic_shear.toml",), "history"), ((EXAMPLES / "punch.toml", "--degree", 7), "degree"),
+     ((EXAMPLES / "punch.toml", "--tolerance", 0.5), "tolerance")],
+)  # fmt: skip
+def test_refusals(words, field):
+    done = command(*words)
+    assert isinstance(done.exception, InputError)
+    assert field in str(done.exception)
+
+
+class TestDocument:
+    """What is said about one bracket."""
+
+    def test_forces_and_parts(self):
+        found = solve(compressed_plate(0.5, (4, 4))).bracket
+        told = document(found, Units(length="mm", stress="MPa"))
+        force = found.forces["plate.normal_force"]
+        assert told["forces"]["plate.normal_force"] == {"lower": force.lower, "upper": force.upper, "unit": "MPa mm"}
+        assert sum(part["value"] for part in told["gap"].values()) == pytest.approx(found.gap, rel=1e-6)
+        assert any("plate.normal_force between" in line for line in lines(found))
+
+    def test_bounds_under_slip_and_differences_of_forces(self):
+        text = "\n".join(lines(solve(compressed_plate(0.1, (2, 2)), degree=4).bracket))
+        for words in ("forces of plate differ by", "plate.normal_force between"):
+            assert words in text
+
+    def test_exact_states_are_drawn_and_told_in_one_line(self):
+        found = solve(compressed_plate(0.0, (2, 2))).bracket
+        texts = bracket_figure(found, title="No gap").findobj(lambda artist: hasattr(artist, "get_text"))
+        assert any(text.get_text().startswith("No gap") for text in texts)
+        assert "\n" not in repr(found)
+        assert len(repr(found)) < 400
+
+
+def test_tresca_contact_with_a_wavy_bound_says_so():
+    plate = compressed_plate(0.0, (3, 3))
+    wavy = Contact.tresca("top", lambda x, y: 20.0 * np.abs(np.sin(5.0 * x)) + 0.0 * y, gap=-1e-3, name="plate")
+    found = solve(replace(plate, conditions=[*plate.conditions[:3], wavy])).bracket
+    assert not found.guaranteed
+    assert sum("bound" in reason for reason in found.reasons) == 1

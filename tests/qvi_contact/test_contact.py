@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import Contact, ContactState, InputError, Material, TriangleMesh, exact, solve
-from qvi_contact.gallery import SSNV128_DISPLACEMENTS, compressed_plate, sliding_block, ssnv128, stick_slip_block
+from qvi_contact.gallery import SSNV128_DISPLACEMENTS, compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.solution import STATE_TOLERANCE, contact_states
 from solvers import Status
 
@@ -76,17 +76,6 @@ def test_a_frictionless_plate_spreads_evenly_up_to_its_corner(cells, grading, pl
     assert line.gap == pytest.approx(0.0, abs=1e-9 * 1e-3)
     assert set(line.state) == {ContactState.CLOSED}
     assert line.shares == {"open": 0.0, "closed": pytest.approx(1.0)}  # nothing to stick or slip by
-
-
-@pytest.mark.parametrize("cells", [(1, 1), (5, 4)])
-def test_sliding_block(cells):
-    problem, state = sliding_block(cells)
-    line = solve(problem, tolerance=1e-10).contacts["base"]
-    assert line.slip == pytest.approx(state.displacement(line.x, line.y)[0], rel=1e-8)
-    assert line.gap == pytest.approx(0.0, abs=1e-10)
-    assert set(line.state) == {SLIP}
-    assert line.friction_bound == pytest.approx(30.0, rel=1e-8)
-    assert line.weights.sum() == pytest.approx(2.0, rel=1e-14)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])
@@ -196,11 +185,3 @@ def test_pressure_and_gap(base):
     gap = trace(base, base.gap, 0.0, 1)
     assert gap == pytest.approx(5.9e-7, rel=0.05)
     assert np.abs(base.gap[base.x > 5e-3]).max() < 0.05 * gap
-
-
-@pytest.mark.parametrize("name", ["friction", "cohesion", "shear_limit", "pore_pressure"])
-def test_data_of_the_law_are_not_negative_and_no_tied_contact_has_them(name):
-    for value, law in ((-1.0, "unilateral"), (1.0, "tied")):
-        with pytest.raises(InputError) as caught:
-            Contact("top", **{"friction": 0.0, name: value}, law=law)
-        assert (caught.value.field, caught.value.value) == (f"Contact.{name}", value)

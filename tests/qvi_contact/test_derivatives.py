@@ -1,4 +1,4 @@
-"""Derivatives of forces and motions: known answers, differences of solves, one-sided values at changes of state."""
+"""Derivatives of forces, motions, limit loads: known answers, differences of solves, both sides of changes of state."""
 
 from dataclasses import replace
 
@@ -9,14 +9,18 @@ from qvi_contact import (
     Contact,
     ContactProblem,
     Displacement,
+    Expression,
     InputError,
+    LimitFactor,
     Material,
+    MohrCoulomb,
     Polynomial,
     Region,
     RigidPlate,
     Symmetry,
     Traction,
     TriangleMesh,
+    limit_load_factor,
     solve,
 )
 
@@ -88,11 +92,12 @@ PARAMETERS = {
 def test_differences_of_solves(number, short):
     parameter, size = PARAMETERS[short]
     quantities = {"bottom.tangential_force": 1.0, "joint.tangential_force": 1.0, "top.x": 1e3}  # and their sizes
+    quantities["xx(0.8, 0.3)"] = 1.0
 
     def values(**changed):
         result = solve(two_blocks(np.random.default_rng(number), **changed), tolerance=1e-14)
         forces = [result.contacts[name].tangential_force for name in ("bottom", "joint")]
-        return result, np.array([*forces, result.plates["top"].x])
+        return result, np.array([*forces, result.plates["top"].x, result.stress(0.8, 0.3)[0]])
 
     result, here = values()
     above, below = (values(**{short: sign * 1e-5 * size})[1] for sign in (1.0, -1.0))
@@ -101,6 +106,61 @@ def test_differences_of_solves(number, short):
     scale = np.array(list(quantities.values()))
     least = 1e-6 * max(float(np.abs(expected * scale).max()), 1e-2 * float(np.abs(here).max()) / size)
     assert found * scale == pytest.approx(expected * scale, rel=1e-6, abs=least)
+
+
+def dragged(friction=0.3, cohesion=0.5, phi=None):
+    """A block 2 × 1 of weight 8 on the ground, dragged by 2 at its top: it slides at 4 μ + c."""
+    strength = None if phi is None else MohrCoulomb(2.0, phi)
+    ground = Contact("bottom", friction, cohesion=cohesion, name="ground")
+    drag = Traction("top", x=1.0, y=0.0, name="drag")
+    sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
+    return ContactProblem(mesh, Material(E, NU, "strain", strength), [ground, drag, *sides], Expression("4*y"))
+
+
+class TestLimitLoads:
+    """Derivatives of limit load factors, from the multipliers of the program."""
+
+    @pytest.mark.parametrize(
+        ("parameter", "expected"),
+        [("ground.friction", 4.0), ("ground.cohesion", 1.0), ("load.body", 1.2), ("load.drag", -1.7)],
+    )
+    def test_a_dragged_block(self, parameter, expected):
+        assert LimitFactor(["drag"]).derivative(dragged(), parameter) == pytest.approx(expected, rel=1e-6)
+
+    def test_what_is_zero_grows_only(self):
+        assert LimitFactor(["drag"]).derivative(dragged(cohesion=0.0), "ground.cohesion") == pytest.approx(
+            1.0, rel=1e-6
+        )
+
+    def test_sliding_becomes_tipping(self):
+        """The stresses of the mesh tip at the factor 3, which is reached at μ = 5/8."""
+        factor, problem = LimitFactor(["drag"]), dragged(0.625)
+        assert factor.derivative(problem, "ground.friction", "below") == pytest.approx(4.0, rel=1e-5)
+        assert factor.derivative(problem, "ground.friction", "above") == pytest.approx(0.0, abs=1e-5)
+        with pytest.raises(InputError, match="from below and"):
+            factor.derivative(problem, "ground.friction")
+
+    def test_a_body_that_yields(self):
+        """The angle of friction against differences of lower bounds, which are off by 1e-8; homogeneous in the rest."""
+        factor, problem, step = LimitFactor(["drag"]), dragged(2.0, 0.0, 0.3), 1e-3
+        limit = limit_load_factor(problem, ["drag"])
+        whole = 2.0 * factor.derivative(problem, "material.c") + factor.derivative(problem, "load.body")
+        assert whole == pytest.approx(float(limit), rel=1e-6)
+        above, below = (float(limit_load_factor(dragged(2.0, 0.0, 0.3 + way), ["drag"])) for way in (step, -step))
+        assert factor.derivative(problem, "material.phi") == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
+
+    def test_bad_input(self):
+        bilateral = Contact("bottom", 0.3, law="bilateral", name="ground")
+        fixed = replace(dragged(), conditions=[bilateral, *dragged().conditions[1:]])
+        for problem, name, side in (
+            (dragged(), "ground.gap", None),
+            (dragged(), "load.drag", "up"),
+            (fixed, "load.drag", None),
+        ):
+            with pytest.raises(InputError) as caught:
+                LimitFactor(["drag"]).derivative(problem, name, side)
+            assert caught.value.field in ("parameter", "side", "problem")
 
 
 def test_a_contact_that_just_touches():

@@ -173,7 +173,7 @@ def test_what_could_not_be_written_in_place_is_kept_beside_it(earlier, monkeypat
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("qvi_contact.basics.files.shutil.copyfileobj", full)
+    monkeypatch.setattr("qvi_contact.basics.writing.shutil.copyfileobj", full)
     with pytest.raises(InputError, match="No space left on device") as caught:
         write_text(earlier, "later")
     (kept,) = set(earlier.parent.iterdir()) - {earlier, earlier.with_name("other.csv")}

@@ -128,21 +128,16 @@ def test_parts_are_named_by_segments_functions_and_ranges():
 
 @pytest.mark.parametrize(
     ("parts", "word"),
-    [
-        ({"edges": {"foot": ((0, 0), (1.2, 0))}}, r"nearest one is \(1, 0\)"),
-        ({"edges": {"foot": ((0, 1), (2, 1))}}, "no edge of the boundary"),
-        ({"joints": {"seam": ((0, 0), (2, 0))}}, "no edge inside the body"),
-        ({"joints": {"seam": lambda x, _: x > 5.0}}, "no interior edge"),
-        ({"edges": {"top": ((0, 0), (1, 0))}}, "exists already"),
-        ({"edges": {"": ((0, 0), (1, 0))}}, "non-empty"),
-        ({"edges": {"foot": "bottom"}}, "pair of points"),
-        ({"edges": [((0, 0), (1, 0))]}, "mapping"),
-        ({"regions": {"core": ((0, 0.3), None)}}, "no triangle"),
-        ({"regions": {"core": ((0.3, 2), None)}}, "cuts the triangle"),
-        ({"regions": {"core": ((1, 0), None)}}, "smaller end"),
-        ({"regions": {"core": 3}}, "pair of ranges"),
-    ],
-)
+    [({"edges": {"foot": ((0, 0), (1.2, 0))}}, r"nearest one is \(1, 0\)"),
+     ({"edges": {"foot": ((0, 1), (2, 1))}}, "no edge of the boundary"),
+     ({"joints": {"seam": ((0, 0), (2, 0))}}, "no edge inside the body"),
+     ({"joints": {"seam": lambda x, _: x > 5.0}}, "no interior edge"),
+     ({"edges": {"top": ((0, 0), (1, 0))}}, "exists already"), ({"edges": {"": ((0, 0), (1, 0))}}, "non-empty"),
+     ({"edges": {"foot": "bottom"}}, "pair of points"), ({"edges": [((0, 0), (1, 0))]}, "mapping"),
+     ({"regions": {"core": ((0, 0.3), None)}}, "no triangle"),
+     ({"regions": {"core": ((0.3, 2), None)}}, "cuts the triangle"),
+     ({"regions": {"core": ((1, 0), None)}}, "smaller end"), ({"regions": {"core": 3}}, "pair of ranges")],
+)  # fmt: skip
 def test_parts_that_fit_no_line_are_refused(parts, word):
     with pytest.raises(InputError, match=word):
         TriangleMesh.grid([0, 1, 2], [0, 1, 2], **parts)
@@ -150,23 +145,16 @@ def test_parts_that_fit_no_line_are_refused(parts, word):
 
 @pytest.mark.parametrize(
     ("x", "y", "active", "field"),
-    [
-        ([0, 1, 1], [0, 1], None, "x"),
-        ([0, 2, 1], [0, 1], None, "x"),
-        ([0, 1], [0], None, "y"),
-        ([0, np.nan], [0, 1], None, "x"),
-        ([0, 1], ["a", "b"], None, "y"),
-        ([0, 1], [0, 1e308], None, "y"),
-        ([1e6, 1e6 + 1e-8, 2e6], [0, 1], None, "x"),
-        ([0, 1, 2], [0, 1], np.ones((2, 1), dtype=bool), "active"),
-        ([0, 1, 2], [0, 1], np.ones((1, 2)), "active"),
-        ([0, 1, 2], [0, 1], [[True], [True, False]], "active"),
-        ([0, 1, 2], [0, 1], np.zeros((1, 2), dtype=bool), "active"),
-        ([0, 1, 2, 3], [0, 1], np.array([[1, 0, 1]], dtype=bool), "TriangleMesh"),
-        ([0, 1, 2], [0, 1, 2], np.array([[1, 0], [0, 1]], dtype=bool), "TriangleMesh"),
-        ([0, 1, 2, 3], [0, 1, 2, 3], np.array([[1, 1, 1], [1, 0, 1], [1, 1, 0]], dtype=bool), "TriangleMesh"),
-    ],
-)
+    [([0, 1, 1], [0, 1], None, "x"), ([0, 2, 1], [0, 1], None, "x"), ([0, 1], [0], None, "y"),
+     ([0, np.nan], [0, 1], None, "x"), ([0, 1], ["a", "b"], None, "y"), ([0, 1], [0, 1e308], None, "y"),
+     ([1e6, 1e6 + 1e-8, 2e6], [0, 1], None, "x"),
+     ([0, 1, 2], [0, 1], np.ones((2, 1), dtype=bool), "active"), ([0, 1, 2], [0, 1], np.ones((1, 2)), "active"),
+     ([0, 1, 2], [0, 1], [[True], [True, False]], "active"),
+     ([0, 1, 2], [0, 1], np.zeros((1, 2), dtype=bool), "active"),
+     ([0, 1, 2, 3], [0, 1], np.array([[1, 0, 1]], dtype=bool), "TriangleMesh"),
+     ([0, 1, 2], [0, 1, 2], np.array([[1, 0], [0, 1]], dtype=bool), "TriangleMesh"),
+     ([0, 1, 2, 3], [0, 1, 2, 3], np.array([[1, 1, 1], [1, 0, 1], [1, 1, 0]], dtype=bool), "TriangleMesh")],
+)  # fmt: skip
 def test_what_is_no_grid_is_refused(x, y, active, field):
     with pytest.raises(InputError) as caught:
         TriangleMesh.grid(x, y, active)
@@ -268,16 +256,11 @@ def test_files_refine_grids_by_the_formula(body, sizes):
 
 @pytest.mark.parametrize(
     ("options", "word"),
-    [
-        ({"largest": 0.0}, "largest"),
-        ({"largest": 0.1, "smallest": 0.2}, "at most largest"),
-        ({"largest": 0.1, "smallest": -1.0}, "smallest"),
-        ({"largest": 0.1, "smallest": 1e-12}, "of the body"),
-        ({"largest": 0.1, "ratio": 1.0}, "ratio"),
-        ({"largest": 0.1, "towards": ["nowhere"]}, "nowhere"),
-        ({"largest": 1e-9}, "largest"),
-    ],
-)
+    [({"largest": 0.0}, "largest"),
+     ({"largest": 0.1, "smallest": 0.2}, "at most largest"), ({"largest": 0.1, "smallest": -1.0}, "smallest"),
+     ({"largest": 0.1, "smallest": 1e-12}, "of the body"), ({"largest": 0.1, "ratio": 1.0}, "ratio"),
+     ({"largest": 0.1, "towards": ["nowhere"]}, "nowhere"), ({"largest": 1e-9}, "largest")],
+)  # fmt: skip
 def test_sizes_that_cannot_be_are_refused(options, word):
     with pytest.raises(InputError, match=word):
         refined("L", options)

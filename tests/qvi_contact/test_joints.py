@@ -171,14 +171,11 @@ class TestRefused:
 
     @pytest.mark.parametrize(
         ("arguments", "word"),
-        [
-            (("new", "horizontal"), "function"),
-            (("new", lambda _, y: y == 0.41), "no interior edge"),
-            (("new", lambda _, y: y == 0.0), "no interior edge"),
-            (("joint", lambda x, _: x == 0.8), "exists already"),
-            (("", lambda x, _: x == 0.8), "non-empty"),
-        ],
-    )
+        [(("new", "horizontal"), "function"),
+         (("new", lambda _, y: y == 0.41), "no interior edge"),
+         (("new", lambda _, y: y == 0.0), "no interior edge"),
+         (("joint", lambda x, _: x == 0.8), "exists already"), (("", lambda x, _: x == 0.8), "non-empty")],
+    )  # fmt: skip
     def test_where_there_is_no_joint(self, arguments, word):
         with pytest.raises(InputError, match=word):
             self.MESH.with_joint(*arguments)

@@ -21,12 +21,6 @@ STEEL = Material(1000.0, 0.3)
 EXACT = 1e-9
 
 
-def turned(mesh, degrees):
-    """A mesh of triangles about the origin turned."""
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return TriangleMesh(mesh.vertices @ np.array([[c, s], [-s, c]]), mesh.cells, mesh.edge_sets, mesh.regions)
-
-
 def wall(mesh, wind=6.25, friction=1.0, unit=1.0):
     """A wall 1 × 4 of the weight 25, blown from the left: it tips at 6.25, and slides at 25 μ."""
     bottom = mesh.origin[1]
@@ -268,12 +262,9 @@ class TestJumpsInsideEdges:
     @pytest.mark.parametrize("at", [0.3, 0.77])
     @pytest.mark.parametrize(
         ("cohesion", "carried"),
-        [
-            (lambda x, _: np.where(x < 0.37, 1.0, 0.0), 0.37),
-            (lambda x, _: np.where(x < 0.37, 0.0, 1.0), 0.63),
-            (lambda x, _: np.abs(x - 0.37), (0.37**2 + 0.63**2) / 2.0),
-        ],
-    )
+        [(lambda x, _: np.where(x < 0.37, 1.0, 0.0), 0.37), (lambda x, _: np.where(x < 0.37, 0.0, 1.0), 0.63),
+         (lambda x, _: np.abs(x - 0.37), (0.37**2 + 0.63**2) / 2.0)],
+    )  # fmt: skip
     def test_no_less_than_the_integral(self, cohesion, carried, at):
         upper, _ = upper_bound(self.pushed(Contact.tresca("bottom", cohesion), at), ["push"])
         assert carried * (1.0 - EXACT) <= upper <= 1.02 * carried

@@ -9,7 +9,7 @@ import pytest
 import skfem
 
 from qvi_contact import InputError, TriangleMesh
-from qvi_contact.basics import handlers_kept
+from solvers.basics import handlers_kept
 
 meshio = pytest.importorskip("meshio")
 MUCH = 300_000_000
@@ -78,18 +78,13 @@ class TestFiles:
 
     @pytest.mark.parametrize(
         ("name", "text", "told"),
-        [
-            ("a.stl", "", "endings"),
-            ("a.msh", None, "no such file"),
-            ("a.msh", "nonsense", "cannot be read"),
-            ("a.msh", "", "cannot be read"),
-            ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
-            ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=C3D4\n3, 1, 2, 3, 4"), "'tetra'"),
-            ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
-            ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"),
-            ("a.med", "nonsense", "cannot be read"),
-        ],
-    )
+        [("a.stl", "", "endings"), ("a.msh", None, "no such file"), ("a.msh", "nonsense", "cannot be read"),
+         ("a.msh", "", "cannot be read"),
+         ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
+         ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=C3D4\n3, 1, 2, 3, 4"), "'tetra'"),
+         ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
+         ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"), ("a.med", "nonsense", "cannot be read")],
+    )  # fmt: skip
     def test_what_cannot_be_read_is_told_in_one_line(self, tmp_path, capsys, name, text, told):
         path = tmp_path / name
         if text is not None:
@@ -178,33 +173,20 @@ class TestGmsh:
 
     @pytest.mark.parametrize(
         ("text", "old", "new"),
-        [
-            (MSH_4, "$Nodes\n1 5", f"$Nodes\n1 {MUCH}"),
-            (MSH_4, "$Nodes\n1 5", f"$Nodes\n{MUCH} 5"),
-            (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", f"$Nodes\n1 {MUCH} 1 5\n2 1 0 {MUCH}"),
-            (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", "$Nodes\n1 4 1 5\n2 1 0 4"),
-            (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", "$Nodes\n1 5 1 5\n2 1 1 5"),
-            (MSH_4, "$Elements\n4 4", f"$Elements\n{MUCH} 4"),
-            (MSH_4, "$Elements\n4 4", "$Elements\n3 4"),
-            (MSH_4, "1 1 1 1\n", f"1 1 1 {MUCH}\n"),
-            (MSH_4, "1 1 1 1\n", f"1 1 1 {2**63}\n"),
-            (MSH_4, "0 2 2 0\n", f"{MUCH} 2 2 0\n"),
-            (MSH_4, "0 1 1 0\n", f"0 {MUCH} 1 0\n"),
-            (MSH_4, "0 1 1 0\n", f"0 1 1 {MUCH}\n"),
-            (MSH_4, "$PhysicalNames\n4", f"$PhysicalNames\n{MUCH}"),
-            (MSH_4, "\n5\n0 0 0\n", "\n4\n0 0 0\n"),
-            (MSH_4, "\n5\n0 0 0\n", "\n0\n0 0 0\n"),
-            (MSH_4, "$EndElements", ""),
-            (MSH_4, "$PhysicalNames", "$Nodes"),
-            (MSH_2, "$Nodes\n5", f"$Nodes\n{MUCH}"),
-            (MSH_2, "$Nodes\n5", "$Nodes\n4"),
-            (MSH_2, "$Nodes\n5", "$Nodes\n-1"),
-            (MSH_2, "9 5 5 0", "9.5 5 5 0"),
-            (MSH_2, "9 5 5 0", "nan 5 5 0"),
-            (MSH_2, "$Elements\n4", f"$Elements\n{MUCH}"),
-            (MSH_2, "$Elements\n4", "$Elements\n3"),
-        ],
-    )
+        [(MSH_4, "$Nodes\n1 5", f"$Nodes\n1 {MUCH}"), (MSH_4, "$Nodes\n1 5", f"$Nodes\n{MUCH} 5"),
+         (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", f"$Nodes\n1 {MUCH} 1 5\n2 1 0 {MUCH}"),
+         (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", "$Nodes\n1 4 1 5\n2 1 0 4"),
+         (MSH_4, "$Nodes\n1 5 1 5\n2 1 0 5", "$Nodes\n1 5 1 5\n2 1 1 5"),
+         (MSH_4, "$Elements\n4 4", f"$Elements\n{MUCH} 4"), (MSH_4, "$Elements\n4 4", "$Elements\n3 4"),
+         (MSH_4, "1 1 1 1\n", f"1 1 1 {MUCH}\n"), (MSH_4, "1 1 1 1\n", f"1 1 1 {2**63}\n"),
+         (MSH_4, "0 2 2 0\n", f"{MUCH} 2 2 0\n"), (MSH_4, "0 1 1 0\n", f"0 {MUCH} 1 0\n"),
+         (MSH_4, "0 1 1 0\n", f"0 1 1 {MUCH}\n"),
+         (MSH_4, "$PhysicalNames\n4", f"$PhysicalNames\n{MUCH}"), (MSH_4, "\n5\n0 0 0\n", "\n4\n0 0 0\n"),
+         (MSH_4, "\n5\n0 0 0\n", "\n0\n0 0 0\n"), (MSH_4, "$EndElements", ""), (MSH_4, "$PhysicalNames", "$Nodes"),
+         (MSH_2, "$Nodes\n5", f"$Nodes\n{MUCH}"), (MSH_2, "$Nodes\n5", "$Nodes\n4"),
+         (MSH_2, "$Nodes\n5", "$Nodes\n-1"), (MSH_2, "9 5 5 0", "9.5 5 5 0"), (MSH_2, "9 5 5 0", "nan 5 5 0"),
+         (MSH_2, "$Elements\n4", f"$Elements\n{MUCH}"), (MSH_2, "$Elements\n4", "$Elements\n3")],
+    )  # fmt: skip
     def test_what_is_claimed_and_not_held(self, tmp_path, text, old, new):
         refusal(written(tmp_path / "a.msh", text, (old, new)))
 
@@ -214,15 +196,10 @@ class TestGmsh:
 
     @pytest.mark.parametrize(
         ("text", "old", "new"),
-        [
-            (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 7"),
-            (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 70"),
-            (MSH_2, "1 1 2 1 1 1 2", "1 1 2 1 1 1 7"),
-            (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 0"),
-            (MSH_4, "3 1 2 3", "3 1 2 7"),
-            (MSH_4, "3 1 2 3", "3 1 2 0"),
-        ],
-    )
+        [(MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 7"), (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 70"),
+         (MSH_2, "1 1 2 1 1 1 2", "1 1 2 1 1 1 7"), (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 0"),
+         (MSH_4, "3 1 2 3", "3 1 2 7"), (MSH_4, "3 1 2 3", "3 1 2 0")],
+    )  # fmt: skip
     def test_nodes_that_are_not_there(self, tmp_path, text, old, new):
         refusal(written(tmp_path / "a.msh", text, (old, new)))
 
@@ -333,6 +310,14 @@ class TestQuadrilaterals:
         points[2] = (0.5, 3.0)  # convex: its corners 0 and 2 are nearer
         meshio.write(tmp_path / "a.vtk", meshio.Mesh(np.c_[points, np.zeros(6)], blocks))
         assert TriangleMesh.load(tmp_path / "a.vtk").cells.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+
+    @pytest.mark.parametrize(("kind", "count"), [("quad8", 8), ("quad9", 9)])
+    def test_of_second_order_they_are_their_corners(self, tmp_path, kind, count):
+        points = np.zeros((9, 3))
+        points[:, :2] = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+        body = meshio.Mesh(points[:count], [(kind, np.arange(count)[None])])
+        meshio.write(tmp_path / "a.msh", body, file_format="gmsh22")
+        assert TriangleMesh.load(tmp_path / "a.msh").cells.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no such files")

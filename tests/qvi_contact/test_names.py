@@ -16,7 +16,6 @@ from qvi_contact import (
     History,
     InputError,
     Material,
-    Region,
     RigidPlate,
     Symmetry,
     Traction,
@@ -68,27 +67,22 @@ def refused(function):
 
 @pytest.mark.parametrize(
     ("of", "meant"),
-    [
-        (lambda result: result.contacts["fitt"], "fit"),
-        (lambda result: result.plates["Fit"], "fit"),
-        (lambda result: result.plate_force("seamm"), None),
-        (lambda result: result.plate_force("fti"), "fit"),
-        (lambda result: result.resultant("tob"), "top"),
-        (lambda result: result.resultant("semm"), "seam"),
-        (lambda result: result.resultant("fitt"), "fit"),
-        (lambda result: result.problem.mesh.edge_set("botom"), "bottom"),
-        (lambda result: result.problem.mesh.joint_set("saem"), "seam"),
-        (lambda result: result.problem.mesh.edges("saem"), "seam"),
-        (lambda result: result_figure(result, panels=["fitt"]), "fit"),
-        (lambda result: solve_sweep(result.problem, "friction", [0.1], ["fitt"]), "fit"),
-        (lambda result: solve_sweep(result.problem, "load", [0.1], ["lleft"]), "left"),
-        (lambda result: limit_load_factor(result.problem, ["rihgt"]), "right"),
-        (lambda result: refine(result.problem, quantity="fit.normal_forc"), "fit.normal_force"),
-        (lambda result: ContactProblem(result.problem.mesh, Material(1.0, 0.3), [Symmetry("lfet")]), "left"),
-        (lambda result: ContactProblem(result.problem.mesh, Material(1.0, 0.3), [Contact("saem", 0.3)]), "seam"),
-        (lambda result: result.problem.mesh.with_region("low", [0]).region("lov"), "low"),
-    ],
-)
+    [(lambda result: result.contacts["fitt"], "fit"), (lambda result: result.plates["Fit"], "fit"),
+     (lambda result: result.plate_force("seamm"), None), (lambda result: result.plate_force("fti"), "fit"),
+     (lambda result: result.resultant("tob"), "top"), (lambda result: result.resultant("semm"), "seam"),
+     (lambda result: result.resultant("fitt"), "fit"),
+     (lambda result: result.problem.mesh.edge_set("botom"), "bottom"),
+     (lambda result: result.problem.mesh.joint_set("saem"), "seam"),
+     (lambda result: result.problem.mesh.edges("saem"), "seam"),
+     (lambda result: result_figure(result, panels=["fitt"]), "fit"),
+     (lambda result: solve_sweep(result.problem, "friction", [0.1], ["fitt"]), "fit"),
+     (lambda result: solve_sweep(result.problem, "load", [0.1], ["lleft"]), "left"),
+     (lambda result: limit_load_factor(result.problem, ["rihgt"]), "right"),
+     (lambda result: refine(result.problem, quantity="fit.normal_forc"), "fit.normal_force"),
+     (lambda result: ContactProblem(result.problem.mesh, Material(1.0, 0.3), [Symmetry("lfet")]), "left"),
+     (lambda result: ContactProblem(result.problem.mesh, Material(1.0, 0.3), [Contact("saem", 0.3)]), "seam"),
+     (lambda result: result.problem.mesh.with_region("low", [0]).region("lov"), "low")],
+)  # fmt: skip
 def test_the_closest_name_is_offered(result, of, meant):
     error = refused(lambda: of(result))
     assert ("did you mean" in error.remedy) == (meant is not None)
@@ -120,17 +114,6 @@ def test_all_names_are_listed_and_the_message_is_a_sentence(result):
     assert (type(again), str(again)) == (type(error), str(error))
     for odd in (3, None, ("fit",)):
         assert refused(lambda odd=odd: result.contacts[odd]).value == odd
-
-
-def test_a_region_that_the_mesh_has_not(result):
-    problem = result.problem
-    error = refused(
-        lambda: ContactProblem(
-            problem.mesh.with_region("core", [0]), problem.material, problem.conditions,
-            regions=[Region(Material(1.0, 0.3), name="cor")],
-        )
-    )  # fmt: skip
-    assert "did you mean 'core'?" in error.remedy
 
 
 FORMULA = r"$\foo$"

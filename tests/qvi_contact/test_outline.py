@@ -15,7 +15,7 @@ from qvi_contact import Corner, InputError, TriangleMesh, load_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.mesh import Topology, divided_corners, polygons
 from tests.cases import examples
-from tests.qvi_contact.broken_files import PROBLEMS
+from tests.qvi_contact.builders import PROBLEMS
 
 try:
     import gmsh

@@ -198,14 +198,11 @@ class TestRedundantResultants:
 
     @pytest.mark.parametrize(
         ("given", "field", "needed"),
-        [
-            ({"force_y": 9.0}, "force_y", "10"),
-            ({"force_x": 0.5}, "force_x", "-?[0-9.e-]+"),
-            ({"force_y": 10.0, "moment": 11.0}, "moment", "10"),
-            ({"moment": 0.0, "pivot": (1.0, 0.0)}, None, None),
-            ({"moment": 1.0, "pivot": (1.0, 0.0)}, "moment", "-?[0-9.e-]+"),
-        ],
-    )
+        [({"force_y": 9.0}, "force_y", "10"), ({"force_x": 0.5}, "force_x", "-?[0-9.e-]+"),
+         ({"force_y": 10.0, "moment": 11.0}, "moment", "10"),
+         ({"moment": 0.0, "pivot": (1.0, 0.0)}, None, None),
+         ({"moment": 1.0, "pivot": (1.0, 0.0)}, "moment", "-?[0-9.e-]+")],
+    )  # fmt: skip
     def test_contradictions_name_what_is_needed(self, given, field, needed):
         problem = self.between(RigidPlate(**given))
         if field is None:
@@ -244,18 +241,13 @@ class TestImpossible:
 
     @pytest.mark.parametrize(
         ("given", "field"),
-        [
-            ({}, "RigidPlate"),
-            ({"force_x": float("nan")}, "RigidPlate.force_x"),
-            ({"force_y": "10"}, "RigidPlate.force_y"),
-            ({"moment": float("inf")}, "RigidPlate.moment"),
-            ({"moment": 1.0, "pivot": (1.0,)}, "RigidPlate.pivot"),
-            ({"moment": 1.0, "pivot": (1.0, float("nan"))}, "RigidPlate.pivot"),
-            ({"force_x": 1.0, "x": 0.0}, "RigidPlate.force_x"),
-            ({"moment": 1.0, "rotation": 1.0}, "RigidPlate.moment"),
-            ({"y": float("nan")}, "RigidPlate.y"),
-        ],
-    )
+        [({}, "RigidPlate"), ({"force_x": float("nan")}, "RigidPlate.force_x"),
+         ({"force_y": "10"}, "RigidPlate.force_y"), ({"moment": float("inf")}, "RigidPlate.moment"),
+         ({"moment": 1.0, "pivot": (1.0,)}, "RigidPlate.pivot"),
+         ({"moment": 1.0, "pivot": (1.0, float("nan"))}, "RigidPlate.pivot"),
+         ({"force_x": 1.0, "x": 0.0}, "RigidPlate.force_x"),
+         ({"moment": 1.0, "rotation": 1.0}, "RigidPlate.moment"), ({"y": float("nan")}, "RigidPlate.y")],
+    )  # fmt: skip
     def test_bad_data(self, given, field):
         with pytest.raises(InputError) as caught:
             RigidPlate(**given)

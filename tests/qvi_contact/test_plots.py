@@ -34,7 +34,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.element import gauss_legendre
-from qvi_contact.gallery import compressed_plate
+from qvi_contact.gallery import compressed_plate, half_discs
 from qvi_contact.plots import (
     Scales,
     Shape,
@@ -44,6 +44,7 @@ from qvi_contact.plots import (
     contact_tractions,
     draw_body,
     draw_contours,
+    draw_problem,
     history_figure,
     limit_figure,
     result_figure,
@@ -249,12 +250,9 @@ class TestField:
 
     @pytest.mark.parametrize(
         ("values", "ends"),
-        [
-            ([0.0, 1.0, 2.0, 3.0], (0.0, 3.0)),
-            ([-1.0, 3.0, 0.0, 0.0], (-3.0, 3.0)),
-            ([5.0, 5.0, 5.0, 5.0 + 1e-9], (4.75, 5.25)),
-        ],
-    )
+        [([0.0, 1.0, 2.0, 3.0], (0.0, 3.0)), ([-1.0, 3.0, 0.0, 0.0], (-3.0, 3.0)),
+         ([5.0, 5.0, 5.0, 5.0 + 1e-9], (4.75, 5.25))],
+    )  # fmt: skip
     def test_bands_hold_all_values_are_centred_where_both_signs_occur_and_show_no_rounding(self, values, ends):
         points, triangles = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), np.array([[0, 1, 2], [1, 3, 2]])
         bands = draw_contours(new_axes(), points, points, triangles, np.array(values), np.zeros(4, dtype=int))
@@ -319,7 +317,7 @@ class TestBody:
         companion, shape = result.bracket.companion, Shape.of(result)
         cells = np.repeat(np.arange(result.problem.mesh.cell_count), 3)
         corners = np.tile([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], (result.problem.mesh.cell_count, 1))
-        expected = companion.nodal_displacements.reshape(-1, 2)
+        expected = companion.cell_displacement([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]).reshape(-1, 2)
         assert shape.at(cells, corners) == pytest.approx(expected, abs=0.03 * np.abs(expected).max())
 
     def test_pressure_stands_on_the_contact_and_its_area_is_the_normal_force(self):
@@ -338,14 +336,30 @@ class TestBody:
     def test_results_beside_each_other_have_one_scale(self):
         """The pressure of the second is half as long in the scale of both as in its own; so are displacements."""
         strong, weak = solve(compressed_plate(0.2, (2, 2))), solve(compressed_plate(0.2, (2, 2), displacement=5e-4))
-        both, heights, factors = Scales.of([strong, weak]), [], []
+        both, heights, factors, ends = Scales.of([strong, weak]), [], [], []
         for scales in (both, None):
             axes = new_axes()
             factors.append(draw_body(axes, weak, scales=scales).factor)
             (diagram,) = (patch for patch in axes.patches if isinstance(patch, Polygon))
             heights.append(np.ptp(diagram.get_xy()[:, 1]))
+            ends.append(axes.collections[0].levels[-1])
         assert heights[1] == pytest.approx(2.0 * heights[0], rel=0.1)
+        assert ends[0] == pytest.approx(2.0 * ends[1], rel=0.3)  # bands of colour
         assert factors[1] > factors[0] == draw_body(new_axes(), strong).factor
+
+    def test_bodies_are_not_drawn_inside_each_other(self):
+        """Discs that touch in a point: exaggerated 5 times, as would be usual, their outlines would cross."""
+        assert Scales.of([solve(half_discs(1.0, 1, 0))]).factor == 1.0
+
+    def test_springs_are_zigzag_lines(self):
+        bed = Contact("bottom", 0.0, normal_stiffness=10.0)
+        conditions = [bed, Traction("top", x=0.0, y=-1.0), *FREE]
+        block = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1e2, 0.3), conditions)
+        for draw, shown in ((draw_body, solve(block)), (draw_problem, block)):
+            axes = new_axes()
+            draw(axes, shown)
+            zigzags = [line for line in axes.collections if isinstance(line, LineCollection)]
+            assert sum(len(path) == 8 for line in zigzags for path in line.get_segments()) >= 3
 
     def test_the_resultant_is_an_arrow_to_the_centre_of_pressure_with_its_number(self):
         result, axes = slanted_result(), new_axes()
@@ -463,13 +477,16 @@ class TestFigures:
     def test_under_loads_alone_there_are_forces_over_the_time_and_no_loop(self):
         step, times = solve(compressed_plate(0.2, (2, 2))), [0.5, 1.0, 0.25]
         history = History((step,) * 3, 3)
-        (forces,) = history_figure(history, times=times).axes
+        body, forces = history_figure(history, times=times, step=2).axes
+        assert body.get_title() == f"t = 1; displacements × {draw_body(new_axes(), step).factor:g}"
         curves = {line.get_label(): line for line in forces.lines}
         assert curves["N"].get_xdata().tolist() == times
         assert curves["T"].get_ydata() == pytest.approx([step.contacts["plate"].tangential_force] * 3)
         assert forces.get_xlabel() == "t"
         with pytest.raises(InputError, match="times"):
             history_figure(history, times=[0.0, 1.0])
+        with pytest.raises(InputError, match="step"):
+            history_figure(history, step=4)
 
     def test_an_infeasible_problem_is_drawn_with_the_reason(self):
         result = solve(lifted())
@@ -503,7 +520,8 @@ class TestFigures:
         steps = tuple(map(solve, moved))
         figure = history_figure(History(steps, 2))
         assert self.misplaced(figure) == NOTHING
-        loop, forces = figure.axes
+        body, loop, forces = figure.axes
+        assert body.get_title().startswith("step 2")
         assert loop.get_title() == "plate"
         assert forces.lines[0].get_ydata() == pytest.approx([step.contacts["plate"].normal_force for step in steps])
         assert forces.lines[0].get_xdata().tolist() == [1, 2]

@@ -1,12 +1,24 @@
 """Materials, conditions and problems: what they mean, in both kinds of components, and what they refuse."""
 
+import importlib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.quiver import Quiver
 
-from qvi_contact import InputError, TriangleMesh, discretize, limit_load_factor, solve, solve_history
+from qvi_contact import (
+    InputError,
+    TriangleMesh,
+    discretize,
+    limit_load_factor,
+    load_problem,
+    load_result,
+    solve,
+    solve_history,
+)
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.plots import problem_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
@@ -49,14 +61,9 @@ def test_what_is_not_finite_is_refused(kind, name, value):
 
 @pytest.mark.parametrize(
     "friction",
-    [
-        lambda x, y: -x - y,
-        lambda x, y: x * y * np.nan,
-        lambda x: x,
-        lambda x, y: np.ones(len(x) + len(y) - 1),
-        lambda x, y: f"rough {x} {y}",
-    ],
-)
+    [lambda x, y: -x - y, lambda x, y: x * y * np.nan, lambda x: x, lambda x, y: np.ones(len(x) + len(y) - 1),
+     lambda x, y: f"rough {x} {y}"],
+)  # fmt: skip
 def test_bad_friction_functions_are_refused(friction):
     with pytest.raises(InputError, match=r"Contact\.friction"):
         discretize(compressed_plate(friction))
@@ -64,19 +71,14 @@ def test_bad_friction_functions_are_refused(friction):
 
 @pytest.mark.parametrize(
     ("conditions", "words"),
-    [
-        ([*FREE, Symmetry("left")], "component x of the edge around .* has no condition"),
-        ([*FREE, Symmetry("left"), Displacement("bottom", y=0.0)], "'bottom': component x"),
-        (
-            [*FREE, Symmetry("left"), Symmetry("bottom"), Contact("top", friction=0.1)],
-            r"already has the condition Traction\('top'\)",
-        ),
-        ([*FREE, Symmetry("left"), Symmetry("floor")], "'floor': name one of the edge sets"),
-        ([*FREE, Contact("left", friction=0, name="a"), Contact("bottom", friction=0, name="a")], "a name of its own"),
-        ("top", "give a list"),
-        ([*FREE, "bottom"], "each entry must be"),
-    ],
-)
+    [([*FREE, Symmetry("left")], "component x of the edge around .* has no condition"),
+     ([*FREE, Symmetry("left"), Displacement("bottom", y=0.0)], "'bottom': component x"),
+     ([*FREE, Symmetry("left"), Symmetry("bottom"), Contact("top", friction=0.1)],
+      r"already has the condition Traction\('top'\)"),
+     ([*FREE, Symmetry("left"), Symmetry("floor")], "'floor': name one of the edge sets"),
+     ([*FREE, Contact("left", friction=0, name="a"), Contact("bottom", friction=0, name="a")], "a name of its own"),
+     ("top", "give a list"), ([*FREE, "bottom"], "each entry must be")],
+)  # fmt: skip
 def test_overlap_omission_and_unknown_names_are_refused(conditions, words):
     with pytest.raises(InputError, match=words):
         ContactProblem(MESH, STEEL, conditions)
@@ -195,3 +197,55 @@ def test_pictures_and_bounds_see_them():
     brackets = [solve(stated).bracket for stated in LOADED]
     assert brackets[1].upper == pytest.approx(brackets[0].upper, rel=1e-9)
     assert brackets[1].lower == pytest.approx(brackets[0].lower, rel=1e-9)
+
+
+OLD = Path(__file__).parent / "old"
+
+
+def refusal(use):
+    with pytest.raises(InputError) as caught:
+        use()
+    assert len(str(caught.value).splitlines()) == 1
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("name", "instead"), [("RectilinearMesh", "TriangleMesh.grid"), ("stream_sweep", r"solve_sweep(")]
+)
+def test_names_that_were_imported(name, instead):
+    found = refusal(lambda: getattr(importlib.import_module("qvi_contact"), name))
+    assert found.value == name
+    assert instead in found.remedy
+
+
+@pytest.mark.parametrize("name", ["rectangles.npz", "steps_of_rectangles/step-000001.npz"])
+def test_archives_of_rectangles(name):
+    found = refusal(lambda: load_result(OLD / name))
+    assert "rectangles" in found.remedy
+    assert "solve its problem again" in found.remedy
+
+
+def test_an_archive_of_triangles_is_read_as_before():
+    result = load_result(OLD / "grid_of_triangles.npz")
+    assert result.status == "solved"
+    assert result.contacts["bottom"].normal_force == pytest.approx(1.4408063363934915, rel=1e-9)
+    again = solve(load_problem(OLD / "grid.toml").problem, law_on="edges")
+    assert again.contacts["bottom"].normal_force == pytest.approx(1.4408063363934915, rel=1e-7)
+    assert again.contacts["bed"].tangential_force == pytest.approx(0.08427127886032235, rel=1e-7)
+
+
+def test_problem_files():
+    found = refusal(lambda: load_problem(OLD / "rectangles.toml"))
+    assert (found.field, "leave this key out" in found.remedy) == ("solve.element", True)
+    file = load_problem(OLD / "grid.toml")
+    assert dict(file.solve_options) == {"law_on": "points"}
+    assert file.problem.mesh.cell_count == 10
+    assert file.problem.mesh.edge_names[-2:] == ("roof", "step")
+    assert file.problem.cell_materials.tolist() == [0] * 6 + [1] * 4
+
+
+def test_the_law_had_another_name(shell):
+    found = refusal(lambda: solve(compressed_plate(0.2), contact_rows="gauss"))
+    assert (found.field, "law_on" in found.remedy) == ("contact_rows", True)
+    status, _, err = shell("solve", OLD / "grid.toml", "--contact-rows", "gauss")
+    assert (status, "law_on" in err) == (2, True)

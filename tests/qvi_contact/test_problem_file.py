@@ -35,7 +35,7 @@ from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from tests.cases import examples
-from tests.qvi_contact.broken_files import PRINTED, RICH
+from tests.qvi_contact.builders import PRINTED, RICH
 
 SMALL = """
 version = 1
@@ -181,85 +181,56 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
 
 @pytest.mark.parametrize(
     ("old", "new", "field", "words"),
-    [
-        ("version = 1", "", "version", "add this key"),
-        ("version = 1", "version = 2", "version", "give 1"),
-        ("y = [0.0, 1.0]", "", "mesh.y", "add this key"),
-        ("[mesh]", "[msh]", "msh", "did you mean mesh"),
-        ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
-        ("version = 1", "version = 1\ndegre = 4", "degre", "did you mean degree, of [solve]?"),
-        ("[mesh]", "[mesh]\nyoung = 1.0", "mesh.young", "this belongs to [material]"),
-        ("friction = 0.2", "", "contacts[0].friction", "coefficient of friction"),
-        ("friction = 0.2", "friction = -0.2", "contacts[0].friction", "at least 0"),
-        ("friction = 0.2", 'friction = "x - 0.5"', "contacts[0].friction", "found this one at x = 0"),
-        ("friction = 0.2", "friction = true", "contacts[0].friction", "give a number"),
-        ("friction = 0.2", 'friction = "mu"', "contacts[0].friction", "mu is not a known name"),
-        ("gap = -1e-3", 'gap = "g"\n[constants]\ngrip = 0.1', "contacts[0].gap", "there are x, y, t, pi, grip"),
-        ("friction = 0.2", "friction = { polynomial = [] }", "contacts[0].friction", "at least one"),
-        ("friction = 0.2", 'friction = "t"', "contacts[0].friction", "[history]"),
-        ("friction = 0.2", 'friction = 0.2\nlaw = "bilatral"', "contacts[0].law", "did you mean 'bilateral'"),
-        ("friction = 0.2", "friction = 0.2\nplate = {}", "contacts[0].plate", "at least one of force_x"),
-        ("friction = 0.2", 'friction = 0.2\nplate = { force_y = "x" }', "contacts[0].plate.force_y", "one number"),
-        (
-            "friction = 0.2",
-            "friction = 0.2\nplate = { x = 0.0, force_x = 1.0 }",
-            "contacts[0].plate.force_x",
-            "leave one",
-        ),
-        ("gap = -1e-3", "pin = { centre = [0, 0], radius = 0, y = 0 }", "contacts[0].pin.radius", "greater than 0"),
-        ("gap = -1e-3", "gap = 1.0\npin = { centre = [0, 0], radius = 1, x = 0 }", "contacts[0].pin", "leave out gap"),
-        ("[[contacts]]", "[contacts]", "contacts", "double brackets"),
-        ('edges = "top"', 'edges = "to"', "contacts[0].edges", "[[edges]]"),
-        ('edges = "right"', 'edges = "top"', "contacts[0]", "already has the condition"),
-        ('[[symmetry]]\nedges = "left"', "", "boundary conditions", "add [[tractions]]"),
-        ("x = [0.0, 1.0]", "x = [0.0, 0.0]", "mesh.x", "increasing"),
-        ("x = [0.0, 1.0]", "x = { stop = 1.0, cells = 2 }", "mesh.x.start", "add this key"),
-        ("x = [0.0, 1.0]", "x = { start = 0, stop = 1.0, cells = 2.5 }", "mesh.x.cells", "whole number"),
-        ("x = [0.0, 1.0]", "x = { start = 0, stop = 1.0, cells = 100000000000 }", "mesh.x.cells", "at most"),
-        (
-            "x = [0.0, 1.0]",
-            "x = [{ start = 0, stop = 1, cells = 1 }, { stop = 0.5, cells = 1 }]",
-            "mesh.x[1].stop",
-            "great",
-        ),
-        ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nremove = [{ x = [0.0, 1.0] }]", "mesh.remove", "at least one cell"),
-        ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nremove = [{ x = [0.0, 0.4] }]", "mesh.remove[0].x", "nearest one is at 0"),
-        ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nrefine = { largest = 1e-9 }", "mesh.refine.largest", "cells in all"),
-        (
-            "y = [0.0, 1.0]",
-            'y = [0.0, 1.0]\nrefine = { largest = 1.0, towards = ["a"] }',
-            "mesh.refine.towards[0]",
-            "name",
-        ),
-        ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.9\n[material]", "regions[0].poisson", "at most 0.5"),
-        (
-            "[material]",
-            "[[regions]]\nyoung = 1.0\npoisson = 0.3\ny = [0.0, 0.5]\n[material]",
-            "regions[0]",
-            "no triangle",
-        ),
-        ("[material]", "[constants]\nx = 1.0\n[material]", "constants.x", "means something already"),
-        ("[material]", '[constants]\n"a b" = 1.0\n[material]', "constants.'a b'", "letters"),
-        ("[material]", '[[edges]]\nname = "top"\nside = "top"\n[material]', "edges[0].name", "another name"),
-        (
-            "[material]",
-            '[[joints]]\nname = "j"\ndirection = "up"\nat = 0.0\n[material]',
-            "joints[0].direction",
-            "horizontal",
-        ),
-        ("young = 1000.0", "young = 1000.0\nbody_potential = 1.0", "material.body_potential", "top of the file"),
-        ("young = 1000.0", "young = 1979-05-27", "material.young", "dates"),
-        ("young = 1000.0", "young = 1e-70", "material.young", "at least 1e-60"),
-        (
-            "x = [0.0, 1.0]",
-            "x = [{ start = 0, stop = 1, cells = 1 }, { start = 2, stop = 3, cells = 1 }]",
-            "mesh.x[1].start",
-            "stops, at 1",
-        ),
-        ("young = 1000.0", "young = 0x" + "f" * 400, "material.young", "64 bits"),
-        ("young = 1000.0", "young = 1000.0 1000.0", "TOML", "line 7"),
-    ],
-)
+    [("version = 1", "", "version", "add this key"),
+     ("version = 1", "version = 2", "version", "give 1"), ("y = [0.0, 1.0]", "", "mesh.y", "add this key"),
+     ("[mesh]", "[msh]", "msh", "did you mean mesh"),
+     ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
+     ("version = 1", "version = 1\ndegre = 4", "degre", "did you mean degree, of [solve]?"),
+     ("[mesh]", "[mesh]\nyoung = 1.0", "mesh.young", "this belongs to [material]"),
+     ("friction = 0.2", "", "contacts[0].friction", "coefficient of friction"),
+     ("friction = 0.2", "friction = -0.2", "contacts[0].friction", "at least 0"),
+     ("friction = 0.2", 'friction = "x - 0.5"', "contacts[0].friction", "found this one at x = 0"),
+     ("friction = 0.2", "friction = true", "contacts[0].friction", "give a number"),
+     ("friction = 0.2", 'friction = "mu"', "contacts[0].friction", "mu is not a known name"),
+     ("gap = -1e-3", 'gap = "g"\n[constants]\ngrip = 0.1', "contacts[0].gap", "there are x, y, t, pi, grip"),
+     ("friction = 0.2", "friction = { polynomial = [] }", "contacts[0].friction", "at least one"),
+     ("friction = 0.2", 'friction = "t"', "contacts[0].friction", "[history]"),
+     ("friction = 0.2", 'friction = 0.2\nlaw = "bilatral"', "contacts[0].law", "did you mean 'bilateral'"),
+     ("friction = 0.2", "friction = 0.2\nplate = {}", "contacts[0].plate", "at least one of force_x"),
+     ("friction = 0.2", 'friction = 0.2\nplate = { force_y = "x" }', "contacts[0].plate.force_y", "one number"),
+     ("friction = 0.2", "friction = 0.2\nplate = { x = 0.0, force_x = 1.0 }", "contacts[0].plate.force_x", "leave one"),
+     ("gap = -1e-3", "pin = { centre = [0, 0], radius = 0, y = 0 }", "contacts[0].pin.radius", "greater than 0"),
+     ("gap = -1e-3", "gap = 1.0\npin = { centre = [0, 0], radius = 1, x = 0 }", "contacts[0].pin", "leave out gap"),
+     ("[[contacts]]", "[contacts]", "contacts", "double brackets"),
+     ('edges = "top"', 'edges = "to"', "contacts[0].edges", "[[edges]]"),
+     ('edges = "right"', 'edges = "top"', "contacts[0]", "already has the condition"),
+     ('[[symmetry]]\nedges = "left"', "", "boundary conditions", "add [[tractions]]"),
+     ("x = [0.0, 1.0]", "x = [0.0, 0.0]", "mesh.x", "increasing"),
+     ("x = [0.0, 1.0]", "x = { stop = 1.0, cells = 2 }", "mesh.x.start", "add this key"),
+     ("x = [0.0, 1.0]", "x = { start = 0, stop = 1.0, cells = 2.5 }", "mesh.x.cells", "whole number"),
+     ("x = [0.0, 1.0]", "x = { start = 0, stop = 1.0, cells = 100000000000 }", "mesh.x.cells", "at most"),
+     ("x = [0.0, 1.0]", "x = [{ start = 0, stop = 1, cells = 1 }, { stop = 0.5, cells = 1 }]", "mesh.x[1].stop",
+      "great"),
+     ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nremove = [{ x = [0.0, 1.0] }]", "mesh.remove", "at least one cell"),
+     ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nremove = [{ x = [0.0, 0.4] }]", "mesh.remove[0].x", "nearest one is at 0"),
+     ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nrefine = { largest = 1e-9 }", "mesh.refine.largest", "cells in all"),
+     ("y = [0.0, 1.0]", 'y = [0.0, 1.0]\nrefine = { largest = 1.0, towards = ["a"] }', "mesh.refine.towards[0]",
+      "name"),
+     ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.9\n[material]", "regions[0].poisson", "at most 0.5"),
+     ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.3\ny = [0.0, 0.5]\n[material]", "regions[0]", "no triangle"),
+     ("[material]", "[constants]\nx = 1.0\n[material]", "constants.x", "means something already"),
+     ("[material]", '[constants]\n"a b" = 1.0\n[material]', "constants.'a b'", "letters"),
+     ("[material]", '[[edges]]\nname = "top"\nside = "top"\n[material]', "edges[0].name", "another name"),
+     ("[material]", '[[joints]]\nname = "j"\ndirection = "up"\nat = 0.0\n[material]', "joints[0].direction",
+      "horizontal"),
+     ("young = 1000.0", "young = 1000.0\nbody_potential = 1.0", "material.body_potential", "top of the file"),
+     ("young = 1000.0", "young = 1979-05-27", "material.young", "dates"),
+     ("young = 1000.0", "young = 1e-70", "material.young", "at least 1e-60"),
+     ("x = [0.0, 1.0]", "x = [{ start = 0, stop = 1, cells = 1 }, { start = 2, stop = 3, cells = 1 }]",
+      "mesh.x[1].start", "stops, at 1"),
+     ("young = 1000.0", "young = 0x" + "f" * 400, "material.young", "64 bits"),
+     ("young = 1000.0", "young = 1000.0 1000.0", "TOML", "line 7")],
+)  # fmt: skip
 def test_an_error_names_its_place_and_the_remedy(old, new, field, words):
     assert old in SMALL
     error = refusal(SMALL.replace(old, new))
@@ -313,18 +284,13 @@ def test_a_joint_that_no_contact_uses_is_named():
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [
-        ("a" + ".a" * 1000 + " = 1", "nested too deeply"),
-        ("a = " + "{a=" * 900 + "1" + "}" * 900, "nested too deeply"),
-        (
-            "a = " + "{" + ".".join("a" * 19) + "=" + ("{" + ".".join("a" * 19) + "=") * 200 + "1" + "}" * 201,
-            "nested too deeply",
-        ),
-        ("a = " + "[" * 5000 + "1" + "]" * 5000, "nested too deeply"),
-        ("a = " + "1" * 5_000, "correct the syntax"),
-        ("title = '" + "a" * 20_000_001 + "'", "20000000 bytes"),
-    ],
-)
+    [("a" + ".a" * 1000 + " = 1", "nested too deeply"),
+     ("a = " + "{a=" * 900 + "1" + "}" * 900, "nested too deeply"),
+     ("a = " + "{" + ".".join("a" * 19) + "=" + ("{" + ".".join("a" * 19) + "=") * 200 + "1" + "}" * 201,
+      "nested too deeply"),
+     ("a = " + "[" * 5000 + "1" + "]" * 5000, "nested too deeply"), ("a = " + "1" * 5_000, "correct the syntax"),
+     ("title = '" + "a" * 20_000_001 + "'", "20000000 bytes")],
+)  # fmt: skip
 def test_texts_beyond_measure_are_refused_before_they_are_parsed(text, words):
     began = time.perf_counter()
     tracemalloc.start()

@@ -19,8 +19,7 @@ import pytest
 
 from qvi_contact import InputError
 from qvi_contact.runs import FAILURES, Limits, NotLoadedError, Workers
-from tests.run_processes import MARK, ROOT, eventually, marked, started, workers
-from tests.run_tasks import numbers, opened, unloadable
+from tests.run_tasks import MARK, ROOT, eventually, marked, numbers, opened, started, unloadable, workers
 
 processes = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")
 
@@ -123,7 +122,7 @@ def test_closing_ends_what_is_under_way():
 WRITING = """
 import time, click
 from qvi_contact.basics import terminal
-from qvi_contact.basics.files import replacing
+from qvi_contact.basics.writing import replacing
 
 @click.command()
 def write():

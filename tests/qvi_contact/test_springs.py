@@ -11,11 +11,15 @@ from qvi_contact import (
     InputError,
     Material,
     RigidPlate,
+    Symmetry,
     Traction,
     TriangleMesh,
+    refine,
     solve,
 )
+from qvi_contact.bracket import computed_norm
 from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.plots import bracket_figure
 
 E, NU = 1000.0, 0.0
 FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
@@ -40,8 +44,11 @@ def test_a_column_on_a_bed(law):
     assert result.energies.strain == pytest.approx(0.5 * 25.0 * compliance, rel=1e-9)
     assert np.abs(result.contacts["bottom"].gap).max() < 1e-12
     assert result.derivative("top.y", "bottom.normal_stiffness") == pytest.approx(5.0 / 50.0**2, rel=1e-9)
-    with pytest.raises(InputError, match="springs"):
-        _ = result.bracket
+    bracket = result.bracket
+    assert bracket.guaranteed
+    assert (bracket.lower, bracket.upper) == pytest.approx((-0.5 * 25.0 * compliance,) * 2, rel=1e-9)
+    assert bracket.companion.plates["top"].y == pytest.approx(-5.0 * compliance, rel=1e-9)
+    assert bracket.companion.stretch("bottom", [0.0, 1.0])[0] == pytest.approx(5.0 / 50.0, rel=1e-9)
 
 
 def test_springs_yield_before_they_slip():
@@ -88,6 +95,99 @@ def test_a_bolt_between_two_spots(plate):
     force = preload + 0.5 * bolt / (bolt + part) * load
     assert result.contacts["bolt"].normal_force == pytest.approx(2.0 * force, rel=1e-9)
     assert result.contacts["joint"].normal_force == pytest.approx(force - load, rel=1e-9)
+    assert result.bracket.coulomb.forces["joint.normal_force"] == pytest.approx((force - load,) * 2, abs=1e-6)
+
+
+def test_a_block_that_only_a_bed_holds_leans():
+    """Under the pressure a + b x: σ_yy = −a − b x all over, u_y = −(a + b x)(y/E + 1/k), the bed turns by b/k."""
+    k, (a, b) = 30.0, (1.0, 2.0)
+    top = Traction("top", 0.0, Expression("-1 - 2 * x"))
+    bed = Contact("bottom", 0.0, normal_stiffness=k)
+    result = solve(ContactProblem(TriangleMesh.rectangle((3, 2)), Material(E, 0.3), [*FREE, top, bed]))
+    square = a * a + a * b + b * b / 3.0
+    assert result.bracket.guaranteed
+    assert result.bracket.lower == pytest.approx(-0.5 * (1.0 / E + 1.0 / k) * square, rel=1e-9)
+    assert result.bracket.upper == pytest.approx(-0.5 * (1.0 / E + 1.0 / k) * square, rel=1e-9)
+    stretch = np.sort(result.bracket.companion.stretch("bottom", [0.0, 1.0])[0].ravel())
+    assert stretch[[0, -1]] == pytest.approx([a / k, (a + b) / k], rel=1e-9)
+
+
+def energy_of_a_wave(k):
+    """Φ = f(y) cos πx on the unit square under cos πx, without shear on all sides: u_y = f'''(y) cos πx/(π²E)."""
+
+    def at(y):  # f to f''' of cosh πy, y cosh πy, sinh πy, y sinh πy
+        p, c, s = np.pi, np.cosh(np.pi * y), np.sinh(np.pi * y)
+        along = [[c, s], [p * s, p * c], [p * p * c, p * p * s], [p**3 * s, p**3 * c], [0.0, 0.0]]
+        return np.array([[along[i][0], y * along[i][0] + i * along[i - 1][0], along[i][1],
+                          y * along[i][1] + i * along[i - 1][1]] for i in range(4)])  # fmt: skip
+
+    base, top = at(0.0), at(1.0)
+    rows = [base[1], top[1], top[0], base[3] + np.pi**4 * E / k * base[0]]
+    return -0.25 * float(top[3] @ np.linalg.solve(rows, [0.0, 0.0, -1.0 / np.pi**2, 0.0])) / (np.pi**2 * E)
+
+
+@pytest.mark.parametrize("k", [50.0, 5000.0])
+def test_bounds_on_a_bed_close_as_fast_as_the_elements_allow(k):
+    energy, gaps = energy_of_a_wave(k), []
+    for n in (2, 4):
+        sides = [Symmetry("left"), Symmetry("right"), Traction("top", 0.0, Expression("cos(pi * x)"))]
+        bed = Contact("bottom", 0.0, law="bilateral", normal_stiffness=k)
+        bracket = solve(ContactProblem(TriangleMesh.rectangle((n, n)), Material(E, 0.3), [*sides, bed])).bracket
+        assert bracket.lower < energy < bracket.upper
+        assert bracket.parts["springs"] > 0.0
+        assert "springs" in [label.get_text() for label in bracket_figure(bracket).axes[2].get_xticklabels()]
+        gaps.append(bracket.gap)
+    assert gaps[0] > 0.5 * 2.0**6 * gaps[1]
+
+
+def pressed(n, friction, base):
+    """A block 2 × 1 that is pressed down and dragged along, on springs."""
+    mesh = TriangleMesh.grid(np.linspace(0.0, 2.0, 2 * n + 1), np.linspace(0.0, 1.0, n + 1))
+    contact = Contact("bottom", friction, **base)
+    return ContactProblem(mesh, Material(E, 0.3), [*FREE, contact, Displacement("top", 1e-3, -1e-2)])
+
+
+@pytest.mark.parametrize(
+    ("friction", "base"),
+    [
+        (0.1, {"normal_stiffness": 2000.0, "tangential_stiffness": 1000.0}),
+        (0.3, {"normal_stiffness": 500.0}),
+        (0.1, {"normal_stiffness": 500.0, "cohesion": 0.1, "tangential_stiffness": 2000.0}),
+    ],
+)
+def test_forces_under_friction_on_springs(friction, base):
+    fine = solve(pressed(8, friction, base), degree=5).contacts["bottom"]
+    coulomb = solve(pressed(3, friction, base)).bracket.coulomb
+    for name, (lower, upper) in coulomb.forces.items():
+        force = getattr(fine, name.removeprefix("bottom."))
+        assert lower < force < upper
+        assert upper - lower < 0.1 * fine.normal_force
+    assert len(coulomb.forces) == 2
+    assert coulomb.relative_error < 0.03
+
+
+def test_springs_make_the_norm_of_friction_less():
+    """Across the contact they take the normal part upon themselves; of rigid ones little is left to do."""
+    shares = solve(pressed(3, 0.3, {})).bracket.coulomb.shares
+    rigid, *soft = (
+        computed_norm(pressed(3, 0.3, {"normal_stiffness": k}), shares) for k in (None, 1e7, 1e4, 1e3, 100.0)
+    )
+    assert soft == sorted(soft, reverse=True)
+    assert rigid >= soft[0] > 0.99 * rigid
+    assert soft[-1] < 0.5 * rigid
+
+
+def test_refined_on_springs():
+    answer = refine(pressed(2, 0.2, {"normal_stiffness": 800.0}), quantity="bottom.normal_force", target=2e-4)
+    fine = solve(pressed(8, 0.2, {"normal_stiffness": 800.0}), degree=5).contacts["bottom"].normal_force
+    assert str(answer.status) == "reached"
+    assert answer.result.contacts["bottom"].normal_force == pytest.approx(fine, rel=2e-4)
+
+
+def test_friction_on_springs_along_a_contact_only_is_not_bounded():
+    bracket = solve(pressed(2, 0.3, {"tangential_stiffness": 100.0})).bracket
+    assert bracket.coulomb is None
+    assert "'bottom'" in bracket.coulomb_reason
 
 
 def test_files_hold_them():

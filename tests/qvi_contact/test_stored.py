@@ -316,8 +316,7 @@ class TestForged:
 
     @pytest.mark.parametrize(
         ("old", "new"),
-        [("friction = 0.3", "friction = 0.300003"), ("0.1 * x", "0.10001 * x"), ("young = 10000.0", "young = 10000.1"),
-         ("force_y = -10.0", "force_y = -10.0001"), ("force_x = 1.5", "force_x = 1.50001")],
+        [("0.1 * x", "0.10001 * x"), ("young = 10000.0", "young = 10000.1"), ("force_x = 1.5", "force_x = 1.50001")],
     )  # fmt: skip
     def test_another_problem(self, old, new, entries, tmp_path):
         text = str(entries["problem"])
@@ -391,9 +390,9 @@ class TestForged:
 
     @pytest.mark.parametrize("name", ["wall.normal_force", "ground.motion", "nonsense"])
     def test_fields_that_this_problem_does_not_have(self, name, entries, tmp_path):
-        path = self.forged(tmp_path, entries, **{name: np.zeros(3)})
-        assert fails(path) == {"entries"}
-        assert name in verify_file(path).table()
+        found = verify_file(self.forged(tmp_path, entries, **{name: np.zeros(3)}))
+        assert {row.name for row in found.failures} == {"entries"}
+        assert name in found.table()
 
     def test_a_tolerance_so_loose_that_everything_passes(self, tmp_path):
         """The file may not choose what it is measured by; who verifies may."""

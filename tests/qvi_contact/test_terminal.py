@@ -194,7 +194,7 @@ def test_a_short_solve_is_not_shown_on_a_terminal(environ):
 
 SIGNALS = """
 import ctypes, faulthandler, os, signal, threading
-from qvi_contact.basics import handlers_kept
+from solvers.basics import handlers_kept
 
 heard = []
 signal.signal(signal.SIGTERM, lambda *_: heard.append("SIGTERM"))

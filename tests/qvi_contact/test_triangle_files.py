@@ -23,7 +23,7 @@ from qvi_contact import (
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from tests.cases import examples
-from tests.qvi_contact.broken_files import PROBLEMS, RICH, TRIANGLES
+from tests.qvi_contact.builders import PROBLEMS, RICH, TRIANGLES
 from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4, med_file
 
 LARGEST = 200_000_000  # bytes of a mesh file

@@ -67,24 +67,19 @@ class TestRefusals:
 
     @pytest.mark.parametrize(
         ("vertices", "cells", "told"),
-        [
-            ([*SQUARE, (0.5, 0.5)], HALVES, "belongs to no triangle"),
-            ([*SQUARE, (2.0, 2.0)], [*HALVES, (0, 2, 4)], "has no area"),
-            ([*SQUARE, (2.0, 0.0)], [*HALVES, (0, 2, 4)], "more than two triangles"),
-            (SQUARE, [(0, 1, 2), (0, 1, 3)], "overlap"),
-            ([*SQUARE, (2, 0), (3, 0), (2, 1)], [*HALVES, (4, 5, 6)], "this many pieces"),
-            ([*SQUARE, (2, 1), (2, 2)], [*HALVES, (2, 4, 5)], "connects two parts"),
-            ([*SQUARE, (1, 0), (1, 1), (2, 0)], [*HALVES, (4, 5, 6)], "merge these nodes"),
-            ([*SQUARE, (1, 1)], [(0, 1, 2), (0, 3, 4)], "in the same place"),
-            ([*SQUARE, (2, 0), (1.0, 0.5)], [*HALVES, (1, 4, 5)], r"\(1, 0.5\).*lies inside the edge"),
-            ([(0, 0), (1, 0), (np.nan, 1)], [(0, 1, 2)], "no finite"),
-            (SQUARE, [(0, 1, 4)], "0 to 3"),
-            (SQUARE, [(0, 1, 2.5)], "whole numbers"),
-            (SQUARE, [(0, 1, 1), (0, 2, 3)], "has no area"),
-            (SQUARE[:2], [(0, 1, 1)], "shape"),
-            ("abc", HALVES, "numbers"),
-        ],
-    )
+        [([*SQUARE, (0.5, 0.5)], HALVES, "belongs to no triangle"),
+         ([*SQUARE, (2.0, 2.0)], [*HALVES, (0, 2, 4)], "has no area"),
+         ([*SQUARE, (2.0, 0.0)], [*HALVES, (0, 2, 4)], "more than two triangles"),
+         (SQUARE, [(0, 1, 2), (0, 1, 3)], "overlap"),
+         ([*SQUARE, (2, 0), (3, 0), (2, 1)], [*HALVES, (4, 5, 6)], "this many pieces"),
+         ([*SQUARE, (2, 1), (2, 2)], [*HALVES, (2, 4, 5)], "connects two parts"),
+         ([*SQUARE, (1, 0), (1, 1), (2, 0)], [*HALVES, (4, 5, 6)], "merge these nodes"),
+         ([*SQUARE, (1, 1)], [(0, 1, 2), (0, 3, 4)], "in the same place"),
+         ([*SQUARE, (2, 0), (1.0, 0.5)], [*HALVES, (1, 4, 5)], r"\(1, 0.5\).*lies inside the edge"),
+         ([(0, 0), (1, 0), (np.nan, 1)], [(0, 1, 2)], "no finite"), (SQUARE, [(0, 1, 4)], "0 to 3"),
+         (SQUARE, [(0, 1, 2.5)], "whole numbers"), (SQUARE, [(0, 1, 1), (0, 2, 3)], "has no area"),
+         (SQUARE[:2], [(0, 1, 1)], "shape"), ("abc", HALVES, "numbers")],
+    )  # fmt: skip
     def test_no_mesh(self, vertices, cells, told):
         with pytest.raises(InputError, match=told) as caught:
             TriangleMesh(vertices, cells)
@@ -101,17 +96,14 @@ class TestRefusals:
 
     @pytest.mark.parametrize(
         ("rows", "moved", "told"),
-        [
-            (2, (0.0, 0.0), [r"from \(1, 0\) to \(1, 1\)", "merge these nodes", "Contact"]),
-            (3, (0.0, 0.0), [r"from \(1, 0\) to \(1, 1\)", "do not match", "common nodes"]),
-            (1, (0.0, 0.0), [r"from \(1, 0\) to \(1, 1\)", "do not match", r"as \(1, 0.5\)"]),
-            (2, (0.0, 0.25), [r"from \(1, 0.25\) to \(1, 1\)", "do not match"]),
-            (2, (0.01, 0.0), ["0.01 apart", r"\(1.005, ", "gap = 0.01", "olerance"]),
-            (3, (0.01, 0.1), ["0.01 apart", r"\(1.005, ", "gap = 0.01", "olerance"]),
-            (2, (1e-8, 0.0), ["1e-08 apart", "olerance"]),
-            (2, (5.0, 0.0), ["give one piece"]),
-        ],
-    )
+        [(2, (0.0, 0.0), [r"from \(1, 0\) to \(1, 1\)", "merge these nodes", "Contact"]),
+         (3, (0.0, 0.0), [r"from \(1, 0\) to \(1, 1\)", "do not match", "common nodes"]),
+         (1, (0.0, 0.0), [r"from \(1, 0\) to \(1, 1\)", "do not match", r"as \(1, 0.5\)"]),
+         (2, (0.0, 0.25), [r"from \(1, 0.25\) to \(1, 1\)", "do not match"]),
+         (2, (0.01, 0.0), ["0.01 apart", r"\(1.005, ", "gap = 0.01", "olerance"]),
+         (3, (0.01, 0.1), ["0.01 apart", r"\(1.005, ", "gap = 0.01", "olerance"]),
+         (2, (1e-8, 0.0), ["1e-08 apart", "olerance"]), (2, (5.0, 0.0), ["give one piece"])],
+    )  # fmt: skip
     def test_two_meshes_that_are_no_body(self, rows, moved, told):
         """Their place and what to do: merge nodes, mesh together, or a joint with a gap."""
         right = TriangleMesh.rectangle((1, rows))
@@ -146,14 +138,10 @@ class TestRefusals:
 
     @pytest.mark.parametrize(
         ("sets", "told"),
-        [
-            ({"top": [(1, 3)]}, "no edge of the mesh"),
-            ({"top": [(2, 7)]}, "no edge of the mesh"),
-            ({"top": [(2, 3), (0, 2)]}, "partly on the boundary"),
-            ({"": [(2, 3)]}, "non-empty"),
-            ({"top": np.zeros((0, 2), dtype=int)}, "one or more"),
-        ],
-    )
+        [({"top": [(1, 3)]}, "no edge of the mesh"), ({"top": [(2, 7)]}, "no edge of the mesh"),
+         ({"top": [(2, 3), (0, 2)]}, "partly on the boundary"), ({"": [(2, 3)]}, "non-empty"),
+         ({"top": np.zeros((0, 2), dtype=int)}, "one or more")],
+    )  # fmt: skip
     def test_wrong_edge_sets(self, sets, told):
         with pytest.raises(InputError, match=told):
             square(edge_sets=sets)

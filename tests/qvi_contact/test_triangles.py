@@ -259,13 +259,9 @@ def test_a_normal_support_on_a_slanted_edge():
 
 @pytest.mark.parametrize(
     ("options", "told"),
-    [
-        ({"degree": 2}, "3 to 12"),
-        ({"degree": 13}, "3 to 12"),
-        ({"law_on": "bernstein"}, "edges"),
-        ({"degree": 4, "law_on": "edges", "method": "uzawa"}, "points"),
-    ],
-)
+    [({"degree": 2}, "3 to 12"), ({"degree": 13}, "3 to 12"), ({"law_on": "bernstein"}, "edges"),
+     ({"degree": 4, "law_on": "edges", "method": "uzawa"}, "points")],
+)  # fmt: skip
 def test_wrong_options(options, told):
     with pytest.raises(InputError, match=told):
         solve(compressed_plate(0.2, cells=(2, 2)), **options)

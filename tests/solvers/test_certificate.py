@@ -4,21 +4,27 @@ Each of three solutions passes: of one contact with u = W r + q, W = [[1, 4/5], 
 z = r = (p, t).
 """
 
+from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import eye_array, vstack
 
+from qvi_contact import discretize
+from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, certify, solve_qvi
-from solvers.certificate import EXPONENTS, MEASURES, law_residuals, scales_at
+from solvers.certificate import EXPONENTS, LARGEST, MEASURES, law_residuals, scales_at, uniqueness_bound
 from tests.cases import examples
-from tests.solvers.conftest import Root, one_contact, random_problem
+from tests.solvers.conftest import Root, changed, one_contact, random_problem, two_contacts
 
 
-def solved() -> tuple[FrictionQVI, list[np.ndarray]]:
+@cache
+def solved():
     qvi = random_problem(0)
     solution = solve_qvi(qvi, inner="direct:clarabel")
     assert solution.solved
@@ -27,36 +33,28 @@ def solved() -> tuple[FrictionQVI, list[np.ndarray]]:
     return qvi, [solution.z, solution.normal_multiplier, solution.tangential_multiplier]
 
 
-def wrong(parts: list[np.ndarray], what: str) -> list[np.ndarray | None]:
-    z, m_N, m_T = (part.copy() for part in parts)
-    if what == "one sign of m_T":
-        m_T[np.abs(m_T).argmax()] *= -1
-    elif what == "all signs of m_T":
-        m_T *= -1
-    elif what == "sign of m_N":
-        m_N[m_N.argmax()] *= -1
-    elif what == "z shifted":
-        z[0] += 1e-5 * np.abs(z).max()
-    elif what == "m_N dropped":
-        m_N[:] = 0
-    elif what == "m_T dropped":
-        m_T[:] = 0
-    elif what == "z zero":
-        z[:] = 0
-    elif what == "everything zero":
-        z[:], m_N[:], m_T[:] = 0, 0, 0
-    return [z, m_N, m_T]
+def largest(values):
+    """1 at the largest entry, 0 elsewhere."""
+    return np.arange(len(values)) == np.abs(values).argmax()
 
 
-@pytest.mark.parametrize(
-    "what",
-    ["one sign of m_T", "all signs of m_T", "sign of m_N", "z shifted", "m_N dropped", "m_T dropped", "z zero",
-     "everything zero"],
-)  # fmt: skip
+WRONG = {
+    "one sign of m_T": lambda z, m_N, m_T: (z, m_N, m_T * (1 - 2 * largest(m_T))),
+    "all signs of m_T": lambda z, m_N, m_T: (z, m_N, -m_T),
+    "sign of m_N": lambda z, m_N, m_T: (z, m_N * (1 - 2 * largest(m_N)), m_T),
+    "z shifted": lambda z, m_N, m_T: (z * (1 + 1e-5 * largest(z)), m_N, m_T),
+    "m_N dropped": lambda z, m_N, m_T: (z, 0 * m_N, m_T),
+    "m_T dropped": lambda z, m_N, m_T: (z, m_N, 0 * m_T),
+    "z zero": lambda z, m_N, m_T: (0 * z, m_N, m_T),
+    "everything zero": lambda z, m_N, m_T: (0 * z, 0 * m_N, 0 * m_T),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
 def test_wrong_results_fail(what):
     qvi, parts = solved()
     assert certify(qvi, *parts).passed
-    certificate = certify(qvi, *wrong(parts, what))
+    certificate = certify(qvi, *WRONG[what](*parts))
     assert not certificate.passed
     assert certificate.accuracy > 1e-7
 
@@ -74,7 +72,7 @@ def test_a_wrong_tangential_sign_shows_in_every_measure_that_knows_it():
     plain = certify(qvi, *parts)
     assert plain.worst in plain.summary()
     assert plain.limits["natural_map"] == pytest.approx(1e-5)
-    measures = certify(qvi, *wrong(parts, "all signs of m_T")).measures
+    measures = certify(qvi, *WRONG["all signs of m_T"](*parts)).measures
     for name in ("stationarity", "sign", "complementarity_tangential", "energy_gap", "natural_map"):
         assert measures[name] > 1e-2, name
 
@@ -94,17 +92,9 @@ def test_a_factorisation_of_another_matrix_hides_no_error():
     K, rows, one = np.diag([1.0, 2.0, 1.5, 1.2]), np.eye(4)[:2], np.ones(1)
     f = np.array([-1.0, 0.4, 1.5, 1.2])
     qvi = FrictionQVI.from_arrays(
-        K=K,
-        f=f,
-        N=rows[:1],
-        n0=0.0 * one,
-        T=rows[1:],
-        t0=0.0 * one,
-        mu=0.5 * one,
-        W=one,
-        root=Root(np.sqrt(K), times=1e10),
-        load=f,
-    )
+        K=K, f=f, N=rows[:1], n0=0.0 * one, T=rows[1:], t0=0.0 * one, mu=0.5 * one, W=one,
+        root=Root(np.sqrt(K), times=1e10), load=f,
+    )  # fmt: skip
     solution = solve_qvi(qvi)
     parts = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     wrong = solution.z + np.array([0.0, 0.0, 0.0, 1e-3])  # where the contact does not feel it
@@ -245,7 +235,6 @@ def test_it_fails_at_random_distances(name, direction, exponent, consistent):
 
 
 SCALES = {"stress": 2.0, "displacement": 0.5, "energy": 4.0}  # k = 4
-STEP = SCALES["stress"] / SCALES["displacement"]
 NAMES = ("normal", "friction", "sign", "complementarity_normal", "complementarity_tangential", "natural_map",
          "alart_curnier", "bipotential")  # fmt: skip
 finite = st.floats(-3.0, 3.0)
@@ -371,3 +360,110 @@ def test_every_measure_has_a_row_with_its_limit():
     assert {"friction", "stationarity", "bipotential"} <= failed
     assert len(lines) == 1 + 3 * len(MEASURES)
     assert not any(row.passed for row in certify(contact(), None, None, None).rows())
+
+
+def independent_problem(seed, m=4, friction=0.3):
+    """2m unknowns, the tractions themselves, with random compliance, weights and loads."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(2 * m, 2 * m))
+    return FrictionQVI.from_arrays(
+        K=root @ root.T + np.eye(2 * m), f=4.0 * random.normal(size=2 * m), N=np.eye(2 * m)[:m], n0=np.full(m, -0.5),
+        T=np.eye(2 * m)[m:], t0=np.zeros(m), mu=np.full(m, friction), W=random.uniform(0.2, 2.0, m),
+    )  # fmt: skip
+
+
+def normal_traction(qvi, pressure):
+    """σ_N of the problem for a given bound mu s."""
+    given_bound = qvi.with_bound(qvi.mu * pressure)
+    solution = solve_qvi(given_bound, tolerance=1e-9)
+    assert solution.solved
+    return qvi.normal(solution.z)
+
+
+def test_one_contact_by_hand():
+    """W = [[1, c], [c, 1]]: κ = (1 + c)/(1 − c); λ_max(Ĉ_NN) = 1/(1 − c²), λ_max(𝒲_TT) = 1."""
+    found = uniqueness_bound(one_contact(2.0, coupling=0.8))
+    assert found.friction == 2.0
+    assert found.bound == pytest.approx(1.0 / 3.0, rel=1e-12)
+    assert found.sharper == pytest.approx(0.6, rel=1e-12)
+    assert found.independent
+    assert not found.satisfied
+    below = uniqueness_bound(one_contact(0.55, coupling=0.8))
+    assert below.proves
+    assert below.sentence() != found.sentence()
+    soft = changed(one_contact(), K=np.array([[1.0, 0.8], [0.8, 4.0]]))  # det 3.36: 4 / 3.36 and 4 in place of these
+    assert uniqueness_bound(soft).sharper == pytest.approx(np.sqrt(3.36) / 4.0, rel=1e-12)
+    apart = uniqueness_bound(two_contacts())  # K = 1, weights 0.5 and 2: Ĉ = W, κ = 4
+    assert (apart.bound, apart.sharper) == pytest.approx((0.5, 0.5), rel=1e-12)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6), other=st.integers(0, 10**6), friction=st.floats(0.01, 2.0))
+def test_the_map_is_lipschitz_with_the_constant_claimed(seed, other, friction):
+    qvi, random = independent_problem(seed % 50, friction=friction), np.random.default_rng([seed, other])
+    found = uniqueness_bound(qvi)
+    assert found.bound <= found.sharper * (1.0 + 1e-12)
+    first, second = random.uniform(0.0, 3.0, (2, qvi.m))
+    moved = normal_traction(qvi, first) - normal_traction(qvi, second)
+    length = np.sqrt(qvi.W @ moved**2)
+    assert length <= friction / found.sharper * np.sqrt(qvi.W @ (first - second) ** 2) + 1e-5
+
+
+def test_invariant_to_units_and_unknowns():
+    qvi = independent_problem(3)
+    plain, random = uniqueness_bound(qvi), np.random.default_rng(0)
+    mixed = random.normal(size=(qvi.n, qvi.n))
+    other = FrictionQVI.from_arrays(
+        K=7.0 * mixed.T @ (qvi.K @ mixed), f=mixed.T @ qvi.f, N=1e3 * qvi.N @ mixed, n0=qvi.n0, T=1e3 * qvi.T @ mixed,
+        t0=qvi.t0, mu=qvi.mu, W=1e-4 * qvi.W,
+    )  # fmt: skip
+    found = uniqueness_bound(other)
+    assert found.bound == pytest.approx(plain.bound, rel=1e-8)
+    assert found.sharper == pytest.approx(plain.sharper, rel=1e-8)
+
+
+def test_equalities_restrict_the_compliance():
+    """A z = 0 on one unknown is the problem without it, and its trace is none."""
+    qvi = independent_problem(5, m=2)
+    row = np.zeros((1, qvi.n))
+    row[0, 0] = 1.0
+    found = uniqueness_bound(replace(qvi, contact=replace(qvi.contact, A=row), loads=replace(qvi.loads, b=np.zeros(1))))
+    weights = np.sqrt(np.concatenate([qvi.W, qvi.W]))[1:]
+    inner = np.linalg.inv(qvi.K.toarray()[1:, 1:]) * weights * weights[:, None]
+    values = np.linalg.eigvalsh(inner)
+    assert found.bound == pytest.approx(np.sqrt(values[0] / values[-1]), rel=1e-9)
+    assert not found.independent
+
+
+def test_dependent_rows_prove_nothing_at_points():
+    qvi = independent_problem(0, friction=1e-3)
+    twice = {name: np.concatenate([getattr(qvi, name)] * 2) for name in ("n0", "t0", "mu", "W")}
+    found = uniqueness_bound(FrictionQVI.from_arrays(qvi.K, qvi.f, vstack([qvi.N] * 2), T=vstack([qvi.T] * 2), **twice))
+    assert found.satisfied
+    assert not found.proves
+    assert not found.independent
+
+
+@pytest.mark.parametrize("cells", [4, 8])
+def test_the_bound_falls_like_the_root_of_the_mesh_width(cells):
+    coarse, fine = (uniqueness_bound(discretize(compressed_plate(0.2, (n, n))).qvi) for n in (cells, 2 * cells))
+    assert coarse.bound / fine.bound == pytest.approx(np.sqrt(2.0), rel=0.06)
+
+
+def test_without_a_moving_bound_the_stress_is_unique():
+    for changes in ({"mu": np.zeros(8)}, {"cap": np.zeros(8)}):
+        found = uniqueness_bound(changed(random_problem(0), **changes))
+        assert found.proves
+        assert found.bound == np.inf
+
+
+def test_large_contacts_say_why_there_is_none():
+    m = LARGEST // 2 + 1
+    rows, zeros = eye_array(2 * m).tocsr(), np.zeros(m)
+    qvi = FrictionQVI.from_arrays(
+        K=eye_array(2 * m), f=np.ones(2 * m), N=rows[:m], n0=zeros, T=rows[m:], t0=zeros, mu=zeros + 0.3, W=zeros + 1.0
+    )
+    found = uniqueness_bound(qvi)
+    assert found.bound is found.sharper is None
+    assert not found.satisfied
+    assert f"{2 * m} contact rows" in found.sentence()

@@ -5,7 +5,7 @@ import pytest
 
 from solvers import FrictionQVI, Iteration, SolveError, Status, check_feasibility, solve_qvi
 from solvers.certificate import is_farkas
-from solvers.fixed_point import CondensedForm, Simplified
+from solvers.fixed_point import CondensedForm, FullForm
 from solvers.inequality import Compliance
 from solvers.inner import Centre, make_inner
 from solvers.solution import observed_contraction
@@ -216,7 +216,7 @@ def test_forms_agree(make, equalities):
 def test_condensed_tractions_and_energy_are_those_of_the_unknowns():
     """σ = σ_bonded + V w and the energy grows by ½|w|², for w = −Vᵀ m and z minimising under the multipliers m."""
     qvi = random_problem(5, equalities=1)
-    form = CondensedForm(Simplified.of(qvi))
+    form = CondensedForm(FullForm.of(qvi))
     m = np.random.default_rng(0).normal(size=2 * qvi.m)
     compliance = Compliance(qvi)
     z, _ = compliance.unknowns(m)
@@ -229,13 +229,13 @@ def test_condensed_tractions_and_energy_are_those_of_the_unknowns():
 
 def test_frictionless_rows_become_independent_equations():
     qvi = partly_frictionless(1)
-    reduced = Simplified.of(qvi)
+    reduced = FullForm.of(qvi)
     assert reduced.problem.p == 3  # four rows, two of them dependent
     assert not reduced.problem.T[::2].toarray().any()
     threshold = qvi.threshold(np.full(qvi.m, 0.4))
     solver = make_inner("direct:clarabel", reduced.problem, 1e-12)
     start = Centre(reduced.problem, reduced.problem.bonded)
-    result = reduced.restore(solver.solve(reduced.threshold(threshold), start, None))
+    result = reduced.expand(solver.solve(reduced.threshold(threshold), start, None))
     residual = qvi.gradient(result.z) + qvi.N.T @ result.m_N + qvi.T.T @ result.m_T
     assert np.abs(residual).max() < 1e-8  # with the multipliers of the original rows
     assert np.abs(qvi.tangential(result.z)[::2]).max() < 1e-10

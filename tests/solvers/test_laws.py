@@ -91,17 +91,6 @@ def test_every_inner_solver_agrees(inner, form, problem):
     assert solution.z == pytest.approx(reference.z, abs=LOOSE.get(inner, 1e-6))
 
 
-@pytest.mark.parametrize(("seed", "equalities"), [(0, 2)])
-def test_uzawa_agrees(seed, equalities):
-    """Without rows whose bound is zero: there Uzawa's step never shrinks."""
-    qvi = mixed_problem(seed, equalities)
-    qvi = qvi.with_law(mu=np.full(10, 0.2), cohesion=qvi.cohesion + 0.1, cap=np.maximum(qvi.cap, 0.2))
-    reference = solve_qvi(qvi, inner="direct:clarabel", tolerance=1e-9)
-    solution = solve_qvi(qvi, method="uzawa", tolerance=1e-6, omega_T=0.01)
-    assert solution.status is Status.SOLVED, solution.message
-    assert solution.z == pytest.approx(reference.z, abs=1e-5)
-
-
 def said_otherwise(m):
     """Pairs of laws that say the same: no friction in three ways, no cap, Tresca's law by Coulomb's, no limits."""
     zeros, ones = np.zeros(m), np.ones(m)
@@ -211,15 +200,10 @@ class TestFeasibility:
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     @pytest.mark.parametrize(
         ("laws", "normal", "most"),
-        [
-            ({}, 1.0, 0.3),
-            ({"cohesion": [0.2]}, 1.0, 0.5),
-            ({"cap": [0.1]}, 1.0, 0.1),
-            ({"cohesion": [0.2], "cap": [0.4]}, 1.0, 0.4),
-            ({"cohesion": [0.2], "cap": [0.4], "bilateral": [True]}, -1.0, 0.4),
-            ({"cohesion": [0.2]}, 0.0, 0.2),
-        ],
-    )
+        [({}, 1.0, 0.3), ({"cohesion": [0.2]}, 1.0, 0.5), ({"cap": [0.1]}, 1.0, 0.1),
+         ({"cohesion": [0.2], "cap": [0.4]}, 1.0, 0.4),
+         ({"cohesion": [0.2], "cap": [0.4], "bilateral": [True]}, -1.0, 0.4), ({"cohesion": [0.2]}, 0.0, 0.2)],
+    )  # fmt: skip
     def test_what_one_point_carries(self, laws, normal, most, sign):
         below, above = (dragged_block(sign * factor * most, normal=normal, **laws) for factor in (0.999, 1.001))
         assert check_feasibility(below).feasible is True
@@ -281,18 +265,12 @@ def silent_clarabel(monkeypatch):
 
 
 @pytest.mark.usefixtures("silent_clarabel")
-@pytest.mark.parametrize("shear", [0.30001, 0.5, -0.4])
-def test_a_linear_program_proves_it(shear):
+@pytest.mark.parametrize("shear", [0.0, 0.3, 0.30001, -0.4])
+def test_a_linear_program_proves_it_of_loads_that_are_not_carried_alone(shear):
     qvi = dragged_block(shear)
     found = check_feasibility(qvi)
-    assert found.feasible is False
-    assert is_farkas(qvi, *found.farkas)
-
-
-@pytest.mark.usefixtures("silent_clarabel")
-@pytest.mark.parametrize("shear", [0.0, 0.29, 0.3])
-def test_it_proves_nothing_of_a_load_that_is_carried(shear):
-    assert check_feasibility(dragged_block(shear)).feasible is None
+    assert found.feasible is (None if 0.0 <= shear <= 0.3 else False)
+    assert found.feasible is None or is_farkas(qvi, *found.farkas)
 
 
 @pytest.mark.usefixtures("silent_clarabel")

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from comparisons.verification.chapters.limits import oblique
+from comparisons.verification.known import CYLINDER, HALF_DISCS, TANGENTIAL_FORCE, read_example
 from comparisons.verification.known import SSNV128 as CODE_ASTER
-from comparisons.verification.known import TANGENTIAL_FORCE, read_example
 from comparisons.verification.measures import (
     MM,
     degrees,
@@ -114,6 +114,9 @@ BALANCE: Final = 1e-12
 FULL_SLIP: Final = 2.0 * np.pi * 0.2 * 59.927273 * 25.0**2
 """The torque 2π μ p R² [N mm/mm] at which the hollow shaft of `press_fit_torque` slips with μ = 0.2."""
 
+_FIT: Final = 61.8  # pressure of `press_fit` by Lamé [MPa]
+_RINGS: Final = (9.2592593e6, 1.3571791e5)  # pressure between them, mean and amplitude of cos 2θ [Pa]
+
 _BY_NGSOLVE: Final = {0.0: 0.758518, 0.1: 0.738677}
 """μ → u_x [mm] on the axis at the hole of `loaded_pin`, by NGSolve."""
 
@@ -131,9 +134,9 @@ def lame_rings(p: int, quick: bool) -> Iterator[Row]:
     wave = np.cos(2.0 * np.arctan2(joint.y, joint.x))
     mean = joint.normal_force / joint.weights.sum()
     second = -(joint.weights @ (joint.normal_stress * wave)) / (joint.weights @ wave**2)
-    yield rows.relative("mean pressure [Pa]", mean, 9.2592593e6, "Lamé", tolerance=1e-6)
-    yield rows.relative("amplitude of cos 2θ [Pa]", second, 1.3571791e5, "Michell", tolerance=1e-4)
-    error = float(np.abs(-joint.normal_stress / (9.2592593e6 + 1.3571791e5 * wave) - 1.0).max())
+    yield rows.relative("mean pressure [Pa]", mean, _RINGS[0], "Lamé", tolerance=1e-6)
+    yield rows.relative("amplitude of cos 2θ [Pa]", second, _RINGS[1], "Michell", tolerance=1e-4)
+    error = float(np.abs(-joint.normal_stress / (_RINGS[0] + _RINGS[1] * wave) - 1.0).max())
     source = "Lamé and Michell, at all points"
     yield rows.absolute("largest relative error of the pressure", error, 0.0, source, tolerance=5e-4)
     yield from two_models(quick, result, "joint", 1e-5, 1e-6)
@@ -144,7 +147,7 @@ def _rings_graph(quick: bool) -> Graph:
     """The pressure between the rings has a constant part and one in cos 2θ."""
     line = solve(rings(4 if quick else 8, 1e5), degree=4).contacts["joint"]
     theta = np.linspace(0.0, 90.0)
-    known = Curve("Lamé and Michell", theta, 9.2592593 + 0.13571791 * np.cos(2.0 * np.deg2rad(theta)))
+    known = Curve("Lamé and Michell", theta, (_RINGS[0] + _RINGS[1] * np.cos(2.0 * np.deg2rad(theta))) / 1e6)
     ours = Curve("stresses", degrees(line), -line.normal_stress / 1e6)
     return Graph("angle θ [°]", "pressure [MPa]", (ours,), (known,))
 
@@ -156,8 +159,8 @@ def fitted_shaft(p: int, quick: bool) -> Iterator[Row]:
         result = solve(press_fit(8, friction), degree=p)
         shaft, rows = result.contacts["shaft"], Check(certified(result))
         source, mean = f"Lamé, E δ (b² − a²)/(2 a b²); μ = {friction:g}", shaft.normal_force / shaft.weights.sum()
-        yield rows.relative("mean pressure [MPa]", mean, 61.8, source, tolerance=1e-5)
-        error, source = float(np.abs(shaft.normal_stress / 61.8 + 1.0).max()), f"{source}; at all points"
+        yield rows.relative("mean pressure [MPa]", mean, _FIT, source, tolerance=1e-5)
+        error, source = float(np.abs(shaft.normal_stress / _FIT + 1.0).max()), f"{source}; at all points"
         yield rows.absolute("largest relative error of the pressure", error, 0.0, source, tolerance=1e-3)
         yield from two_models(quick, result, "shaft", 1e-5, 1e-5)
 
@@ -171,7 +174,7 @@ def _fit_graph(quick: bool) -> Graph:
     xx, yy, xy = result.stress(radius / np.sqrt(2.0), radius / np.sqrt(2.0)).T
     fine = np.concatenate([np.linspace(0.0, 24.999), np.linspace(25.001, 50.0)])
     radial, around = (
-        np.where(fine < 25.0, -61.8, 61.8 / 3.0 * (1.0 + sign * (50.0 / np.maximum(fine, 25.0)) ** 2))
+        np.where(fine < 25.0, -_FIT, _FIT / 3.0 * (1.0 + sign * (50.0 / np.maximum(fine, 25.0)) ** 2))
         for sign in (-1.0, 1.0)
     )
     known = Curve("radial stress, Lamé", fine, radial), Curve("circumferential stress, Lamé", fine, around)
@@ -303,14 +306,14 @@ def hertz(p: int, quick: bool) -> Iterator[Row]:
     result = solve(cylinder_on_block(0.01, 4 if quick else 6, 3 if quick else 4), degree=p)
     line, rows = result.contacts["contact"], Check(certified(result), "Hertz; half planes, a/R = 0.012", 1e-4)
     peak, half_width = ellipse(line.x, -line.normal_stress)
-    yield rows.relative("peak pressure [MPa]", peak, 358.536)
-    yield rows.relative("half-width [mm]", half_width, 0.62146)
+    yield rows.relative("peak pressure [MPa]", peak, CYLINDER[0])
+    yield rows.relative("half-width [mm]", half_width, CYLINDER[1])
     yield from two_models(quick, result, "contact", 1e-9, 1e-4)
     if not quick:
         whole = solve(cylinder_on_block(1.0), degree=p)
         peak, _ = ellipse(whole.contacts["contact"].x, -whole.contacts["contact"].normal_stress)
         rows = Check(certified(whole), "Hertz; a/R = 0.12: how far half planes reach", 1e-3)
-        yield rows.relative("peak pressure under all of the load [MPa]", peak, 3585.36)
+        yield rows.relative("peak pressure under all of the load [MPa]", peak, 10.0 * CYLINDER[0])
 
 
 @shown("cylinder-on-block", lambda: cylinder_on_block(1.0, 2, 0), MM)
@@ -318,7 +321,7 @@ def _hertz_graph(quick: bool) -> Graph:
     """The pressure under the cylinder is Hertz's ellipse."""
     line = solve(cylinder_on_block(0.01, 4 if quick else 6, 2 if quick else 4), degree=4).contacts["contact"]
     x = np.linspace(0.0, 0.9, 200)
-    known = Curve("Hertz", x, 358.536 * _ellipse(x / 0.62146))
+    known = Curve("Hertz", x, CYLINDER[0] * _ellipse(x / CYLINDER[1]))
     return Graph("x [mm]", "pressure [MPa]", (Curve("stresses", line.x, -line.normal_stress),), (known,))
 
 
@@ -335,11 +338,11 @@ def cattaneo(p: int, quick: bool) -> Iterator[Row]:
         rows = Check(certified(result), f"half planes, a/R = {0.0851 * root:.2g}", tolerance)
         peak, half_width = ellipse(line.x, -line.normal_stress)
         stick = ellipse(line.x, -0.2 * line.normal_stress - np.abs(line.tangential_stress))[1]
-        yield rows.relative("peak pressure [MPa]", peak, 9.351351 * root, "Hertz")
-        yield rows.relative("half-width [mm]", half_width, 0.680778 * root, "Hertz")
+        yield rows.relative("peak pressure [MPa]", peak, HALF_DISCS[0] * root, "Hertz")
+        yield rows.relative("half-width [mm]", half_width, HALF_DISCS[1] * root, "Hertz")
         least = tolerance if p == 5 else max(tolerance, _STICK)
         quantity = "half-width of what sticks [mm]"
-        yield rows.relative(quantity, stick, 0.496511 * root, "Cattaneo, Mindlin", tolerance=least)
+        yield rows.relative(quantity, stick, HALF_DISCS[2] * root, "Cattaneo, Mindlin", tolerance=least)
         if share < 1e-3:
             yield from two_models(quick, result, "contact", 1e-9, 1e-3)
 
@@ -348,9 +351,9 @@ def cattaneo(p: int, quick: bool) -> Iterator[Row]:
 def _cattaneo_graph(quick: bool) -> Graph:
     """Shear stays below the bound in the middle, which sticks, and reaches it outside."""
     line = solve(half_discs(1e-4, 4 if quick else 6, 2 if quick else 4), degree=4).contacts["contact"]
-    x, height = np.linspace(-0.9, 0.9, 400), 0.2 * 93.51351
-    bound = height * _ellipse(x / 0.680778)
-    shear = bound - height * 0.496511 / 0.680778 * _ellipse(x / 0.496511)
+    x, (peak, half_width, stick) = np.linspace(-0.9, 0.9, 400), HALF_DISCS
+    bound = 2.0 * peak * _ellipse(x / half_width)
+    shear = bound - 2.0 * peak * stick / half_width * _ellipse(x / stick)
     known = Curve("bound μp, Hertz", x, bound), Curve("shear, Cattaneo and Mindlin", x, shear)
     place = 100.0 * line.x
     ours = (

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
-from scipy.sparse import csc_array
 
+from comparisons.convergence.bodies import STATES, three_solutions
 from comparisons.verification.measures import MM, two_models
 from comparisons.verification.pictures import Curve, Graph, curves_of_both, shown
 from comparisons.verification.rows import Chapter, Check, Row, bounded, by_hand, certified, infeasible
@@ -24,7 +24,7 @@ from qvi_contact import (
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.limit.load_factor import LimitLoad, limit_load
 from qvi_contact.problem.conditions import Condition
-from solvers import Certificate, FrictionQVI, certify, solve_qvi
+from solvers import Certificate, certify, solve_qvi
 
 LIMITS, NOT_UNIQUE = Chapter(), Chapter()
 
@@ -265,13 +265,7 @@ def _moved(mesh: TriangleMesh, matrix: FloatArray) -> TriangleMesh:
     return TriangleMesh(mesh.vertices @ matrix.T, mesh.cells, mesh.edge_sets)
 
 
-# One contact point, in algebra: u = W r + q.
-_W: Final = np.array([[1.0, 0.8], [0.8, 1.0]])
-_Q: Final = np.array([1.0, 2.1])
-_MU: Final = 2.0
-
-STATES: Final = {"open": (0.0, 0.0), "stick": (17 / 9, -32.5 / 9), "slip": (5 / 3, -10 / 3)}
-"""r = (pressure, shear) of the three solutions of u = W r + q: by hand, 17/9 = 1.8889, −32.5/9 = −3.6111."""
+_MU: Final = 2.0  # of the contact point that has three solutions
 
 _METHODS: Final[dict[str, dict[str, Any]]] = {
     "condensed": {"method": "condensed"},
@@ -312,28 +306,23 @@ def nothing_else(quick: bool) -> Iterator[Row]:
 def methods(quick: bool) -> Iterator[Row]:
     """Every method returns one of the three and certifies it; none claims that it is the only one."""
     for name, options in list(_METHODS.items())[: 2 if quick else None]:
-        solution = solve_qvi(_problem(), tolerance=1e-9, **options)
+        solution = solve_qvi(three_solutions(_MU), tolerance=1e-9, **options)
         distances = {state: float(np.abs(solution.z - np.array(r)).max()) for state, r in STATES.items()}
         nearest = min(distances, key=distances.__getitem__)
         rows = Check(certified(solution), f"{name}: the nearest is {nearest}", 1e-7)
         yield rows.absolute("distance to the nearest of the three", distances[nearest], 0.0)
 
 
-def _problem() -> FrictionQVI:
-    """Unknowns r = (p, t), σ_N = −p, σ_T = t: K = W, f = −q."""
-    normal, tangential = csc_array([[-1.0, 0.0]]), csc_array([[0.0, 1.0]])
-    zero, one = np.zeros(1), np.ones(1)
-    return FrictionQVI.from_arrays(csc_array(_W), -_Q, N=normal, n0=zero, T=tangential, t0=zero, mu=_MU * one, W=one)
-
-
 def _certificate(r: FloatArray) -> Certificate:
     """With the multipliers that make r stationary: m_N = u_N, m_T = −u_T of u = W r + q."""
-    u = _W @ r + _Q
-    return certify(_problem(), r, np.array([u[0]]), np.array([-u[1]]), tolerance=1e-9)
+    qvi = three_solutions(_MU)
+    gap, slip = qvi.K @ r - qvi.f
+    return certify(qvi, r, np.array([gap]), np.array([-slip]), tolerance=1e-9)
 
 
 def law_violation(r: FloatArray) -> float:
     """Largest violation of the contact law at r: of p ≥ 0, gap ≥ 0, p gap = 0, |t| ≤ μp, and of t against the slip."""
-    (gap, slip), (p, t) = _W @ r + _Q, r
+    qvi, (p, t) = three_solutions(_MU), r
+    gap, slip = qvi.K @ r - qvi.f
     free = max(_MU * p - abs(t), 0.0)
     return float(max(-p, -gap, abs(p * gap), abs(t) - _MU * p, min(free, abs(slip)), t * slip))

@@ -1,52 +1,62 @@
-"""A result as one HTML page that loads nothing: style, script, pictures and data are inside."""
+"""A result as one HTML page that loads nothing: style, script, pictures and data are inside.
+
+Numbers have four digits or as many as are asked for, rounding noise is 0, and minus is a real one. Fields are data for
+the page's own script, which draws them and answers the pointer.
+"""
 
 import base64
 import io
 import platform
+import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from markupsafe import Markup
 
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.basics.writing import page_template
 from qvi_contact.command.outputs import SecondModel
-from qvi_contact.command.page.fields import contact_data, field_data
-from qvi_contact.command.page.numbers import (
-    contact_headings,
-    contact_rows,
-    number,
-    plate_rows,
-    resultant_headings,
-    resultant_rows,
-    step_tables,
+from qvi_contact.command.report import (
+    STATES,
+    plate_headings,
+    plate_limits,
+    refinement_headings,
+    refinement_rows,
+    shares,
+    trust,
 )
-from qvi_contact.command.report import STATES, plate_headings, refinement_headings, refinement_rows, trust
 from qvi_contact.command.series import Series
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.limit.load_factor import LimitLoad
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.body import Scales
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
 from qvi_contact.plots.inline import inline_svg, svg_text
 from qvi_contact.plots.style import laid_out, new_figure, settings
-from qvi_contact.plots.tractions import contact_tractions
+from qvi_contact.plots.tractions import contact_tractions, pieces_along
+from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
-from qvi_contact.solution.contact_line import ContactLine
-from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.contact_line import ContactLine, ContactState
+from qvi_contact.solution.result import ContactResult, plate_numbers
+from qvi_contact.solution.stress import BodySamples, held_along_z, out_of_plane_factors, sample_body
 from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from qvi_contact.bracket import Bracket
+    from qvi_contact.companion import CompanionResult
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
 _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
@@ -76,8 +86,9 @@ class Request:
     files: tuple[tuple[str, str], ...] = ()
 
     @classmethod
-    def read(cls, path: str, file: ProblemFile, command: str) -> "Request":
-        """The problem file read again as text, and the mesh file that it names, if it does."""
+    def read(cls, path: str, file: ProblemFile) -> "Request":
+        """What the command line asked for: the problem file read again as text, and the mesh file that it names."""
+        command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
         text = Path(path).read_text(encoding="utf-8-sig")
         name = tomllib.loads(text).get("mesh", {}).get("file")
         if name is None:
@@ -255,3 +266,193 @@ def _settings(result: ContactResult) -> list[tuple[str, str]]:
         **solution.versions,
     }
     return [(name, value) for name, value in used.items() if value]
+
+
+def number(value: float, digits: int = 5, least: float = 0.0) -> str:
+    """A number for people."""
+    return shown(value, least, digits).replace("-", "−")
+
+
+def contact_rows(lines: Iterable[ContactLine], states: Sequence[str]) -> list[list[str]]:
+    """Forces, largest tractions and motions, and shares of the length, a row for each contact."""
+    return [
+        [
+            line.name,
+            *_numbers(line.rounding.force, line.normal_force, line.tangential_force),
+            *_numbers(line.rounding.stress, (-line.normal_stress).max(), np.abs(line.tangential_stress).max()),
+            *_numbers(line.rounding.displacement, line.gap.max(), np.abs(line.slip).max()),
+            *shares(line.shares, states),
+        ]
+        for line in lines
+    ]
+
+
+def contact_headings(units: Units, states: Sequence[str]) -> list[str]:
+    """Headings of `contact_rows`."""
+    force, stress, length = units.engineering_force, units.stress, units.displacement
+    return [
+        "contact", f"N [{force}]", f"T [{force}]", f"largest pressure [{stress}]", f"largest |σ_T| [{stress}]",
+        f"largest gap [{length}]", f"largest |slip| [{length}]", *states,
+    ]  # fmt: skip
+
+
+def resultant_rows(result: ContactResult) -> list[list[str]]:
+    """Force and moment on each edge set that a condition names."""
+    names = list(dict.fromkeys(condition.edges for condition in result.problem.conditions))
+    least = result.rounding
+    found = [result.resultant(name) for name in names]
+    return [
+        [name, *_numbers(least.force, force.x, force.y), *_numbers(least.moment, force.moment)]
+        for name, force in zip(names, found, strict=True)
+    ]
+
+
+def resultant_headings(units: Units) -> list[str]:
+    """Headings of `resultant_rows`."""
+    force = units.engineering_force
+    return ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
+
+
+def step_tables(
+    steps: Sequence[ContactResult], values: Sequence[float]
+) -> tuple[list[list[str]], dict[str, list[list[str]]]]:
+    """Time or value, status and forces of each result of a series; and the same with the numbers of each plate."""
+    read = [_read(step) for step in steps]  # once: those of a store are files
+    least = Rounding.largest(rounding for *_, rounding in read)
+    limits = plate_limits(least)
+    forces: list[list[str]] = []
+    plates: dict[str, list[list[str]]] = {name: [] for name in read[0][2]}
+    for value, (status, of_contacts, of_plates, _) in zip(values, read, strict=False):
+        first = [f"{value:.6g}", status]
+        forces.append([*first, *_numbers(least.force, *of_contacts)])
+        for name, found in of_plates.items():
+            plates[name].append([*first, *(_plate(found, limits) if found else [])])
+    return forces, plates
+
+
+def _read(step: ContactResult) -> tuple[str, list[float], dict[str, tuple[float, ...]], Rounding]:
+    """Status, forces of all contacts, what there is of each plate, and the rounding of a step."""
+    lines = step.contacts.values() if step.has_state else ()
+    forces = [force for line in lines for force in (line.normal_force, line.tangential_force)]
+    names = [contact.name for contact in step.problem.contacts if contact.plate is not None]
+    plates = {name: plate_numbers(step, name) if step.has_state else () for name in names}
+    return str(step.status), forces, plates, step.rounding
+
+
+def plate_rows(result: ContactResult) -> list[list[str]]:
+    """Motion, force and moment of each plate or pin."""
+    limits = plate_limits(result.rounding)
+    return [[name, *_plate(plate_numbers(result, name), limits)] for name in result.plates]
+
+
+def _plate(values: Sequence[float], limits: Sequence[float]) -> list[str]:
+    return [number(value, least=limit) for value, limit in zip(values, limits, strict=True)]
+
+
+def _numbers(least: float, *values: Any) -> list[str]:
+    """Numbers of one kind."""
+    return [number(float(value), least=least) for value in values]
+
+
+_PARTS: Final = (64, 48, 32, 24, 16, 8, 1)  # along the body's length: the first with few enough points is taken
+_MOST_POINTS: Final = 9_000
+_SHORT: Final = 65_536  # so many numbers two bytes can tell apart
+_LARGEST: Final = 120_000  # points: with more the page would be too heavy to mail
+_COLOURS: Final = 33  # of a colour map
+_LONGEST: Final = 0.08  # share of the body's length at which the largest displacement is drawn
+
+
+def field_data(result: ContactResult, companion: "CompanionResult | None", units: Units) -> dict[str, Any] | None:
+    """Points, small triangles, stresses and displacements of a result; None where there are too many for a page.
+
+    Arrays are little-endian, in base64: float32, triangles as uint16 or uint32, materials as uint16.
+    """
+    samples = _samples(result)
+    if len(samples.points) > _LARGEST:
+        return None
+    strained = is_strained(result.problem) and result.problem.material.plane == "strain"
+    mesh, wide = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
+    moved = None if companion is None else companion.displacement_in(samples.cells, samples.reference[:, -2:])
+    return {
+        "units": {"length": units.length, "stress": units.stress},
+        "points": _floats(samples.points),
+        "triangles": _encoded(samples.triangles.astype("<u2" if wide == 2 else "<u4")),
+        "bytes": wide,
+        "stress": _floats(samples.stress),
+        "material": _encoded(result.problem.cell_materials[samples.cells].astype("<u2")),
+        "factor": out_of_plane_factors(result.problem),
+        "held": _floats(held_along_z(result.problem, samples.cells, *samples.points.T)) if strained else None,
+        "displacement": None if moved is None else _floats(moved),
+        "factorOfDisplacement": 0.0 if moved is None else _round_factor(_LONGEST * mesh.length, moved),
+        "outline": _segments(mesh, mesh.boundary, companion),
+        "mesh": _segments(mesh, mesh.interior, companion),
+        "contacts": [_segments(mesh, mesh.edges(contact.edges), companion) for contact in result.problem.contacts],
+        "colours": {name: _colours(name) for name in ("cividis", "cividis_r", "PuOr_r")},
+    }
+
+
+def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
+    """The points of a contact as its picture shows them from left to right, numbers with seven digits."""
+    pieces = pieces_along(line)[0]
+    order, places = (np.concatenate(part) for part in zip(*((piece.points, piece.s) for piece in pieces), strict=True))
+    bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
+    columns = {
+        "x": line.x, "y": line.y, "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,
+        "bound": bound, "gap": line.gap, "slip": line.slip,
+    }  # fmt: skip
+    found: dict[str, Any] = {name: _rounded(values[order]) for name, values in columns.items()}
+    if line.has_fluid:
+        found["fluid"] = _rounded(line.pore_pressure[order])
+    found |= {"s": _rounded(places), "units": {"length": units.length, "stress": units.stress}}
+    return found | {"state": [ContactState(state).name.lower() for state in line.state[order].tolist()]}
+
+
+def _samples(result: ContactResult) -> BodySamples:
+    """As many points as a page should have, or the fewest there can be."""
+    for parts in _PARTS:
+        samples = sample_body(result, parts)
+        if len(samples.points) <= _MOST_POINTS:
+            break
+    return samples
+
+
+def _encoded(values: Any) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")
+
+
+def _floats(values: FloatArray) -> str:
+    return _encoded(values.astype("<f4"))
+
+
+def _rounded(values: FloatArray) -> list[float | None]:
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+def _segments(mesh: TriangleMesh, edges: Edges, companion: "CompanionResult | None") -> dict[str, Any]:
+    """Both ends of the two halves of edges, x and y of each, and their displacements in the first cell beside."""
+    points = np.stack(mesh.points_along(edges, np.array([0.0, 0.5, 1.0])), axis=-1)
+    moved = None
+    if companion is not None:
+        flat, cells = points.reshape(-1, 2), np.repeat(edges.cells[:, 0], 3)
+        reference = mesh.reference(cells, flat)[:, -2:]
+        moved = companion.displacement_in(cells, reference).reshape(points.shape)
+    halves = [None if values is None else _floats(values[:, [0, 1, 1, 2]]) for values in (points, moved)]
+    return {"points": halves[0], "displacement": halves[1]}
+
+
+def _colours(name: str) -> list[list[int]]:
+    """Red, green and blue from 0 to 255 along a colour map."""
+    from matplotlib import colormaps
+
+    colours = colormaps[name](np.linspace(0.0, 1.0, _COLOURS))[:, :3]
+    found: list[list[int]] = np.round(255 * colours).astype(int).tolist()
+    return found
+
+
+def _round_factor(longest: float, moved: FloatArray) -> float:
+    """The largest of 1, 2, 5 times a power of ten by which no displacement is drawn longer than this."""
+    largest = float(np.hypot(*moved.T).max())
+    if largest == 0.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(longest / largest))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest / largest * (1 + 1e-12)))

@@ -15,6 +15,7 @@ from qvi_contact import (
     InputError,
     Material,
     Region,
+    RigidPlate,
     Symmetry,
     Traction,
     TriangleMesh,
@@ -23,6 +24,7 @@ from qvi_contact import (
     solve_history,
 )
 from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
+from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from tests.cases import every_pair, thinned
 from tests.qvi_contact.test_triangles import FOAM, LIMITS, SIDES, STATES, STEEL, moved, plate, squeezed, tilted, turned
@@ -65,6 +67,7 @@ def test_bounds_enclose_and_close(name, degree):
         assert found.cell_gaps.min() >= 0.0
         for parts in (found.cell_gaps, list(found.parts.values())):
             assert np.sum(parts) == pytest.approx(found.gap, rel=1e-5, abs=1e-9 * found.strain)
+        assert found.uniqueness.apart == 0.0
         assert (found.own, found.force_differences) == (None, {})  # a bound that is data needs no second displacement
         assert found.lower <= finest.upper
         assert found.upper >= finest.lower or not found.guaranteed
@@ -134,10 +137,7 @@ def test_turned_as_a_whole():
     assert found.reasons == straight.reasons
     assert (found.lower, found.upper) == pytest.approx((straight.lower, straight.upper), rel=1e-10)
     assert found.cell_gaps == pytest.approx(straight.cell_gaps, abs=1e-9 * straight.strain)
-    errors = (
-        found.coulomb,
-        straight.coulomb,
-    )  # what is proved of rectangles along the axes makes bounds smaller or wider
+    errors = found.coulomb, straight.coulomb  # what is proved of rectangles along the axes changes bounds
     assert errors[0].residual == pytest.approx(errors[1].residual, rel=1e-8)
     assert computed_norm(slanted, errors[0].shares) == pytest.approx(computed_norm(problem, errors[1].shares), rel=1e-8)
 
@@ -157,7 +157,7 @@ def test_parts_on_a_joint_belong_to_both_sides():
     discretization = solve(squeezed(tilted(0.3), 0.5), degree=3).discretization
     mesh = discretization.problem.mesh
     one = np.ones(4)
-    found = by_cell(discretization, np.zeros(mesh.cell_count), {"joint": EdgeParts(one, 2.0 * one)})
+    found = by_cell(discretization, np.zeros(mesh.cell_count), {"joint": EdgeParts(one, 2.0 * one, 0.0 * one)})
     assert found.sum() == pytest.approx(12.0)
     assert found[mesh.edges("joint").cells] == pytest.approx(1.5)
 
@@ -169,7 +169,9 @@ def test_force_differences_see_the_error_of_the_friction_bound(friction, degree,
     result = solve(replace(problem, mesh=problem.mesh.graded([(1.0, 1.0)], depth)), degree=degree)
     found = result.bracket
     error = abs(result.contacts["plate"].normal_force - LIMITS[friction])
-    assert 0.5 * error < found.force_differences["plate"].normal < 4.0 * error
+    forces = found.force_differences["plate"]
+    assert 0.5 * error < forces.normal < 4.0 * error
+    assert forces.tangential != forces.normal
     assert found.own.contacts["plate"].normal_force != found.companion.contacts["plate"].normal_force
 
 
@@ -242,17 +244,120 @@ def test_does_not_depend_on_units_or_place():
     np.testing.assert_allclose(second.cells / 1e6, first.cells, rtol=1e-4, atol=1e-9 * first.gap)
 
 
+@pytest.mark.parametrize("law", [{"friction": 0.3}, {"friction": 0.0, "cohesion": 1.0}])
+def test_steps_of_a_history_are_bracketed_each_for_itself(law):
+    """The last step on a finer mesh, with the same slip before it, lies between the bounds."""
+    mesh = TriangleMesh.grid([0.0, 0.5, 1.0, 1.5, 2.0], [0.0, 0.5, 1.0])
+    sides = [Traction(name, 0.0, 0.0) for name in ("left", "right")]
+    steps = [
+        ContactProblem(mesh, Material(1000.0, 0.3), [*sides, Contact("bottom", **law), Displacement("top", x, -0.01)])
+        for x in (0.004, 0.001)
+    ]
+    first, last = (step.bracket for step in solve_history(steps).steps)
+    assert not any("steps before" in reason for reason in first.reasons)
+    assert any("steps before" in reason for reason in last.reasons)
+    assert not last.guaranteed
+    same = replace(last.problem, mesh=mesh.refined(np.ones(len(mesh.cells), dtype=bool)))
+    fine = solve(same, degree=5)
+    assert last.lower <= fine.bracket.lower < fine.bracket.upper <= last.upper
+    assert fine.bracket.gap < 0.3 * last.gap
+    for name, (lower, upper) in last.forces.items():
+        assert lower < getattr(fine.contacts["bottom"], name.removeprefix("bottom.")) < upper
+    assert len(last.forces) == (2 if law["friction"] else 0)
+
+
 def test_what_has_no_bracket_is_refused():
-    steps = [compressed_plate(0.2, (3, 3), displacement=push) for push in (1e-3, 2e-3, 1.5e-3)]
     nothing = ContactProblem(
         TriangleMesh.rectangle((2, 2)), STEEL,
         [Contact("bottom", 0.1), Traction("top", 1.0, -1.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)],
     )  # fmt: skip
     for refused, field in (
-        (lambda: bracket(solve_history(steps).steps[-1]), "result"),
         (lambda: bracket(compressed_plate(0.2)), "result"),
         (lambda: bracket(solve(nothing)), "result"),
     ):
         with pytest.raises(InputError) as caught:
             refused()
         assert caught.value.field == field
+
+
+SOAKED = Material(1000.0, 0.3)
+MESHES = {"rectangles": TriangleMesh.rectangle((3, 3), 2.0, 1.0), "triangles": TriangleMesh.rectangle((3, 3), 2.0, 1.0)}
+FREE = Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)
+
+
+def falling(x, y):
+    return 3.0 - x + 0.0 * y
+
+
+def block(mesh, contact, *top):
+    return ContactProblem(mesh, SOAKED, [contact, *top, *FREE])
+
+
+CASES = {
+    "pressed": (Contact("bottom", 0.0, pore_pressure=falling, gap=1e-3), [Traction("top", 0.0, -8.0)]),
+    "Tresca": (Contact("bottom", 0.0, cohesion=1.0, pore_pressure=2.0), [Displacement("top", 2e-3, -1e-2)]),
+    "open": (Contact("bottom", 0.0, pore_pressure=falling, gap=1.0), [Displacement("top", 0.0, 0.0)]),
+    "plate": (
+        Contact("bottom", 0.0, pore_pressure=falling, plate=RigidPlate(force_y=16.0)),
+        [Displacement("top", 0.0, 0.0)],
+    ),
+}
+
+
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
+@pytest.mark.parametrize("case", CASES)
+def test_bounds(case, mesh):
+    """Guaranteed, their parts add up, and both models transmit the whole traction."""
+    contact, top = CASES[case]
+    result = solve(block(mesh, contact, *top), tolerance=1e-10)
+    found = result.bracket
+    assert found.kind is BracketKind.PROBLEM
+    assert found.guaranteed, found.reasons
+    assert -1e-12 * found.strain <= found.gap < 0.02 * found.strain
+    assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6, abs=1e-12)
+    ours, theirs = result.contacts["bottom"], found.companion.contacts["bottom"]
+    assert theirs.normal_force == pytest.approx(ours.normal_force, rel=1e-2)
+    if case != "Tresca":
+        assert ours.normal_force == pytest.approx(4.0 if case == "open" else 16.0, rel=1e-9)
+        assert theirs.normal_force == pytest.approx(ours.normal_force, rel=1e-9)
+
+
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
+def test_an_open_contact_full_of_fluid_is_a_load(mesh):
+    """The same displacements as under a traction in its place."""
+    contact, (top,) = CASES["open"]
+    wet = solve_companion(block(mesh, contact, top))
+    loaded = solve_companion(block(mesh, Traction("bottom", 0.0, falling), top))
+    x, y = np.random.default_rng(0).uniform(size=(2, 20)) * [[2.0], [1.0]]
+    assert wet.displacement(x, y) == pytest.approx(loaded.displacement(x, y), abs=1e-12)
+    assert wet.contacts["bottom"].normal_stress.max() < -0.9
+
+
+def test_friction_feels_the_effective_pressure():
+    """Sliding along a base under uplift: |σ_T| = μ (|σ_N| − p_w)."""
+    contact = Contact("bottom", 0.3, pore_pressure=2.0)
+    sides = [Traction("left", 0.0, -1.8), Traction("right", 0.0, 1.8)]
+    top = Displacement("top", x=1.0), Traction("top", y=-8.0)
+    problem = ContactProblem(MESHES["triangles"], SOAKED, [contact, *top, *sides])
+    line = solve_companion(problem, degree=2).contacts["bottom"]
+    assert line.tangential_force == pytest.approx(-0.3 * (8.0 - 2.0) * 2.0, rel=1e-8)
+    assert line.normal_force == pytest.approx(16.0, rel=1e-9)
+
+
+def test_both_faces_of_a_joint_feel_it():
+    mesh = TriangleMesh.rectangle((3, 4), 2.0, 1.0).with_joint("seam", lambda _, y: np.isclose(y, 0.5))
+    joint = Contact("seam", 0.0, pore_pressure=falling, gap=1.0)
+    ends = [Displacement("bottom", 0.0, 0.0), Displacement("top", 0.0, 0.0)]
+    problem = ContactProblem(mesh, SOAKED, [joint, *ends, *FREE])
+    for each in (problem, problem):
+        found = solve(each, tolerance=1e-10).bracket
+        assert found.guaranteed
+        assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6)
+        assert found.companion.contacts["seam"].normal_force == pytest.approx(4.0, rel=1e-10)
+
+
+def test_a_pressure_beyond_the_traces_is_named():
+    contact = Contact("bottom", 0.0, pore_pressure=lambda x, y: 1.0 + x**4 + 0.0 * y)
+    walls = Symmetry("left"), Symmetry("right")
+    problem = ContactProblem(MESHES["triangles"], SOAKED, [contact, Traction("top", 0.0, -40.0), *walls])
+    assert any("pore pressure" in reason for reason in solve(problem).bracket.reasons)

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import eigh
-from scipy.stats import binom
 
 from comparisons.verification.chapters import half_disc, sheared_layer
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, RigidPlate, Traction, solve
@@ -33,6 +32,7 @@ from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
 from qvi_contact.solution import ContactResult, stress_in_cells
 from tests.cases import examples
+from tests.qvi_contact.builders import bernstein
 
 
 def shared(problem, s):
@@ -86,7 +86,7 @@ def test_friction_work_of_a_cubic_slip(slip, shear, bound):
     """∫ bound |slip| + shear slip of Bernstein coefficients."""
     raised = np.array([[comb(i, k) / comb(3, k) for k in range(4)] for i in range(4)])  # from powers of t
     fine = np.polynomial.polynomial.polyval(T, slip)
-    quadratics = binom.pmf(np.arange(3), 2, T[:, None])
+    quadratics = bernstein(2, T)
     wanted = SIMPSON @ (np.abs(fine) * (quadratics @ bound) + fine * (quadratics @ shear))
     size = 1e-12 + np.abs(fine).max() * (np.abs(bound).max() + np.abs(shear).max())
     assert abs(slip_work((raised @ slip)[None], shear[None], bound[None])[0] - wanted) <= 1e-5 * size
@@ -123,13 +123,10 @@ class TestNorms:
 
     @pytest.mark.parametrize(
         "problem",
-        [
-            compressed_plate(0.5, (3, 3), width=2.0),
-            compressed_plate(0.5, (3, 3), height=3.0, plane="strain", poisson=0.4),
-            ssnv128((3, 3), friction=0.5),
-            sliding_block((3, 2))[0],
-        ],
-    )
+        [compressed_plate(0.5, (3, 3), width=2.0),
+         compressed_plate(0.5, (3, 3), height=3.0, plane="strain", poisson=0.4), ssnv128((3, 3), friction=0.5),
+         sliding_block((3, 2))[0]],
+    )  # fmt: skip
     def test_finite_elements_stay_below(self, problem):
         for sense in (1, -1):
             proved = rectangle_norm(problem, shared(problem, sense))
@@ -467,7 +464,7 @@ class TestFrictionAlone:
         found = solve(problem, degree=4).bracket.coulomb
         stopped, (share,) = found.norm.stopped, found.shares.values()
         t, weights = np.polynomial.legendre.leggauss(8)
-        shapes = binom.pmf(np.arange(3), 2, (t[:, None] + 1.0) / 2.0)
+        shapes = bernstein(2, (t + 1.0) / 2.0)
         room = (share.room * share.weights) @ shapes.T  # m B(τ) of all edges, in the unit of the weights
         whole = float((room @ weights).sum()) * 0.5 * problem.mesh.edges("bottom").length[0]
         unit = found.stress.discretization.scales
@@ -524,6 +521,22 @@ class TestBlock:
         assert force.lower < fine.contacts["bottom"].normal_force < force.upper
         assert result.uniqueness.apart == found.apart < 0.07
         assert result.uniqueness.certainty == "estimate"
+
+    def test_a_tied_contact_holds_as_a_support_does(self):
+        problem = pressed_block(0.2, (4, 2))
+        tied = [Contact.tied("top", gap=-0.1) if each.edges == "top" else each for each in problem.conditions]
+        forces = solve(replace(problem, conditions=tied)).bracket.coulomb.forces
+        known = solve(problem).bracket.coulomb.forces
+        for name in ("bottom.normal_force", "bottom.tangential_force"):
+            assert forces[name] == pytest.approx(known[name], rel=1e-6, abs=1e-9)
+
+    def test_a_corner_that_is_halved_often(self):
+        problem = pressed_block(0.2, (4, 2))
+        mesh = problem.mesh
+        for _ in range(24):
+            corner = np.argmax(mesh.vertices @ [1.0, -1.0])
+            mesh = mesh.refined((mesh.cells == corner).any(axis=1))
+        assert len(solve(replace(problem, mesh=mesh)).bracket.coulomb.forces) == 2
 
     def test_cohesion_and_an_offset(self):
         """The force of a finer mesh is inside, and those without are not."""

@@ -1,0 +1,1 @@
+"""Bounds of the package against displacements of degree 5 by NGSolve, on generated problems."""

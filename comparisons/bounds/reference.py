@@ -1,0 +1,402 @@
+"""Displacements of a contact problem by NGSolve, with a frictional contact iteration of this module's own.
+
+Nothing of `solvers`, of the Airy functions or of the package's displacement model is used: only the statement of the
+problem and the handling of meshes. NGSolve assembles displacements u of degree p. They are condensed on the nodes of
+Gauss and Lobatto along the contacts. With the nodal forces r = Su − f the law holds node by node, |r_T| ≤ μ|r_N|,
+and is solved by a semismooth Newton method (Alart and Curnier), which in a cycle changes the state of half of the nodes
+that are wrong.
+
+The mesh is that of the problem, each triangle cut in three at its centre as Hsieh, Clough and Tocher do, so that the
+package's stress is one polynomial on each cell; then graded to corners, ends of conditions and joints, and, in two
+steps, to where the state of the nodes changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu, spsolve
+
+from qvi_contact import Contact, ContactProblem, Displacement, Polynomial, Symmetry, Traction, TriangleMesh
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+
+ng: Any = import_module("ngsolve")  # it has no types
+
+STEPS: Final = ((3, 3, 0), (4, 2, 3), (5, 2, 3))
+"""By step the degree, and how often triangles at corners and at changes of state are halved; the last is the answer."""
+
+_STATES: Final = {2.0: "sticks", 3.0: "slips forwards", 1.0: "slips backwards", 4.0: "presses", 0.0: "opens"}
+_STEPS: Final = 90  # of Newton's method
+_TURN: Final = 1e-6  # of the direction of a boundary: a corner
+
+
+class NoReferenceError(RuntimeError):
+    """The contact iteration did not end, or the problem has what this module does not model."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The last two steps, at points of the last mesh: (points, 3) stresses, (points,) weights of quadrature."""
+
+    x: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    cells: IntArray
+    stress: FloatArray
+    before: FloatArray
+    forces: dict[str, tuple[float, float]]
+    forces_before: dict[str, tuple[float, float]]
+    states: str
+    unknowns: int
+
+
+def reference(problem: ContactProblem) -> Reference:
+    """Solve in `STEPS`; `NoReferenceError` where that fails."""
+    mesh, changes, found = _split(problem.mesh), np.zeros((0, 2)), []
+    corners = _corners(problem)
+    for order, at_corners, at_changes in STEPS:
+        mesh = mesh.graded(corners, at_corners)
+        mesh = mesh.graded(changes, at_changes) if len(changes) else mesh
+        found.append(_Model(problem, mesh, order))
+        changes = found[-1].solve()
+    last, before = found[-1], found[-2]
+    rule = ng.IntegrationRule(ng.TRIG, 2 * STEPS[-1][0] - 2)
+    places = last.mesh.MapToAllElements(rule, ng.VOL)
+    x, y = np.array(ng.CF((ng.x, ng.y))(places)).T
+    area = np.abs(np.linalg.det(np.diff(mesh.corners, axis=1)))
+    return Reference(
+        x, y, np.outer(area, rule.weights).ravel(), np.repeat(mesh.parents(problem.mesh), len(rule.weights)),
+        np.array(last.stress(places)), np.array(before.stress(before.mesh(x, y))), last.forces, before.forces,
+        last.states, last.unknowns,
+    )  # fmt: skip
+
+
+def _split(mesh: TriangleMesh) -> TriangleMesh:
+    """Each triangle cut in three at its centre."""
+    centre = len(mesh.vertices) + np.arange(mesh.cell_count)
+    cells = np.concatenate([np.column_stack([mesh.cells[:, pair], centre]) for pair in ([0, 1], [1, 2], [0, 2])])
+    return TriangleMesh(np.concatenate([mesh.vertices, mesh.corners.mean(axis=1)]), cells, mesh.edge_sets)
+
+
+def _corners(problem: ContactProblem) -> FloatArray:
+    """Vertices where stresses may be singular: ends of conditions and joints, and corners, but convex ones of loads."""
+    mesh, at = problem.mesh, dict[int, list[tuple[FloatArray, str, bool]]]()
+    held = {each.edges for each in problem.cartesian_conditions if not isinstance(each, Traction)}
+    for name in dict.fromkeys(each.edges for each in problem.cartesian_conditions):
+        edges = mesh.edges(name)
+        for a, b, normal in zip(edges.first.tolist(), edges.second.tolist(), edges.normal, strict=True):
+            for vertex in (a, b):
+                at.setdefault(vertex, []).append((normal, name, name not in held))
+    arms = np.roll(mesh.corners, -1, axis=1) - mesh.corners
+    arms /= np.linalg.norm(arms, axis=2, keepdims=True)
+    turns = np.arccos(np.clip(-(arms * np.roll(arms, 1, axis=1)).sum(axis=2), -1.0, 1.0))
+    angles = np.bincount(mesh.cells.ravel(), turns.ravel())
+    found = []
+    for vertex, sides in at.items():
+        even = all(normal @ sides[0][0] > 1.0 - _TURN and name == sides[0][1] for normal, name, _ in sides)
+        mild = all(loaded for *_, loaded in sides) and angles[vertex] < np.pi + _TURN
+        if not mild and (len(sides) != 2 or not even):
+            found.append(vertex)
+    return mesh.vertices[sorted(found)]
+
+
+def _function(field: Any) -> Any:
+    """A number or a polynomial for NGSolve."""
+    if not callable(field):
+        return ng.CF(float(field or 0.0))
+    if not isinstance(field, Polynomial):
+        raise NoReferenceError("a function that is no polynomial")
+    rows = enumerate(field.coefficients)
+    return sum((c * ng.x**i * ng.y**j for i, row in rows for j, c in enumerate(row) if c), ng.CF(0.0))
+
+
+def _lobatto(order: int) -> tuple[FloatArray, FloatArray]:
+    """Points and weights of Gauss and Lobatto on [0, 1], order + 1 of them."""
+    legendre = np.polynomial.Legendre.basis(order)
+    points = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
+    return (points + 1.0) / 2.0, 1.0 / (order * (order + 1) * legendre(points) ** 2)
+
+
+class _Nodes(NamedTuple):
+    """A contact, the places (k, 2) and lengths (k,) of its nodes, and where their normal displacements are among y."""
+
+    contact: Contact
+    at: FloatArray
+    length: FloatArray
+    where: IntArray
+
+    def values(self, name: str) -> FloatArray:
+        """A field at the nodes, the cohesion as a force."""
+        values = evaluate(name, getattr(self.contact, name), *self.at.T)
+        return values * self.length if name == "cohesion" else values
+
+
+class _Model:
+    """The problem in displacements of one degree on one mesh."""
+
+    def __init__(self, problem: ContactProblem, mesh: TriangleMesh, order: int) -> None:
+        self._problem, self._order = problem, order
+        self._names = list(dict.fromkeys(each.edges for each in problem.cartesian_conditions))
+        self._fine, self.mesh = mesh, self._made(mesh)
+        given, loads = self._conditions()
+        self._space = ng.FESpace([ng.H1(self.mesh, order=order, dirichlet="|".join(sides)) for sides in given])
+        self._u = ng.GridFunction(self._space)
+        for axis, sides in enumerate(given):
+            if sides:
+                here = self.mesh.Boundaries("|".join(sides))
+                self._u.components[axis].Set(self.mesh.BoundaryCF(sides, default=0.0), definedon=here)
+        self._assemble(loads)
+
+    def _conditions(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]:
+        """Displacements along x and y, and tractions, by the name of their edges."""
+        given: tuple[dict[str, Any], dict[str, Any]] = ({}, {})
+        loads: dict[str, Any] = {}
+        for each in self._problem.cartesian_conditions:
+            if isinstance(each, Displacement | Traction):
+                if each.normal is not None or each.tangential is not None:
+                    raise NoReferenceError("conditions in local components")
+                pair = (each.x, each.y)
+                for axis in (0, 1):
+                    if isinstance(each, Displacement) and pair[axis] is not None:
+                        given[axis][each.edges] = _function(pair[axis])
+                if isinstance(each, Traction):
+                    loads[each.edges] = ng.CF((_function(each.x), _function(each.y)))
+            elif isinstance(each, Symmetry):
+                axis = int(np.abs(self._fine.edges(each.edges).normal[0]).argmax())
+                given[axis][each.edges] = ng.CF(0.0)
+            elif each.law != "unilateral" or each.plate is not None or each.has_springs:
+                raise NoReferenceError("a contact of another kind")
+        return given, loads
+
+    def _made(self, mesh: TriangleMesh) -> Any:
+        """The mesh for NGSolve; along joints either side has vertices of its own."""
+        inside, cells = mesh.interior, mesh.cells
+        joints = [name for name in self._names if name in mesh.joint_names]
+        apart = np.zeros(len(inside.first), dtype=bool)
+        for name in joints:
+            apart[mesh.joint_set(name)] = True
+
+        def corner(numbers: IntArray, vertices: IntArray) -> IntArray:
+            return np.asarray(3 * numbers + (cells[numbers] == vertices[:, None]).argmax(axis=1))
+
+        kept = inside.take(~apart)
+        pairs = [[corner(kept.cells[:, side], end) for end in (kept.first, kept.second)] for side in (0, 1)]
+        one, other = (np.concatenate(each) for each in pairs)
+        graph = sparse.coo_array((np.ones(len(one)), (one, other)), shape=(cells.size, cells.size))
+        count, labels = connected_components(graph, directed=False)
+        places = np.zeros((count, 3))
+        places[labels, :2] = mesh.vertices[cells.ravel()]
+        (ax, ay), (bx, by) = ((mesh.corners[:, k] - mesh.corners[:, 0]).T for k in (1, 2))
+        turned = np.where((ax * by < ay * bx)[:, None], labels.reshape(-1, 3)[:, ::-1], labels.reshape(-1, 3))
+        made = import_module("netgen.meshing").Mesh(dim=2)
+        made.AddPoints(places)
+        made.AddElements(dim=2, index=made.AddRegion("body", dim=2), data=turned.astype(np.int32), base=0)
+        for name in self._names:
+            edges = mesh.edges(name)
+            for side in (0, 1) if name in joints else (0,):
+                ends = [labels[corner(edges.cells[:, side], end)] for end in (edges.first, edges.second)]
+                index = made.AddRegion(f"{name}{' beyond' * side}", dim=1)
+                made.AddElements(dim=1, index=index, data=np.column_stack(ends).astype(np.int32), base=0)
+        return ng.Mesh(made)
+
+    def _assemble(self, loads: dict[str, Any]) -> None:
+        """The form with the unknowns inside cells condensed, and the loads."""
+        problem, mesh = self._problem, self._fine
+        numbers = problem.cell_materials[mesh.parents(problem.mesh)]
+        constants = np.array([
+            (each.young / (2.0 * (1.0 + nu)),
+             each.young * nu / ((1.0 - nu**2) if flat else (1.0 + nu) * (1.0 - 2.0 * nu)),
+             -each.young * each.expansion / (1.0 - nu if flat else 1.0 - 2.0 * nu))
+            for each in problem.materials for nu, flat in [(each.poisson, each.plane == "stress")]
+        ])[numbers]  # fmt: skip
+        fields = [ng.GridFunction(ng.L2(self.mesh, order=0)) for _ in range(3)]
+        for field, values in zip(fields, constants.T, strict=True):
+            field.vec.FV().NumPy()[:] = values
+        shear, lame, swelling = fields
+        at_rest = swelling * _function(problem.temperature) * ng.Id(2)
+
+        def strain(parts: Any) -> Any:
+            gradient = ng.CF(tuple(ng.grad(each) for each in parts), dims=(2, 2))
+            return (gradient + gradient.trans) / 2.0
+
+        def elastic(e: Any) -> Any:
+            return 2.0 * shear * e + lame * ng.Trace(e) * ng.Id(2)
+
+        u, v = self._space.TnT()
+        self._form = ng.BilinearForm(self._space, condense=True)
+        self._form += ng.InnerProduct(elastic(strain(u)), strain(v)) * ng.dx
+        self._form.Assemble()
+        work, potential = ng.LinearForm(self._space), _function(problem.body_potential)
+        # b = −∇φ
+        work += -(potential.Diff(ng.x) * v[0] + potential.Diff(ng.y) * v[1]) * ng.dx
+        work += -ng.InnerProduct(at_rest, strain(v)) * ng.dx(bonus_intorder=4)
+        for name, load in loads.items():
+            work += (load[0] * v[0].Trace() + load[1] * v[1].Trace()) * ng.ds(name, bonus_intorder=4)
+        work.Assemble()
+        self._load = work.vec
+        whole = elastic(strain(self._u.components)) + at_rest
+        self.stress = ng.CF((whole[0, 0], whole[1, 1], whole[0, 1]))
+
+    def solve(self) -> FloatArray:
+        """Solve, and say where the state of contact nodes changes, (k, 2)."""
+        self._nodes()
+        form, u, matrix = self._form, self._u, self._form.mat
+        rows, columns, values = matrix.COO()
+        A = sparse.csr_array((np.array(values), (np.array(rows), np.array(columns))), matrix.shape)
+        free, inner = np.array(list(self._space.FreeDofs(True)), dtype=bool), self._inner
+        self.unknowns = sum(self._space.FreeDofs())
+        free[inner] = False
+        rest = np.flatnonzero(free)
+        load = u.vec.CreateVector()
+        load.data = self._load + form.harmonic_extension_trans * self._load
+        whole, f = u.vec.FV().NumPy(), load.FV().NumPy()
+        held = whole[inner].copy()
+        whole[inner] = 0.0
+        f -= A @ whole
+        # eliminate the rest in an order of little fill, the contacts last: what is left of them is S
+        A_R, A_RI = A[rest], A[rest][:, inner]
+        factors = splu(A_R[:, rest].tocsc(), "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
+        order = np.concatenate([rest[np.argsort(factors.perm_c)], inner])
+        shift = np.where(np.isin(order, inner), A.diagonal().max(), 0.0)  # loose bodies have no last pivots
+        ordered = (A[order][:, order] + sparse.diags_array(shift)).tocsc()
+        last = slice(len(rest), None)
+        both = splu(ordered, "NATURAL", 0.0, options={"SymmetricMode": True})
+        S = (both.L[last, last] @ both.U[last, last]).toarray() - np.diag(shift[last])
+        Z, f_I = self._basis, f[inner] - A_RI.T @ factors.solve(f[rest])
+        y = self._contact(np.asarray(Z.T @ (Z.T @ S.T).T), Z.T @ f_I, spsolve(Z.tocsc(), held))
+        whole[inner] = Z @ y
+        whole[rest] += factors.solve(f[rest] - A_RI @ whole[inner])
+        u.vec.data += form.harmonic_extension * u.vec
+        u.vec.data += form.inner_solve * self._load
+        return self._changes
+
+    def _nodes(self) -> None:
+        """Nodes along the contacts, and the basis of nodal displacements in the unknowns of NGSolve."""
+        order, mesh = self._order, self.mesh
+        points, weights = _lobatto(order)
+        rule = ng.IntegrationRule([(s,) for s in points], weights.tolist())
+        mapped = mesh.MapToAllElements(rule, ng.BND)
+        scalar = self._space.components[0]
+        places = np.array(ng.CF((ng.x, ng.y))(mapped)).reshape(-1, order + 1, 2)
+        elements = list(scalar.Elements(ng.BND))
+        dofs = np.array([list(each.dofs) for each in elements])
+        one, shapes = ng.GridFunction(scalar), []
+        for k in range(2, order + 1):
+            one.vec.FV().NumPy()[:] = 0.0
+            one.vec.FV().NumPy()[np.unique(dofs[:, k])] = 1.0
+            shapes.append(np.array(one(mapped)).reshape(-1, order + 1))
+        vertices = np.array([mesh.vertices[v].point for v in range(mesh.nv)])
+        second = self._space.Range(1).start
+        self._contacts: list[_Nodes] = []
+        inner, blocks, start = [np.zeros(0, dtype=int)], [], 0
+        for contact in self._problem.contacts:
+            edges = self._fine.edges(contact.edges)
+            n, t = edges.normal[0], edges.tangent[0]
+            if np.abs(edges.normal - n).max() > _TURN:
+                raise NoReferenceError("a contact that is not straight")
+            sides = []
+            for region in (contact.edges, f"{contact.edges} beyond"):
+                chosen = np.array([k for k, each in enumerate(elements) if each.mat == region], dtype=int)
+                if not len(chosen):
+                    continue
+                chosen = chosen[np.argsort(places[chosen].mean(axis=1) @ t)]
+                ends = vertices[dofs[chosen, :2]] @ t  # (edges, 2)
+                backwards = ends[:, 0] > ends[:, 1]
+                size = order * len(chosen) + 1
+                numbers, local = np.zeros(size, dtype=int), np.zeros((size, size))
+                at, length = np.zeros((size, 2)), np.zeros(size)
+                for e, k in enumerate(chosen):
+                    along = np.argsort(places[k] @ t)
+                    nodes = order * e + np.arange(order + 1)
+                    ends_first = nodes[[0, -1, *range(1, order)]]  # as NGSolve counts
+                    numbers[ends_first] = dofs[k][[1, 0, *range(2, order + 1)]] if backwards[e] else dofs[k]
+                    at[nodes] = places[k][along]
+                    length[nodes] += weights * np.ptp(places[k] @ t)
+                    values = np.column_stack([1.0 - points, points, *(shape[k][along] for shape in shapes)])
+                    local[np.ix_(ends_first, nodes)] = np.linalg.inv(values)
+                sides.append((numbers, sparse.csr_array(local), at, length))
+            (numbers, basis, at, length), *beyond = sides
+            # unknowns: normal and tangential displacement (relative on joints), then x and y beyond
+            turned = sparse.vstack([sparse.hstack([n[i] * basis, t[i] * basis]) for i in (0, 1)])
+            inner += [numbers, second + numbers]
+            if beyond:
+                far, basis_far, *_ = beyond[0]
+                shared = np.isin(far, numbers)  # the tip of a joint
+                if shared.any():
+                    raise NoReferenceError("a joint that ends inside the body")
+                inner += [far, second + far]
+                both: Any = sparse.block_diag([basis, basis])
+                empty = sparse.csr_array((2 * len(far), 2 * len(numbers)))
+                turned = sparse.block_array([[turned, both], [empty, sparse.block_diag([basis_far, basis_far])]])
+            blocks.append(turned)
+            self._contacts.append(_Nodes(contact, at, length, start + np.arange(len(numbers))))
+            start += turned.shape[1]
+        self._inner = np.concatenate(inner)
+        if len(np.unique(self._inner)) < len(self._inner):
+            raise NoReferenceError("contacts that meet")
+        self._basis = sparse.csr_array(sparse.block_diag(blocks)) if blocks else sparse.csr_array((0, 0))
+
+    def _contact(self, S: FloatArray, f: FloatArray, known: FloatArray) -> FloatArray:
+        """The nodal displacements y for which the forces Sy − f obey the law; `known` has those of held nodes."""
+        free, where = self._space.FreeDofs(), [each.where for each in self._contacts]
+        touched = abs(self._basis.T) @ np.array([float(not free[k]) for k in self._inner.tolist()])
+        held = touched > _TURN
+        if (touched[held] < 1.0 - _TURN).any():
+            raise NoReferenceError("a slanted contact that is held along an axis at its end")
+        N = np.concatenate([np.zeros(0, dtype=int), *where])
+        T = np.concatenate([np.zeros(0, dtype=int), *(each + len(each) for each in where)])
+        gap, offset, friction, cohesion = (
+            np.concatenate([np.zeros(0), *(each.values(name) for each in self._contacts)])
+            for name in ("gap", "offset", "friction", "cohesion")
+        )
+        closed, sense = np.ones(len(N), dtype=bool), np.zeros(len(N))
+        stiff, dice = S.diagonal(), np.random.default_rng(0)
+        for step in range(_STEPS):
+            M, b = S.copy(), f.copy()
+
+            def given(rows: IntArray, values: FloatArray, M: FloatArray = M, b: FloatArray = b) -> None:
+                M[rows], b[rows] = 0.0, values
+                M[rows, rows] = 1.0
+
+            slips, presses = sense != 0.0, closed & ~held[N]
+            coupled = slips & presses & (friction > 0.0)
+            factor = (sense * friction)[coupled]
+            b[T] -= sense * cohesion
+            M[T[coupled]] -= factor[:, None] * S[N[coupled]]
+            b[T[coupled]] -= factor * f[N[coupled]]
+            given(N[closed], gap[closed])
+            given(T[~slips], offset[~slips])
+            given(np.flatnonzero(held), known[held])
+            y: FloatArray = np.asarray(np.linalg.solve(M, b), np.float64)
+            r = S @ y - f
+            pressure = np.where(held[N], 0.0, np.maximum(-r[N], 0.0))
+            bound, pushed = cohesion + friction * pressure, -r[T] + stiff[T] * (y[T] - offset)
+            lifted = -r[N] + stiff[N] * (y[N] - gap)
+            state = np.where(np.abs(pushed) < bound, 0.0, np.where(pushed < 0.0, -1.0, 1.0))
+            state[(state == -sense) & (bound > 0.0)] = 0.0  # from one sense to the other by way of stick
+            wrong = np.flatnonzero((closed != (lifted > 0.0)) | (sense != state))
+            if not len(wrong):
+                break
+            if step >= _STEPS // 6:  # in a cycle: half of them
+                wrong = wrong[dice.random(len(wrong)) < 0.5]
+            closed[wrong], sense[wrong] = lifted[wrong] > 0.0, state[wrong]
+        else:
+            raise NoReferenceError("the contact iteration did not end")
+        self.forces, changes, states = {}, [], set[str]()
+        for each in self._contacts:
+            chosen = np.isin(N, each.where)
+            normal, shear = (np.where(held[rows], 0.0, r[rows])[chosen] for rows in (N, T))
+            self.forces[each.contact.name] = float(-normal.sum()), float(shear.sum())
+            state = np.where(closed, np.where((friction > 0.0) | (cohesion > 0.0), 2.0 + sense, 4.0), 0.0)[chosen]
+            states |= {_STATES[value] for value in np.unique(state).tolist()}
+            state[held[N][chosen] | held[T][chosen]] = np.nan
+            changed = np.flatnonzero(np.abs(np.diff(state)) > 0.0)
+            changes.append((each.at[changed] + each.at[changed + 1]) / 2.0)
+        self.states = ", ".join(name for name in _STATES.values() if name in states)
+        self._changes = np.concatenate([np.zeros((0, 2)), *changes])
+        return y

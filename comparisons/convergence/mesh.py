@@ -1,0 +1,538 @@
+"""How answers converge with the mesh: bodies, where their stresses are singular, what is known of them; and the report.
+
+All bodies are rectangles. On equal cells errors are ruled by the singularity where a contact ends in a corner. In a
+wedge 0 ≤ θ ≤ π/2 whose face θ = π/2 is free, Φ = r^(λ+1) F(θ) with
+
+    F = a cos(λ+1)θ + b sin(λ+1)θ + c cos(λ−1)θ + d sin(λ−1)θ
+
+gives σ_θθ = λ(λ+1) r^(λ−1) F, σ_rθ = −λ r^(λ−1) F′, and with κ = (3 − ν)/(1 + ν) in plane stress and 3 − 4ν in plane
+strain
+
+    2G u_r = r^λ (−(λ+1) F + (κ+1)(c cos(λ−1)θ + d sin(λ−1)θ)),
+    2G u_θ = r^λ (−F′ + (κ+1)(c sin(λ−1)θ − d cos(λ−1)θ)).
+
+On the face θ = 0 a flat rigid body either holds the wedge (u_r = u_θ = 0) or lets it slip towards the corner, u_θ = 0
+and σ_rθ = μ σ_θθ. λ is the smallest exponent in (½, 1] for which a, b, c, d are not all zero, see `CORNER`; stresses
+behave like r^(λ−1). Source: M. L. Williams, J. Appl. Mech. 19 (1952); J. R. Barber, Elasticity, chapter 11, for the
+displacements.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from pandas import DataFrame, to_numeric
+
+from comparisons.lab.drawing import LOOKS, drawn, grid, legend_below, panelled
+from comparisons.lab.numbers import fixed, scientific, seconds, significant, span
+from comparisons.lab.reports import Form, Report, render
+from comparisons.lab.studies import DONE, Row, Study
+from comparisons.settled import LIMITS, LIMITS_SOURCE, TRANSITIONS
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    ContactResult,
+    Material,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    paper,
+    refine,
+    solve,
+)
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket import bracket
+from qvi_contact.files.export import json_ready
+from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
+from qvi_contact.plots.style import GREY
+from qvi_contact.problem.conditions import Condition
+from qvi_contact.refinement import RefinementRound
+from solvers import Status, solve_qvi
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_PUSH: Final = 1e-3  # of the punch [mm]
+_RADIUS: Final = 800.0  # of the punch [mm]
+_STICKING: Final = 0.25  # from here on the plate sticks everywhere
+
+CORNER: Final = {None: 0.7583491578824921, 0.05: 0.9403788391502874, 0.1: 0.88702715978581, 0.2: 0.7927153653759373}
+"""μ, or None where the wedge is held → λ in plane stress with ν = 0.3, by the determinant of the conditions above."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A problem of the study.
+
+    Attributes
+    ----------
+    name, title : word for tables and options, words for headings
+    contact : name of its contact
+    force : "normal_force" or "tangential_force", the one that balance alone does not give
+    size : of the rectangle [length]
+    coarse : cells along x and y of the coarsest mesh
+    singular : points where stresses are singular or a zone of the contact ends [length]
+    stated : the problem on any mesh
+    known : the force and its uncertainty, where it is known from elsewhere
+    source : where from
+    order : of the force on equal cells of the paper's element, by the strongest singularity; None where it is not known
+    sticks : whether the contact sticks everywhere: triangles of any degree have this order too then
+
+    """
+
+    name: str
+    title: str
+    contact: str
+    force: str
+    size: tuple[float, float]
+    coarse: tuple[int, int]
+    singular: Sequence[tuple[float, float]]
+    stated: Callable[[], ContactProblem]
+    known: tuple[float, float] | None = None
+    source: str = ""
+    order: float | None = None
+    sticks: bool = False
+
+    def equal(self, times: int) -> ContactProblem:
+        """The problem on equal cells, so many times as many each way as on the coarsest mesh."""
+        across, up = self.coarse
+        return replace(self.stated(), mesh=TriangleMesh.rectangle((times * across, times * up), *self.size))
+
+    def graded(self, depth: int) -> ContactProblem:
+        """The problem on twice the coarsest mesh, whose triangles at singular points are halved again and again."""
+        problem = self.equal(2)
+        assert isinstance(problem.mesh, TriangleMesh)
+        return replace(problem, mesh=problem.mesh.graded(self.singular, depth))
+
+
+def punch(friction: float) -> ContactProblem:
+    """Right half of a block on a smooth foundation, pressed by a rigid punch of parabolic shape.
+
+    [0, 4] × [0, 2] mm, steel in plane strain, symmetry on x = 0 and y = 0, x = 4 mm free. The punch goes down by 1e-3
+    mm and has the radius 800 mm: u_y ≤ −1e-3 + x²/1600 on the top.
+    """
+
+    def gap(x: FloatArray, y: FloatArray) -> FloatArray:
+        return -_PUSH + x**2 / (2.0 * _RADIUS) + 0.0 * y
+
+    contact = (
+        Contact("top", friction=friction, gap=gap, name="punch")
+        if friction
+        else Contact.frictionless("top", gap=gap, name="punch")
+    )
+    sides: list[Condition] = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)]
+    return ContactProblem(TriangleMesh.rectangle((2, 1), 4.0, 2.0), Material(2.1e5, 0.3, "strain"), [*sides, contact])
+
+
+def _block() -> ContactProblem:
+    return stick_slip_block((4, 2), transition=1.0, slip=0.02, pressure_drop=40.0)[0]
+
+
+def _plate(friction: float) -> Problem:
+    """The plate, with the order of the paper's element on equal cells, from the exponent λ of its free corner.
+
+    Where the contact sticks, the squared error of the stresses, and with it energy and force, fall like h^2λ. Where it
+    slips, Φ_xy of the corner node is zero and |σ_T| = μ|σ_N| beside it: the last edge misses friction ~ h^(λ−1) h in
+    the work on a slip that is not zero there, which makes h^λ.
+    """
+    sticks = friction >= _STICKING
+    power = CORNER[None if sticks else friction]
+    ends = [(1.0, 1.0), *([] if sticks else [(TRANSITIONS[friction], 1.0)])]
+    title = f"The plate, μ = {friction:g}{' (sticks everywhere)' if sticks else ''}"
+    return Problem(
+        f"plate {friction:g}", title, "plate", "normal_force", (1.0, 1.0), (2, 2), ends,
+        lambda: compressed_plate(friction), LIMITS[friction], LIMITS_SOURCE,
+        2.0 * power if sticks else power, sticks,
+    )  # fmt: skip
+
+
+_ALL: Final = [
+    *map(_plate, LIMITS),
+    Problem("ssnv128", "SSNV128: opens, slips and sticks", "base", "tangential_force", (0.04, 0.04), (4, 4),
+            [(0.0, 0.0), (3.28e-3, 0.0), (2.984e-2, 0.0)], lambda: ssnv128((2, 2))),
+    Problem("punch smooth", "Parabolic punch, frictionless: closed and open", "punch", "normal_force", (4.0, 2.0),
+            (4, 2), [(0.985, 2.0)], partial(punch, 0.0)),
+    Problem("punch rough", "Parabolic punch, μ = 0.3: sticks, slips and opens", "punch", "normal_force", (4.0, 2.0),
+            (4, 2), [(0.97, 2.0)], partial(punch, 0.3)),
+    # the change from stick to slip, x = 1, is on no vertex of equal cells; ∫ 3a x² dx with a = 30/(3·2²) over [0, 2]
+    Problem("block", "Block with an exact solution: sticks and slips", "base", "tangential_force", (2.0, 1.0), (3, 2),
+            [(1.0, 0.0)], _block, (20.0, 0.0), "closed form, `gallery.stick_slip_block`"),
+]  # fmt: skip
+
+PROBLEMS: Final = {problem.name: problem for problem in _ALL}
+"""Name → problem."""
+
+
+# The study: problems × meshes × degrees, each solved and bracketed; the paper's element on the plate beside them.
+
+
+TOLERANCE: Final = 1e-8
+"""That every certificate confirms."""
+
+EQUAL, GRADED, ADAPTIVE, PAPER = "equal", "graded", "adaptive", "paper"
+
+SEQUENCES: Final = {
+    EQUAL: "equal cells, each cut into two triangles",
+    GRADED: "twice the coarsest mesh, triangles halved at places known beforehand: corners, ends of zones",
+    ADAPTIVE: "made by `refine` for the force, from the coarsest mesh",
+    PAPER: "the paper's element (Bogner, Fox, Schmit) on n × n equal cells, the law at four points an edge",
+}
+"""Sequence of meshes → what it is."""
+
+DEGREES: Final = (3, 4, 5, 6, 8)
+REFINED_DEGREE: Final = 5
+"""Of adaptive meshes, the default of `refine`."""
+
+TIMES: Final = (1, 2, 4, 8, 16)
+DEPTHS: Final = (0, 2, 4, 6, 8, 10)
+PAPER_CELLS: Final = (2, 4, 8, 16, 32, 64, 128)
+
+_MOST: Final = 30_000  # unknowns of a mesh
+_BRACKETED: Final = 2_000  # unknowns up to which bounds are computed
+_OUT_OF_REACH: Final = 1e-9  # relative error asked of refine, so that it goes on to its limit of unknowns
+_MOST_REFINED: Final = 3_000
+
+Record = dict[str, Any]
+
+
+def study(quick: bool) -> Study:
+    """The study, or coarse meshes and few degrees of it."""
+    return Study("convergence-mesh", 4, "comparisons.convergence.mesh:run", [*_cases(quick)])
+
+
+def _cases(quick: bool) -> Iterator[Record]:
+    for problem in PROBLEMS.values():
+        plate = problem.contact == "plate"
+        if quick and problem.name not in ("plate 0.2", "block"):
+            continue
+        sizes = {EQUAL: TIMES[:3] if quick else TIMES, GRADED: DEPTHS[:3] if quick else DEPTHS}
+        for sequence, several in sizes.items():
+            for degree in (4, 5) if quick else DEGREES:
+                for size in several:
+                    if sequence == GRADED or _unknowns(problem, size, degree) <= _MOST:
+                        yield {"problem": problem.name, "sequence": sequence, "degree": degree, "size": size}
+        refined = 200 if quick else _MOST_REFINED
+        yield {"problem": problem.name, "sequence": ADAPTIVE, "degree": REFINED_DEGREE, "size": refined}
+        for cells in (PAPER_CELLS[:4] if quick else PAPER_CELLS) if plate else ():
+            yield {"problem": problem.name, "sequence": PAPER, "degree": 3, "size": cells}
+
+
+def _unknowns(problem: Problem, times: int, degree: int) -> int:
+    """About as many unknowns as equal cells have: 6 (degree − 2) for each cell that is cut in two."""
+    across, up = problem.coarse
+    return 6 * (degree - 2) * times**2 * across * up
+
+
+def run(case: Mapping[str, Any]) -> Record:
+    """Task of the study: one mesh, or all rounds of an adaptive one.
+
+    Returns
+    -------
+    dict
+        "meshes", a list of records: status, message, unknowns, cells (their number), h (the shortest edge over the
+        body's width), force, energy (−J*), seconds of the solve; and where bounds were computed lower, upper, strain,
+        guaranteed and force_bounds
+
+    """
+    problem = PROBLEMS[case["problem"]]
+    if case["sequence"] == PAPER:
+        return {"meshes": [_by_the_paper(float(problem.name.split()[1]), case["size"])]}
+    if case["sequence"] == ADAPTIVE:
+        return {"meshes": _adaptive(problem, case["degree"], case["size"])}
+    stated = problem.equal(case["size"]) if case["sequence"] == EQUAL else problem.graded(case["size"])
+    began = time.perf_counter()
+    result = solve(stated, degree=case["degree"], tolerance=TOLERANCE)
+    found = _answer(problem, result, time.perf_counter() - began)
+    return {"meshes": [found | _bounds(problem, result)]}
+
+
+def _answer(problem: Problem, result: ContactResult, seconds: float) -> Record:
+    solved = result.status is Status.SOLVED
+    mesh = result.problem.mesh
+    shortest, _ = mesh.cell_range
+    found: Record = {
+        "status": result.status.value, "message": "" if solved else result.message, "seconds": seconds,
+        "unknowns": int(result.discretization.qvi.n), "cells": len(mesh.cells), "h": shortest / problem.size[0],
+        "accuracy": float(result.certificate.accuracy),
+    }  # fmt: skip
+    if solved:
+        force = float(getattr(result.contacts[problem.contact], problem.force))
+        found |= {"force": abs(force), "energy": -result.energies.complementary}
+    return found
+
+
+def _bounds(problem: Problem, result: ContactResult) -> Record:
+    if result.status is not Status.SOLVED or result.discretization.qvi.n > _BRACKETED:
+        return {}
+    found = bracket(result)
+    force = found.forces.get(f"{problem.contact}.{problem.force}")
+    kept: Record = json_ready({  # bounds that are infinite are none
+        "lower": found.lower, "upper": found.upper, "strain": found.strain, "guaranteed": not found.reasons,
+        "force_bounds": None if force is None else [force.lower, force.upper],
+    })  # fmt: skip
+    return kept
+
+
+def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
+    """A record of each round; the time is all that was spent up to it."""
+    records: list[Record] = []
+    began = time.perf_counter()
+
+    def keep(done: RefinementRound) -> None:
+        records.append({
+            "status": Status.SOLVED.value, "message": "", "seconds": time.perf_counter() - began, "h": None,
+            "unknowns": done.unknowns, "cells": done.cells, "force": abs(done.value), "estimate": done.estimate,
+        })  # fmt: skip
+
+    quantity = f"{problem.contact}.{problem.force}"
+    refine(problem.equal(1), None, _OUT_OF_REACH, quantity, degree=degree, max_unknowns=most, callback=keep,
+           tolerance=TOLERANCE)  # fmt: skip
+    return list(json_ready(records))
+
+
+def _by_the_paper(friction: float, cells: int) -> Record:
+    """The plate on n × n of the paper's elements."""
+    plate = paper.plate(friction, (cells, cells))
+    began = time.perf_counter()
+    solution = solve_qvi(plate.qvi, method="condensed", tolerance=TOLERANCE)
+    solved = solution.status is Status.SOLVED
+    found: Record = {
+        "status": solution.status.value, "message": "" if solved else solution.message, "unknowns": plate.qvi.n,
+        "seconds": time.perf_counter() - began, "cells": cells**2, "h": 1.0 / cells,
+        "accuracy": float(solution.certificate.accuracy),
+    }  # fmt: skip
+    return found | ({"force": plate.force(solution.z)} if solved else {})
+
+
+FLOOR: Final = 1e-8
+"""Relative errors that the accuracy of the solves leaves."""
+
+TARGETS: Final = (1e-4, 1e-5, 1e-6)
+"""Relative errors of the force whose cost is told."""
+
+TARGET: Final = 1e-5
+"""That of which sentences tell."""
+
+_USUAL: Final = 4  # the degree that `solve` takes
+_NUMBERS: Final = ("force", "energy", "unknowns", "cells", "h", "seconds", "lower", "upper", "strain", "estimate")
+_CASE: Final = ("problem", "sequence", "degree", "size")
+_REFERENCE_DEGREE: Final = 8
+_ROUNDING: Final = 1e-9  # relative, of bounds beside a reference
+
+
+def meshes_of(rows: Sequence[Row]) -> DataFrame:
+    """One line a mesh, in the order of the rows.
+
+    The columns are those of the case and of the record, see `run`, and solved, error (relative, of the force),
+    least (what the reference's uncertainty and the solves leave), meant, whether the error is above that.
+    """
+    lines = [
+        {**{name: row.case[name] for name in _CASE}, **record}
+        for row in rows
+        for record in (row.result["meshes"] if row.status == DONE else [{"status": row.status, "message": row.reason}])
+    ]
+    meshes = DataFrame(lines, columns=[*_CASE, "status", "message", "guaranteed", "force_bounds", *_NUMBERS])
+    meshes[list(_NUMBERS)] = meshes[list(_NUMBERS)].apply(to_numeric)
+    meshes["solved"] = meshes.status == "solved"
+    known = references_of(meshes).set_index("problem")
+    value, uncertainty = meshes.problem.map(known.value), meshes.problem.map(known.uncertainty)
+    error = (meshes.force / value - 1.0).abs()
+    least = (uncertainty / value).clip(lower=FLOOR)
+    return meshes.assign(error=error, least=least, meant=error > least)
+
+
+def references_of(meshes: DataFrame) -> DataFrame:
+    """One line a problem: the force, its uncertainty and its source; from elsewhere, or of our finest graded meshes."""
+    lines = []
+    for name in meshes.problem.unique():
+        problem = PROBLEMS[name]
+        if problem.known is not None:
+            value, uncertainty = problem.known
+            lines.append((name, value, uncertainty, problem.source))
+            continue
+        graded = meshes[(meshes.problem == name) & (meshes.sequence == GRADED) & meshes.solved]
+        finest = graded[graded.degree == min(_REFERENCE_DEGREE, graded.degree.max())].tail(2)
+        if len(finest) == 2:
+            before, last = finest.force
+            source = (
+                f"graded {finest.cells.iloc[-1]:.0f} triangles of degree {finest.degree.iloc[-1]}; ± the mesh before"
+            )
+            lines.append((name, last, abs(last - before), source))
+    return DataFrame(lines, columns=["problem", "value", "uncertainty", "source"])
+
+
+def cost(points: DataFrame, target: float) -> float:
+    """The least number of unknowns from which on all errors stay within the target.
+
+    NaN without errors, infinite if even the last one does not. An error that a finer mesh does not confirm is small by
+    chance and does not count.
+    """
+    found = float("inf") if len(points) else float("nan")
+    for unknowns, error in sorted(zip(points.unknowns, points.error, strict=True), reverse=True):
+        if error > target:
+            break
+        found = float(unknowns)
+    return found
+
+
+def fitted_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
+    """Slope of log e over log h by least squares over the last three meshes whose error is not NaN.
+
+    NaN with fewer: two meshes make a straight line of anything.
+    """
+    pairs = np.array([sizes, errors], dtype=float)
+    h, e = np.log(pairs[:, ~np.isnan(pairs[1])][:, -3:])
+    return float(np.polynomial.polynomial.polyfit(h - h.mean(), e, 1)[1]) if len(h) == 3 else float("nan")
+
+
+def _curves(meshes: DataFrame) -> dict[tuple[str, str, int], DataFrame]:
+    """Solved meshes with an error by problem, sequence and degree."""
+    shown = meshes[meshes.solved & meshes.error.notna()]
+    return dict(list(shown.groupby(["problem", "sequence", "degree"], sort=False)))
+
+
+def costs_of(meshes: DataFrame) -> DataFrame:
+    """One line a problem and target that its reference can tell: unknowns by sequence, and the degree that is best."""
+    curves, lines = _curves(meshes), []
+    for problem, found in meshes.groupby("problem", sort=False):
+        for target in TARGETS:
+            if not target >= found.least.max():
+                continue
+            costs = {key[1:]: cost(curve, target) for key, curve in curves.items() if key[0] == problem}
+            graded = {degree: value for (sequence, degree), value in costs.items() if sequence == GRADED}
+            best = min(graded, key=lambda degree: graded[degree], default=0)
+            lines.append({
+                "problem": problem, "target": target, PAPER: costs.get((PAPER, 3)), EQUAL: costs.get((EQUAL, _USUAL)),
+                GRADED: graded.get(best), "degree": best if graded.get(best, np.inf) < np.inf else None,
+                ADAPTIVE: next((value for (sequence, _), value in costs.items() if sequence == ADAPTIVE), None),
+                **{f"degree {degree}": value for degree, value in graded.items()},
+            })  # fmt: skip
+    named = ["problem", "target", PAPER, EQUAL, GRADED, "degree", ADAPTIVE]
+    degrees = [f"degree {degree}" for degree in sorted(meshes.degree[meshes.sequence == GRADED].unique())]
+    return DataFrame(lines, columns=[*named, *degrees]).astype(dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), float))
+
+
+def orders_of(meshes: DataFrame) -> DataFrame:
+    """One line a problem and kind of equal cells: the observed order of the force, and the expected one."""
+    lines = [
+        {"problem": problem, "sequence": sequence, "degree": degree,
+         "expected": PROBLEMS[problem].order if sequence == PAPER or PROBLEMS[problem].sticks else None,
+         "fitted": fitted_order(curve.h, curve.error.where(curve.meant))}
+        for (problem, sequence, degree), curve in _curves(meshes).items() if sequence in (EQUAL, PAPER)
+    ]  # fmt: skip
+    return DataFrame(lines, columns=["problem", "sequence", "degree", "fitted", "expected"]).astype({"expected": float})
+
+
+def brackets_of(meshes: DataFrame) -> DataFrame:
+    """One line a problem: brackets of the energy, how many are guaranteed, the closest gap, and bounds of the force.
+
+    Of those with bounds of the force it is told how many enclose the reference from elsewhere.
+    """
+    tried = meshes[meshes.solved & meshes.lower.notna() & meshes.upper.notna()]
+    known, lines = references_of(meshes).set_index("problem"), []
+    for problem, found in tried.groupby("problem", sort=False):
+        gap = (found.upper - found.lower) / found.strain
+        bounded = found[found.force_bounds.notna()]
+        value, slack = known.value[problem], known.uncertainty[problem] + _ROUNDING * known.value[problem]
+        inside = [
+            low - slack <= value <= high + slack
+            for low, high in (sorted(map(abs, each)) for each in bounded.force_bounds)
+        ]
+        lines.append((problem, len(found), int((found.guaranteed == True).sum()), gap.min(), len(inside), sum(inside)))  # noqa: E712
+    return DataFrame(lines, columns=["problem", "number", "guaranteed", "gap", "bounded", "inside"])
+
+
+def values_of(meshes: DataFrame) -> dict[str, Any]:
+    """The numbers of the report's sentences."""
+    costs, orders, brackets = costs_of(meshes), orders_of(meshes), brackets_of(meshes)
+    chosen = costs[costs.target == TARGET]
+    plates = chosen[chosen[PAPER].notna()]
+    missed = plates[plates[PAPER] == np.inf]
+    known = orders[orders.expected.notna() & orders.fitted.notna()]
+    usual = known[(known.sequence == EQUAL)]
+    by_degree = {name: chosen[name].replace(np.inf, np.nan) for name in chosen if name.startswith("degree ")}
+    reached = {name: int(found.notna().sum()) for name, found in by_degree.items()}
+    return {
+        "target": TARGET, "problems": meshes.problem.nunique(), "judged": len(chosen), "plates": len(plates),
+        "paper_missed": len(missed), "paper_most": meshes.unknowns[meshes.sequence == PAPER].max(),
+        "plate_graded": span(plates[GRADED]), "equal_missed": int((chosen[EQUAL] == np.inf).sum()),
+        "graded": span(chosen[GRADED]), "graded_missed": int((chosen[GRADED] == np.inf).sum()),
+        "adaptive": span(chosen[ADAPTIVE]), "adaptive_missed": int((chosen[ADAPTIVE] == np.inf).sum()),
+        "orders": span(usual.fitted), "expected": span(usual.expected), "usual": _USUAL,
+        "paper_orders": span(known.fitted[known.sequence == PAPER]),
+        "paper_expected": span(known.expected[known.sequence == PAPER]),
+        "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()), "tolerance": TOLERANCE,
+        "brackets": int(brackets.number.sum()), "guaranteed": int(brackets.guaranteed.sum()),
+        "bounded": int(brackets.bounded.sum()), "inside": int(brackets.inside.sum()),
+        "closest": brackets.gap[brackets.gap > _ROUNDING].min(), "sequences": SEQUENCES,
+    }  # fmt: skip
+
+
+def _known(form: Form) -> Form:
+    """What is missing is left empty."""
+    return lambda value: "" if value is None or value != value else form(value)
+
+
+def _cost(unknowns: float) -> str:
+    return "not reached" if unknowns == float("inf") else f"{unknowns:.0f}"
+
+
+_NINE: Final = _known(partial(significant, digits=10))
+FORMS: Final[dict[str, Form]] = {
+    "target": partial(scientific, digits=1), **dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), _known(_cost)),
+    **dict.fromkeys((f"degree {degree}" for degree in range(3, 13)), _known(_cost)),
+    **dict.fromkeys(("fitted", "expected"), _known("{:.2f}".format)), "degree": _known(fixed(".0f")),
+    **dict.fromkeys(("unknowns", "cells"), fixed(".0f")), "seconds": seconds, "error": _known(scientific),
+    **dict.fromkeys(("force", "lower", "upper", "value"), _NINE), "gap": scientific, "uncertainty": scientific,
+}  # fmt: skip
+"""Column of a table → how its values read."""
+
+
+_LINES: Final[Sequence[tuple[str, Callable[[DataFrame], DataFrame]]]] = (
+    ("the paper's element, equal cells", lambda found: found[found.sequence == PAPER]),
+    ("degree 4, equal cells", lambda found: found[(found.sequence == EQUAL) & (found.degree == _USUAL)]),
+    ("degree 8, equal cells", lambda found: found[(found.sequence == EQUAL) & (found.degree == 8)]),
+    ("degree 4, graded", lambda found: found[(found.sequence == GRADED) & (found.degree == _USUAL)]),
+    ("degree 6, graded", lambda found: found[(found.sequence == GRADED) & (found.degree == 6)]),
+    ("adaptive", lambda found: found[found.sequence == ADAPTIVE]),
+)
+"""Curves of the figure."""
+
+
+def _picture(meshes: DataFrame) -> "Figure":
+    """Errors of the force against unknowns, a panel for each problem."""
+    shown = meshes[meshes.solved & (meshes.error > 0.0)]
+    groups = list(shown.groupby("problem", sort=False))
+    figure, panels = panelled(len(groups), 9.0, 2.6, 0.9)
+    for axes, (name, found) in zip(panels, groups, strict=True):
+        axes.set(xscale="log", yscale="log", xlabel="unknowns [-]", ylabel="relative error of the force [-]")
+        axes.minorticks_off()
+        grid(axes)
+        for (label, chosen), (colour, marker, line) in zip(_LINES, LOOKS, strict=False):
+            points = chosen(found)
+            if len(points):
+                axes.plot(points.unknowns, points.error, color=colour, marker=marker, linestyle=line, markersize=4,
+                          linewidth=1.1, label=label)  # fmt: skip
+        least = found.least.max()
+        bottom = min(found.error.min(), least) / 3.0
+        axes.axhspan(bottom, least, color=GREY, alpha=0.2, linewidth=0)
+        axes.set_ylim(bottom=bottom)
+        axes.set_title(PROBLEMS[str(name)].title, fontsize=9)
+    legend_below(figure, 3)
+    return figure
+
+
+def report(rows: Sequence[Row]) -> Report:
+    """The report; the same rows give the same report."""
+    meshes = meshes_of(rows)
+    costs = costs_of(meshes)
+    tables = {
+        "costs": costs, "degrees": costs, "orders": orders_of(meshes), "brackets": brackets_of(meshes),
+        "references": references_of(meshes), "failures": meshes[~meshes.solved], "meshes": meshes,
+    }  # fmt: skip
+    figures = {"errors": drawn("errors", partial(_picture, meshes))}
+    return render("comparisons.convergence", "convergence-mesh", values_of(meshes), tables, figures, rows,
+                  forms=FORMS, template="mesh.md")  # fmt: skip

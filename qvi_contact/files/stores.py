@@ -1,0 +1,388 @@
+"""Stores of what is done, from which the same command goes on: steps of a history, and rows of a sweep.
+
+Steps are archives in a folder, one for each step that is done, written whole or not at all. `store.json` tells which
+history it is: a digest of all its problems and options. Beside it stands `step-000001.npz` for the first step, and so
+on. After an interruption the steps up to the first that is missing or damaged are kept.
+
+Rows of a sweep are in an SQLite file, each on disk when its value is done. `planned` has all values, `results` and
+`contacts` what is done, and the view `rows` joins them: one row for each value and contact, with the columns of
+`ContactResult.forces_frame`. The fingerprint in `sweep` is that of problem and options, and behind a colon a digest of
+parameter and values, which tells a file that was changed; older ones have none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from copy import copy
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, overload
+
+import numpy as np
+
+from qvi_contact.basics.writing import given_path, writable_folder, write_text
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.errors import InputError
+from qvi_contact.files.archive import STORE, Archive, answer_from_archive, solution_arrays, write_archive
+from qvi_contact.runs.database import Database
+from qvi_contact.solution.history import CONTINUES
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, overall_status
+from qvi_contact.solution.sweep import Parameter, SweepRow, outcome_of, table_of
+from solvers import Status
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from qvi_contact.basics.units import Units
+
+# steps of a history
+
+_FORMAT: Final = "qvi_contact steps"
+_VERSION: Final = 1
+
+Restore = Callable[[int, Scales], Discretization]
+"""The problem of a step, from 1, in these units, without earlier slip."""
+
+
+class StepStore(Sequence[ContactResult]):
+    """Results of steps, read when they are asked for; the last one that was read or added is at hand.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made if it is missing.
+    fingerprint : str
+        Digest of the problems and options.
+    planned : int
+        Number of steps.
+    restore : function
+        Makes the problem of a step again.
+
+    Attributes
+    ----------
+    statuses : list of Status
+        Of each step there is.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, holds other files, or the steps of another history; by what reads a step, if
+        its file cannot be read, was changed, or belongs to another history.
+
+    """
+
+    def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
+        self._folder, self._fingerprint = writable_folder(folder, "store"), fingerprint
+        self._restore = restore
+        self._end: ContactResult | None = None  # a step that is not done, and in no file
+        self._near: tuple[int, ContactResult] | None = None
+        self._part: range | None = None  # numbers of steps, where only some are meant
+        header, document = self._folder / "store.json", {"format": _FORMAT, "version": _VERSION}
+        if header.exists():
+            remedy = "is not the description of stored steps: give an empty folder, or a new name"
+            try:
+                found: Any = json.loads(header.read_text(encoding="utf-8"))
+                known, count, other = {n: found[n] for n in document}, found["planned"], found["fingerprint"]
+            except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+                raise InputError("store", str(header), remedy) from error
+            if known != document:
+                raise InputError("store", str(header), remedy)
+            if other != fingerprint:
+                remedy = f"holds another history, of {count} steps: problems or options differ. Give a new folder"
+                raise InputError("store", str(self._folder), remedy)
+        elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write cut short
+            raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
+        else:
+            told = {**document, "fingerprint": fingerprint, "planned": planned}
+            write_text(header, json.dumps(told, indent=2) + "\n")
+        self.statuses: list[Status] = []
+        while len(self.statuses) < planned:
+            try:
+                self.statuses.append(Status(self._archive(len(self.statuses) + 1).text("status")))
+            except (InputError, ValueError):
+                break
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, index: int) -> ContactResult: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[ContactResult]: ...
+
+    def __getitem__(self, index: int | slice) -> ContactResult | Sequence[ContactResult]:
+        if isinstance(index, slice):
+            some = copy(self)
+            some._part = self._numbers[index]
+            return some
+        number = self._numbers[index]
+        if number == len(self.statuses) and self._end is not None:
+            return self._end
+        if self._near is None or self._near[0] != number:
+            archive = self._archive(number)
+            self._near = number, answer_from_archive(archive, lambda scales: self._restore(number, scales))
+        return self._near[1]
+
+    def append(self, result: ContactResult) -> None:
+        """One more step: written if another may follow, else at hand only, as the end."""
+        number = len(self.statuses) + 1
+        if result.status in CONTINUES:
+            write_archive(self._path(number), solution_arrays(result, tried=False) | {STORE: self._fingerprint})
+            self._near = number, result
+        else:
+            self._end = result
+        self.statuses.append(result.status)
+
+    @property
+    def _numbers(self) -> range:
+        return range(1, len(self.statuses) + 1) if self._part is None else self._part
+
+    def _path(self, number: int) -> Path:
+        return self._folder / f"step-{number:06}.npz"
+
+    def _archive(self, number: int) -> Archive:
+        """A step, as it was read."""
+        archive = Archive(self._path(number))
+        if not archive.intact or archive.text(STORE) != self._fingerprint:
+            remedy = "was changed, or belongs to another history: delete the file, and run the history again"
+            raise InputError("store", archive.path, remedy)
+        return archive
+
+
+# rows of a sweep
+
+SUMMARY_COLUMNS: Final = (
+    "normal_force", "tangential_force", "share_open", "share_stick", "share_slip",
+    "largest_pressure", "largest_shear", "largest_gap", "largest_slip", *PLATE_COLUMNS,
+)  # fmt: skip
+"""Keys of `ContactLine.summary`, and those of plates and pins, which contacts without have no values for."""
+
+_Kind = TypeVar("_Kind")
+
+_COLUMNS: Final = ", ".join(SUMMARY_COLUMNS)
+_TABLES: Final = (
+    "CREATE TABLE sweep (parameter TEXT NOT NULL, fingerprint TEXT NOT NULL, began TEXT NOT NULL)",
+    "CREATE TABLE planned (number INTEGER PRIMARY KEY, value REAL NOT NULL)",
+    """CREATE TABLE results (
+        number INTEGER PRIMARY KEY REFERENCES planned, status TEXT NOT NULL, message TEXT NOT NULL,
+        iterations INTEGER NOT NULL, accuracy REAL, seconds REAL NOT NULL
+    )""",
+    f"""CREATE TABLE contacts (
+        number INTEGER NOT NULL REFERENCES results ON DELETE CASCADE, contact TEXT NOT NULL,
+        {", ".join(f"{name} REAL" for name in SUMMARY_COLUMNS)}, PRIMARY KEY (number, contact)
+    )""",
+    f"""CREATE VIEW "rows" AS
+        SELECT number, value, status, iterations, accuracy, seconds, contact, {_COLUMNS}, message
+        FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number
+    """,
+)
+_DATABASE: Final = Database("the store of a sweep", 0x51564957, 1, _TABLES, "results")  # "QVIW"
+
+_RESULT: Final = "INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)"
+_CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
+_DONE: Final = """
+    SELECT number, value, status, message, iterations, accuracy, seconds
+    FROM planned JOIN results USING (number) ORDER BY number
+"""
+_CONTACTS: Final = f"SELECT contact, {_COLUMNS} FROM contacts WHERE number = ? ORDER BY rowid"
+_FAILED: Final = f"""
+    SELECT value, message FROM planned JOIN results USING (number) WHERE status <> '{Status.SOLVED}' ORDER BY number
+"""
+
+
+@dataclass(frozen=True)
+class StoredSweep:
+    """A sweep whose rows are in a file, from which everything is read when it is asked for.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    parameter : "friction", "load", "gap" or "offset"
+        What was changed.
+    values : tuple of float
+        All values asked for, done or not.
+
+    Raises
+    ------
+    InputError
+        By what reads the file, where it is not there any more or damaged.
+
+    """
+
+    path: Path
+    parameter: Parameter
+    values: tuple[float, ...]
+
+    def rows(self) -> Iterator[SweepRow]:
+        """What is done, in the order of the values."""
+        with _DATABASE.opened(self.path) as connection, _sound(self.path):
+            for number, value, status, message, iterations, accuracy, seconds in connection.execute(_DONE):
+                contacts = {}
+                for name, *numbers in connection.execute(_CONTACTS, (number,)):
+                    named = zip(SUMMARY_COLUMNS, numbers, strict=True)
+                    contacts[_of(str, name)] = {key: _of(float, each) for key, each in named if each is not None}
+                told = Status(status), _of(str, message), _of(int, iterations)
+                accuracy = math.nan if accuracy is None else _of(float, accuracy)
+                yield SweepRow(number, _of(float, value), *told, accuracy, _of(float, seconds), contacts)
+
+    @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The status of each value done, in the order of the values."""
+        found = self._read("SELECT status FROM results ORDER BY number")
+        with _sound(self.path):
+            return tuple(Status(status) for (status,) in found)
+
+    @property
+    def status(self) -> Status:
+        """Solved if all values were; else the status of the first that was not, "time_limit" if some are missing."""
+        return overall_status(self.statuses, len(self.values))
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome."""
+        ((done,),) = self._read("SELECT count(*) FROM results")
+        failed = self._read(_FAILED)
+        with _sound(self.path):
+            failed = [(_of(float, value), _of(str, message)) for value, message in failed]
+        return outcome_of(self.parameter, failed, done, len(self.values))
+
+    def to_frame(self, units: Units | None = None) -> DataFrame:
+        """One row for each value and contact as a pandas table, as by `Sweep.to_frame`."""
+        return table_of(self.parameter, self.rows(), units)
+
+    def _read(self, query: str) -> list[Any]:
+        with _DATABASE.opened(self.path) as connection:
+            return connection.execute(query).fetchall()
+
+
+def read_sweep(path: str | Path) -> StoredSweep:
+    """The sweep of a store, which may belong to a run that goes on.
+
+    Raises
+    ------
+    InputError
+        If there is no such store, or it is damaged or of another version.
+
+    """
+    place = _place(path)
+    with _DATABASE.opened(place) as connection:
+        parameter, _, values = _plan(connection, place)
+    return StoredSweep(place, parameter, values)
+
+
+def _place(path: str | Path) -> Path:
+    """The file that a caller has named."""
+    place = given_path("store", path)
+    try:
+        place.resolve()
+    except ValueError as error:
+        raise InputError("store", str(path), f"no file can have this name ({error}): give another") from error
+    return place
+
+
+class SweepStore:
+    """A store that rows are added to, see `writing`."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self._path, self._connection = path, connection
+
+    def pending(self) -> list[tuple[int, float]]:
+        """Numbers, from 1, and values that are not done."""
+        query = "SELECT number, value FROM planned WHERE number NOT IN (SELECT number FROM results) ORDER BY number"
+        with _DATABASE.explained(self._path):
+            return self._connection.execute(query).fetchall()
+
+    def append(self, rows: Sequence[SweepRow]) -> None:
+        """Write rows; when this returns, all are on disk, and none if it fails."""
+        with _DATABASE.explained(self._path), self._connection:
+            for row in rows:
+                found = (row.number, str(row.status), row.message, row.iterations, row.accuracy, row.seconds)
+                self._connection.execute(_RESULT, found)
+                for name, summary in row.contacts.items():
+                    self._connection.execute(
+                        _CONTACT, (row.number, name, *(summary.get(key) for key in SUMMARY_COLUMNS))
+                    )
+
+
+@contextmanager
+def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> Iterator[SweepStore]:
+    """Open the store of a sweep, made if it is missing, and keep all other runs away from it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, is in use, damaged, or holds another sweep.
+
+    """
+    place = _place(path)
+    if place.is_dir() or not place.name:
+        raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
+
+    def declare(empty: sqlite3.Connection) -> None:
+        marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
+        began = datetime.now(UTC).isoformat(timespec="seconds")
+        empty.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, marked, began))
+        empty.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
+
+    with _DATABASE.writing(place, declare) as connection:
+        stored, found, planned = _plan(connection, place)
+        if found.partition(":")[0] != fingerprint:
+            remedy = f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
+            raise InputError("store", str(path), remedy)
+        if (stored, planned) != (parameter, tuple(values)):
+            raise _changed(place)
+        yield SweepStore(place, connection)
+
+
+def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, tuple[float, ...]]:
+    """Parameter, fingerprint and values of a store."""
+    found = connection.execute("SELECT parameter, fingerprint FROM sweep").fetchall()
+    if len(found) != 1 or found[0][0] not in get_args(Parameter):
+        raise _DATABASE.damaged(path)
+    parameter, fingerprint = found[0]
+    planned = connection.execute("SELECT number, value FROM planned ORDER BY number").fetchall()
+    with _sound(path):
+        values = tuple(_of(float, value) for _, value in planned)
+        run, _, digest = _of(str, fingerprint).partition(":")
+    numbered = [number for number, _ in planned] == list(range(1, len(planned) + 1))
+    if not numbered or (digest and digest != _digest(run, parameter, values)):
+        raise _changed(path)
+    return parameter, fingerprint, values
+
+
+def _changed(path: Path) -> InputError:
+    remedy = "its parameter or values were changed after it was made: give another file"
+    return InputError("store", str(path), remedy)
+
+
+def _digest(fingerprint: str, parameter: str, values: Sequence[float]) -> str:
+    """SHA-256 of what a sweep was asked for, as hexadecimal text."""
+    asked = (np.array(values, dtype="<f8") + 0.0).tobytes()  # SQLite keeps no −0.0
+    return hashlib.sha256(f"{fingerprint}:{parameter}:".encode() + asked).hexdigest()
+
+
+@contextmanager
+def _sound(path: Path) -> Iterator[None]:
+    """What is no row of a sweep inside becomes one line; SQLite keeps anything in any column."""
+    try:
+        yield
+    except (ValueError, TypeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise _DATABASE.damaged(path) from error
+
+
+def _of(kind: type[_Kind], value: object) -> _Kind:
+    """The value, if it is of this kind."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{type(value).__name__} instead of {kind.__name__}")
+    return value

@@ -1,0 +1,260 @@
+"""Triangles cut into smaller ones, with the names of edges and regions: bisected, in fans, or where bodies are joined.
+
+Bodies meshed apart that touch along straight lines are joined by putting the nodes of either side into the other. A
+triangle whose side has nodes of the other body in it is cut into triangles from the corner opposite. So both sides have
+the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
+"""
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.spatial import cKDTree
+
+from qvi_contact.basics.checks import FloatArray, IntArray, real_array
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.curves import Curve, MeshParts, bends_of, bent_too_far
+from qvi_contact.mesh.edges import Topology, cross
+from qvi_contact.mesh.flaws import hanging_vertices, pieces, same_places
+from qvi_contact.mesh.selection import new_name
+
+_DIVISIONS: Final = 6  # halvings of an arc until its triangle is high enough
+_ROUNDING: Final = 1e-9  # of angles, as a share
+
+
+def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
+    """The mesh with marked triangles refined, and others as far as needed; without marks each is divided into four.
+
+    Old vertices keep their numbers, new ones are midpoints of old edges, those on arcs of the arcs. A triangle that
+    became too flat for its arc is divided further, arcs are half as long then.
+    """
+    if marked is None:
+        return divided_at_arcs(_bisected(mesh, None))
+    count = len(mesh.cells)
+    remedy = f"give numbers of triangles, 0 to {count - 1}, or a boolean for each of the {count}"
+    _ = real_array("marked", marked, remedy)
+    chosen = np.asarray(marked)
+    if chosen.dtype == bool and chosen.shape == (count,):
+        chosen = np.flatnonzero(chosen)
+    if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
+        raise InputError("marked", marked, remedy)
+    if chosen.size and (chosen.min() < 0 or chosen.max() >= count):
+        raise InputError("marked", marked, remedy)
+    return divided_at_arcs(_bisected(mesh, chosen.astype(np.int64)))
+
+
+def divided_at_arcs(mesh: MeshParts) -> MeshParts:
+    """The mesh with triangles divided whose sides bend too far for them; some are left if arcs cross other edges."""
+    for _ in range(_DIVISIONS if mesh.arcs else 0):
+        cells = np.sort(mesh.cells, axis=1)
+        topology = Topology.of(cells, len(mesh.vertices))
+        bends = bends_of(mesh.arcs, topology)
+        flat = np.flatnonzero(bent_too_far(bends, mesh.vertices, cells, topology).any(axis=1))
+        if not len(flat):
+            break
+        mesh = _bisected(mesh, flat)
+    return mesh
+
+
+def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> MeshParts:
+    """The mesh with fans of triangles of at most this angle [rad] around vertices, see `TriangleMesh.fanned`."""
+    angle *= 1.0 + _ROUNDING
+    for vertex in np.asarray(vertices, dtype=np.int64).tolist():
+        done = 0
+        while done < layers or _angles_at(mesh, vertex)[1].max() > angle:
+            ends = np.unique(_angles_at(mesh, vertex)[0])
+            mesh = _halved(mesh, np.column_stack([np.full(len(ends), vertex), ends]))
+            opposite, turn = _angles_at(mesh, vertex)
+            mesh = _halved(mesh, opposite[turn > angle])
+            done += 1
+    return divided_at_arcs(mesh)
+
+
+def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
+    """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
+    cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
+    opposite = cells[cells != vertex].reshape(-1, 2)
+    one, other = (mesh.vertices[opposite[:, end]] - mesh.vertices[vertex] for end in (0, 1))
+    return opposite, np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=1)))
+
+
+def _bisected(mesh: MeshParts, marked: IntArray | None) -> MeshParts:
+    triangles: Any = import_module("skfem").MeshTri  # loaded here: reading and posing problems need none of it
+    coarse = triangles(np.ascontiguousarray(mesh.vertices.T), np.ascontiguousarray(mesh.cells.T))
+    if mesh.regions:
+        coarse = coarse.with_subdomains(dict(mesh.regions))
+    fine = coarse.refined(1 if marked is None else marked)
+    vertices, cells = np.ascontiguousarray(fine.p.T), np.sort(fine.t.T.astype(np.int64), axis=1)
+    regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
+    return _carried_over(mesh, vertices, cells, regions)
+
+
+def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
+    """The mesh with these edges (k, 2), by their vertices, halved, and the triangles beside them divided; no others.
+
+    A triangle with one such edge is cut in two, with two in three and with three in four.
+    """
+    cells, old = np.sort(mesh.cells, axis=1), len(mesh.vertices)
+    topology = Topology.of(cells, old)
+    number = np.unique(topology.number(edges))
+    middle = np.full(len(topology.ends), -1)
+    middle[number] = old + np.arange(len(number))
+    vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
+    found, parents = list[list[int]](), list[int]()
+    for cell, (corners, sides) in enumerate(zip(cells.tolist(), middle[topology.of_cells].tolist(), strict=True)):
+        pieces = _pieces(corners, sides, vertices)
+        found += pieces
+        parents += [cell] * len(pieces)
+    parent = np.array(parents, dtype=np.int64)
+    regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
+    return _carried_over(mesh, vertices, np.sort(np.array(found, dtype=np.int64), axis=1), regions)
+
+
+def _pieces(corners: list[int], sides: list[int], vertices: FloatArray) -> list[list[int]]:
+    """The triangles that a triangle is cut into; sides are the middles of those opposite to the corners, or −1."""
+    cut = [s for s in range(3) if sides[s] >= 0]
+    if not cut:
+        return [corners]
+    if len(cut) == 3:
+        a, b, c = sides
+        return [[corners[0], b, c], [a, corners[1], c], [a, b, corners[2]], [a, b, c]]
+    if len(cut) == 1:
+        s = cut[0]
+        return [[corners[s], corners[end], sides[s]] for end in range(3) if end != s]
+    tip = 3 - sum(cut)  # both sides meet in this corner
+    one, other = cut
+    first, second = sides[one], sides[other]  # on the sides tip–other and tip–one
+    quads = [
+        (corners[other], second, [corners[one], first]),
+        (corners[one], first, [corners[other], second]),
+    ]
+    lengths = [float(np.hypot(*(vertices[a] - vertices[b]))) for a, b, _ in quads]
+    a, b, ends = quads[int(np.argmin(lengths))]
+    return [[corners[tip], first, second], *([a, b, end] for end in ends)]
+
+
+def _carried_over(mesh: MeshParts, vertices: FloatArray, cells: IntArray, regions: Mapping[str, IntArray]) -> MeshParts:
+    """Finer triangles, whose new vertices are middles of old edges, with the names of the mesh.
+
+    `InputError` where they are too small for the coordinates to tell their vertices apart.
+    """
+    same = same_places(vertices)
+    if len(same):
+        x, y = vertices[same[0, 0]].tolist()
+        raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
+    if not mesh.edge_sets and not mesh.arcs:
+        return MeshParts(vertices, cells, {}, regions)
+    old, ends = len(mesh.vertices), Topology.of(cells, len(vertices)).ends
+    coarse = Topology.of(np.sort(mesh.cells, axis=1), old)
+    number = np.where(ends[:, 1] < old, coarse.number(np.minimum(ends, old - 1)), -1)  # the old edge they are part of
+    if len(vertices) > old:
+        middles = cKDTree(mesh.vertices[coarse.ends].mean(axis=1))
+        halved = np.flatnonzero((ends[:, 0] < old) & (ends[:, 1] >= old))
+        origin = np.asarray(middles.query(vertices[ends[halved, 1]])[1])
+        on_it = (coarse.ends[origin] == ends[halved, :1]).any(axis=1)
+        number[halved[on_it]] = origin[on_it]
+
+    def parts_of(pairs: IntArray) -> IntArray:
+        return np.flatnonzero(np.isin(number, coarse.number(pairs)))
+
+    edge_sets = {name: ends[parts_of(pairs)] for name, pairs in mesh.edge_sets.items()}
+    arcs = []
+    for arc in mesh.arcs:
+        part = parts_of(arc.edges)
+        pairs, parents = ends[part], coarse.ends[number[part]]
+        new = pairs[:, 1] >= old
+        vertices[pairs[new, 1]] = arc.middles(parents[new], mesh.vertices)
+        arcs.append(arc.divided(pairs, parents))
+    return MeshParts(vertices, cells, edge_sets, regions, arcs)
+
+
+def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
+    """Several meshes as one of several pieces; edge sets and regions of one name are one."""
+    vertices, cells, arcs = [], [], list[Curve]()
+    edge_sets, regions = dict[str, list[IntArray]](), dict[str, list[IntArray]]()
+    nodes = count = 0
+    for mesh in meshes:
+        vertices.append(mesh.vertices)
+        cells.append(mesh.cells + nodes)
+        arcs += [Curve(arc.edges + nodes, arc.coefficients) for arc in mesh.arcs]
+        for name, pairs in mesh.edge_sets.items():
+            edge_sets.setdefault(name, []).append(pairs + nodes)
+        for name, chosen in mesh.regions.items():
+            regions.setdefault(name, []).append(chosen + count)
+        nodes, count = nodes + len(mesh.vertices), count + len(mesh.cells)
+    sets = {name: np.concatenate(parts) for name, parts in edge_sets.items()}
+    named = {name: np.concatenate(parts) for name, parts in regions.items()}
+    return MeshParts(np.concatenate(vertices), np.concatenate(cells), sets, named, arcs)
+
+
+def joined(mesh: MeshParts, name: str) -> MeshParts:
+    """The pieces of a mesh with common nodes where they touch, the edges there being the joint of that name.
+
+    A named part of the boundary loses the edges that are in the joint, unless all of it is.
+
+    Raises
+    ------
+    InputError
+        If the name is taken, or no pieces touch along a straight line.
+
+    """
+    if name in mesh.edge_sets:
+        raise InputError("join", name, "this edge set exists already: choose another name")
+    new_name(name)
+    vertices, cells = mesh.vertices, np.sort(mesh.cells, axis=1)
+    topology = Topology.of(cells, len(vertices))
+    piece = pieces(topology, len(cells))
+    of_vertex = np.empty(len(vertices), dtype=np.int64)
+    of_vertex[cells] = piece[:, None]
+    inside: dict[tuple[int, int], list[int]] = {}  # of an edge the vertices of other pieces in it
+    for vertex, edge in hanging_vertices(vertices, topology).tolist():
+        if of_vertex[vertex] != piece[topology.cells[edge, 0]]:
+            low, high = topology.ends[edge].tolist()
+            inside.setdefault((low, high), []).append(vertex)
+    for (low, high), found in inside.items():
+        found.sort(key=lambda vertex: float((vertices[vertex] - vertices[low]) @ (vertices[high] - vertices[low])))
+    for arc in mesh.arcs:
+        if any(tuple(sorted(pair)) in inside for pair in arc.edges.tolist()):
+            raise InputError("join", name, "touches an arc there: both sides need the same nodes on it")
+    cut = [_cut(corners, inside) for corners in cells.tolist()]
+    parent = np.repeat(np.arange(len(cells)), [len(parts) for parts in cut])
+    twins = same_places(vertices)
+    twins = twins[of_vertex[twins[:, 0]] != of_vertex[twins[:, 1]]]
+    graph = sparse.coo_array((np.ones(len(twins)), twins.T), shape=(len(vertices), len(vertices)))
+    _, first, place = np.unique(
+        csgraph.connected_components(graph, directed=False)[1], return_index=True, return_inverse=True
+    )
+    new_cells = np.sort(place[np.concatenate([np.array(parts) for parts in cut])], axis=1)
+    fine = Topology.of(new_cells, len(first))
+    across = (fine.count == 2) & (piece[parent[fine.cells[:, 0]]] != piece[parent[fine.cells[:, 1]]])
+    if not across.any():
+        raise InputError("join", name, "no pieces of this mesh touch along a straight line: leave it out")
+    edge_sets = {name: fine.ends[across]}
+    for other, pairs in mesh.edge_sets.items():
+        chains = [[a, *_between(a, b, inside), b] for a, b in pairs.tolist()]
+        found = place[np.array([step for chain in chains for step in pairwise(chain)])]
+        in_joint = across[fine.number(found)]
+        edge_sets[other] = found if in_joint.all() else found[~in_joint]
+    regions = {other: np.flatnonzero(np.isin(parent, chosen)) for other, chosen in mesh.regions.items()}
+    arcs = [Curve(place[arc.edges], arc.coefficients) for arc in mesh.arcs]
+    return MeshParts(vertices[first], new_cells, edge_sets, regions, arcs)
+
+
+def _between(a: int, b: int, inside: Mapping[tuple[int, int], list[int]]) -> list[int]:
+    """The vertices in the edge from a to b, in this order."""
+    return inside.get((a, b), []) if a < b else inside.get((b, a), [])[::-1]
+
+
+def _cut(corners: list[int], inside: Mapping[tuple[int, int], list[int]]) -> list[list[int]]:
+    """The triangles of a triangle whose sides have vertices in them: side by side, from the corner opposite."""
+    for s in range(3):
+        tip, a, b = corners[s], corners[s - 2], corners[s - 1]
+        between = _between(a, b, inside)
+        if between:
+            return [part for p, q in pairwise([a, *between, b]) for part in _cut([tip, p, q], inside)]
+    return [corners]
