@@ -271,7 +271,8 @@ class StressProgram:
             if isinstance(found, str):
                 continue
             x, violation = program.repaired(found, share)
-            if violation * program.size(x) <= HELD * max(1.0, program.size(0.0 * x)):  # else the solver has given up
+            grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
+            if violation * grown <= HELD:  # else the solver has given up
                 tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
                 stress = (self._matrix @ x + self._constant).reshape(-1, 3, self.cones.count, 3)
                 return CarriedStress(float(x[-1]), violation, x, stress, tractions)
