@@ -31,6 +31,7 @@ _ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second progr
 _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
+_NEVER: Final = 1e-300  # what "unbounded" must reach once it was found to be rounding
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
 
 INFEASIBLE: Final = "infeasible"
@@ -117,14 +118,16 @@ class ConicProgram:
         settings.iterative_refinement_max_iter = _REFINED
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         n = len(self.q)
-        answer = clarabel.DefaultSolver(
-            sparse.csc_matrix((n, n)), q / size, sparse.csc_matrix(A), b / unit, kinds, settings
-        ).solve()
+        data = sparse.csc_matrix((n, n)), q / size, sparse.csc_matrix(A), b / unit, kinds
+        answer = clarabel.DefaultSolver(*data, settings).solve()
+        if str(answer.status).endswith("DualInfeasible"):
+            if self._falls():
+                return UNBOUNDED
+            settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
+            answer = clarabel.DefaultSolver(*data, settings).solve()
         word, x = str(answer.status), unit * np.array(answer.x) / scale
         if word.endswith("PrimalInfeasible"):
             return INFEASIBLE
-        if word.endswith("DualInfeasible") and self._falls():
-            return UNBOUNDED
         if word == "MaxTime":
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
         if not np.isfinite(x).all():
@@ -142,7 +145,8 @@ class ConicProgram:
         if isinstance(found, str):
             return False
         x, violation = program.repaired(found)
-        return violation <= HELD and float(self.q @ x) < -HELD * float(np.abs(self.q) @ np.abs(x))
+        gained = -float(self.q @ x)  # 1, which the last row of L allows, if there is such a direction
+        return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and violation * program.size(x) <= HELD
 
     def projected(self, x: FloatArray) -> FloatArray:
         """The nearest point with E x = e, rows of which may depend on each other."""
