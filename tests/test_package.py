@@ -112,8 +112,9 @@ PACKAGES = ("solvers", "qvi_contact", "comparisons")
 def modules(package):
     """Name of each module and what it imports, those that only lead to others left out."""
     found = []
-    for path in sorted((ROOT / package).rglob("*.py")):
-        parts = path.relative_to(ROOT).with_suffix("").parts
+    folder = Path(import_module(package).__file__).parent  # of what is installed, where only that is there
+    for path in sorted(folder.rglob("*.py")):
+        parts = path.relative_to(folder.parent).with_suffix("").parts
         if len(parts) > 2 or parts[-1] not in ("__init__", "__main__"):
             tree = ast.parse(path.read_text(encoding="utf-8"))
             found.append((".".join(parts).removesuffix(".__init__"), set(imports(tree))))
