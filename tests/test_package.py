@@ -7,6 +7,7 @@ import sys
 import sysconfig
 import tomllib
 from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
