@@ -27,7 +27,7 @@ _REFINED: Final = 30  # steps of its iterative refinement, at most
 _DAMPED: Final = 1e-14  # added to the normal equations of E, whose rows may depend on each other
 _SWEEPS: Final = 4  # of the projection on E x = e
 HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
-_ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
+ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
 _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
@@ -179,12 +179,12 @@ class ConicProgram:
         """
         x = self.projected(x)
         margins = self.margins(x)
-        if margins.min(initial=0.0) < -_ROUNDING:  # once more, from rows that are tighter by what is missed
+        if margins.min(initial=0.0) < -ROUNDING:  # once more, from rows that are tighter by what is missed
             found = self.tightened(room=_TIGHTER * float(-margins.min()) * self.size(x)).solve()
             nearby = x if isinstance(found, str) else self.projected(found)
             if self.margins(nearby).min(initial=0.0) > margins.min():
                 x, margins = nearby, self.margins(nearby)
-        if least or margins.min(initial=0.0) < -_ROUNDING:
+        if least or margins.min(initial=0.0) < -ROUNDING:
             inside = self._inside()
             if inside is not None:
                 room = self.margins(inside)
@@ -203,7 +203,7 @@ class ConicProgram:
     def _inside(self) -> FloatArray | None:
         """A point as far inside as can be, as far as rows leave room."""
         x, room = self.room()
-        if room > 0.0 and self.margins(x).min(initial=0.0) > _ROUNDING:
+        if room > 0.0 and self.margins(x).min(initial=0.0) > ROUNDING:
             return x
         found = self._roomy(each=True).solve()
         return None if isinstance(found, str) else self.projected(found[: len(self.q)])

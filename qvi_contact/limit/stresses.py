@@ -31,7 +31,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
 from qvi_contact.errors import InputError
-from qvi_contact.limit.conic import HELD, UNBOUNDED, Cones, ConicProgram
+from qvi_contact.limit.conic import HELD, ROUNDING, UNBOUNDED, Cones, ConicProgram
 from qvi_contact.limit.linear import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
@@ -263,7 +263,7 @@ class StressProgram:
         return self.program(np.full(len(both_signs(self.low)), EITHER)).room()[1]
 
     def _solved(self, signs: IntArray, share: float) -> CarriedStress:
-        program = self.program(signs)
+        program, best = self.program(signs), CarriedStress(-np.inf, 0.0)
         for each in (program.tightened(_TIGHTER), program):  # where limits leave no room, rounding decides of the first
             found = each.solve()
             if isinstance(found, str) and found == UNBOUNDED:
@@ -275,8 +275,11 @@ class StressProgram:
             if violation * grown <= HELD:  # else the solver has given up
                 tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
                 stress = (self._matrix @ x + self._constant).reshape(-1, 3, self.cones.count, 3)
-                return CarriedStress(float(x[-1]), violation, x, stress, tractions)
-        return CarriedStress(-np.inf, 0.0)
+                carried = CarriedStress(float(x[-1]), violation, x, stress, tractions)
+                best = max(best, carried, key=lambda one: one.factor)
+                if violation <= ROUNDING:
+                    break
+        return best
 
     def program(self, signs: IntArray) -> ConicProgram:
         """The cone program for signs (e,) of σ_N on contact edges, which count where `both_signs`."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from click.shell_completion import BashComplete
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 
 from qvi_contact import load_problem, save_problem, solve
 from qvi_contact.command import group
@@ -293,6 +293,7 @@ def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
 
     @settings(max_examples=examples(40), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
     @given(mutated() | mutated(TRIANGLES))
+    @example(TRIANGLES.encode())
     def one_file(content):
         path.write_bytes(content)
         status, out, err = shell("solve", path)
