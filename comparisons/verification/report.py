@@ -149,10 +149,11 @@ _LEAST, _MOST = 1e-4, 1e2  # error over tolerance: what lies beyond is drawn on 
 
 def drawings(names: Sequence[str]) -> dict[str, str]:
     """Names of figures → pictures, as SVG, of the bodies of these problems; empty without matplotlib."""
+    chosen = {name: posed for name, posed in POSED.items() if name in names}
     return {
-        f"problem-{name}": drawn(f"verification-{name}", lambda posed=posed: problem_figure(posed[0](), posed[1]))
-        for name, posed in POSED.items() if name in names
-    }  # fmt: skip
+        f"problem-{name}": drawn(f"verification-{name}", partial(problem_figure, posed(), units))
+        for name, (posed, units) in chosen.items()
+    }
 
 
 def overview(problems: Sequence[dict[str, Any]]) -> "Figure":
