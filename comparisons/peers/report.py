@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from pandas import DataFrame, concat, factorize, to_numeric
 
-from comparisons.lab.drawing import drawn, grid, legend_below, panelled
+from comparisons.lab.drawing import drawn, grid, legend_below, panelled, plain_ticks
 from comparisons.lab.numbers import (
     NOTHING,
     count,
@@ -360,6 +360,7 @@ def _fronts(runs: DataFrame) -> "Figure":
                           markersize=5, label=about.name)  # fmt: skip
         axes.set(xscale="log", yscale="log", xlabel="processor time of set-up and solve [s]",
                  ylabel="relative error of P/2 [-]", title=f"μ = {friction:g}")  # fmt: skip
+        plain_ticks(axes.xaxis)
         grid(axes)
         axes.set_axisbelow(True)
     legend_below(figure)
