@@ -52,7 +52,6 @@ from qvi_contact.companion.space import degree_beside, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.solution.contact_line import leads_one_way
@@ -89,51 +88,43 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
     up to that of tractions along an edge, p − 2, a body potential up to 5 on cells, and up to p − 2 along contacts.
     Springs have one stiffness on an edge.
     """
-    problem = discretization.problem
+    problem, space = discretization.problem, discretization.space
     found = [
         f"{_SPOKEN.get(name, name)} on {place!r} is not a polynomial of degree {most} on every edge."
         for name, place, edges, field, most in _on_edges(discretization, degree)
-        if callable(field) and not is_polynomial(problem, edges, name, field, most)
+        if callable(field) and not is_polynomial(problem, problem.mesh.edges(edges), name, field, most)
     ]
+    cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
+    t = corners[parts].mean(axis=1)
+    points, inside = space.points(cells, t), dict[str, FloatArray]()
     if callable(problem.body_potential):
-        space = discretization.space
-        corners, parts = space.lattice(_DIVISIONS)
-        t = corners[parts].mean(axis=1)
-        x, y = physical(problem, discretization.scales, space.points(np.arange(problem.mesh.cell_count), t))
-        values = evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
-        if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
-            found.append(f"The body potential is not a polynomial of degree {_CELL_DEGREE} on every cell.")
+        x, y = physical(problem, discretization.scales, points)
+        inside["body potential"] = evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
     if varies(problem):
-        space, cells = discretization.space, np.arange(problem.mesh.cell_count)
-        corners, parts = space.lattice(_DIVISIONS)
-        t = corners[parts].mean(axis=1)
-        values = scaled_stress_at_rest(problem, discretization.scales, cells, space.points(cells, t))
-        if not spanned(np.concatenate(list(np.moveaxis(values, -1, 0))), triangle(_CELL_DEGREE).values(t[:, -2:])):
-            found.append(f"The initial strain is not a polynomial of degree {_CELL_DEGREE} on every cell.")
+        values = scaled_stress_at_rest(problem, discretization.scales, cells, points)
+        inside["initial strain"] = np.concatenate(list(np.moveaxis(values, -1, 0)))
+    for name, values in inside.items():
+        if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
+            found.append(f"The {name} is not a polynomial of degree {_CELL_DEGREE} on every cell.")
     return tuple(dict.fromkeys(found))
 
 
-def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str, str, Edges, Field, int]]:
-    """(name, edge set, edges, field, largest degree) of all data on edges."""
-    problem, space = discretization.problem, discretization.space
+def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str, str, str, Field | None, int]]:
+    """(name, place, edge set, field, largest degree) of all data on edges."""
+    problem, most = discretization.problem, discretization.space.traction_degree
     for condition in problem.cartesian_conditions:
-        edges = problem.mesh.edges(condition.edges)
         if isinstance(condition, (Traction, Displacement)):
-            most = degree if isinstance(condition, Displacement) else space.traction_degree
+            own = degree if isinstance(condition, Displacement) else most
             for component, value in components(condition).items():
-                yield f"{type(condition).__name__}.{component}", condition.edges, edges, value, most
+                yield f"{type(condition).__name__}.{component}", condition.edges, condition.edges, value, own
         elif isinstance(condition, Contact):
-            yield "Contact.gap", condition.name, edges, condition.gap, degree
-            yield "Contact.offset", condition.name, edges, condition.offset, degree
-            for name in ("normal_stiffness", "tangential_stiffness"):
-                yield f"Contact.{name}", condition.name, edges, getattr(condition, name) or 0.0, 0
+            place = condition.name, condition.edges
+            fields = {"gap": degree, "offset": degree, "normal_stiffness": 0, "tangential_stiffness": 0}
             if condition.law != "tied":
-                yield "Contact.cohesion", condition.name, edges, condition.cohesion, space.traction_degree
-                yield "Contact.pore_pressure", condition.name, edges, condition.pore_pressure, space.traction_degree
-                body = "ContactProblem.body_potential", condition.name, edges, problem.body_potential
-                yield *body, space.traction_degree
-            if condition.shear_limit is not None:
-                yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, space.traction_degree
+                fields |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
+                yield "ContactProblem.body_potential", *place, problem.body_potential, most
+            for name, own in fields.items():
+                yield f"Contact.{name}", *place, getattr(condition, name), own
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:

@@ -310,6 +310,15 @@ class DisplacementSpace:
         """Gradients of the reference coordinates, ∂t_a/∂x_b as [cell, a, b]."""
         return np.asarray(np.linalg.inv(self.frames), dtype=np.float64)
 
+    def inverse_jacobians(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """∂t_a/∂x_b as [cell, point, a, b]; one point stands for all where no cell has arcs."""
+        found = self.slopes[cells][:, None]
+        at, which = self.curved.among(cells, len(self.table))
+        if len(at):
+            found = np.repeat(found, np.shape(t)[-2], axis=1)
+            found[at] = np.linalg.inv(self.curved.jacobians(which, t if np.ndim(t) == 2 else t[at]))
+        return np.asarray(found)
+
     @cached_property
     def areas(self) -> FloatArray:
         """Of a cell to that of the reference cell (cells,)."""
