@@ -348,7 +348,7 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
                 left = stress.tension[e] @ opening + stress.excess[e] @ slip
                 slack += _OUTWARD * unit * float(left)
                 outer += float(np.abs(unit * own.bound - bound)[e].max(axis=1) @ slip)
-    lower = -complementary - slack if stress.found else -np.inf
+    lower = -complementary - slack if not stress.message else -np.inf
     upper = companion.energy if moved else np.inf
     parts = by_cell(discretization, inside, contacts)
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
@@ -380,7 +380,7 @@ def _reasons(
         found.append(
             "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
         )
-    if not stress.found:
+    if stress.message:
         found.append(stress.message)
     if not companion.has_state:
         found.append(f"No admissible displacement was found: {companion.message}")

@@ -15,7 +15,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.solution.result import ContactResult
-from solvers import FrictionQVI, Status, solve_qvi
+from solvers import Status, solve_qvi
 
 LOOSEST: Final = 1e-6
 """Largest violation of the contact law, relative to the largest stress, that counts as admissible."""
@@ -33,14 +33,6 @@ class FixedBoundProblem:
     threshold: FloatArray  # (e, q): Bernstein coefficients of s on all contact edges that have rows, dimensionless
     lowered: bool  # whether s is below a bound that is data, which is no polynomial of that degree on some edge
     reasons: tuple[str, ...]  # why its solution is not that of the problem stated
-
-    @property
-    def qvi(self) -> FrictionQVI:
-        """The algebraic problem for the bound s, admissible on whole edges."""
-        qvi = self.discretization.qvi
-        if not qvi.m:
-            return qvi
-        return qvi.with_bound(np.maximum(self.threshold.ravel(), 0.0))
 
     @property
     def bounds(self) -> Mapping[str, FloatArray]:
@@ -154,8 +146,7 @@ class AdmissibleStress:
     # dimensionless
     excess: FloatArray
     tension: FloatArray
-    found: bool = True  # whether there is such a stress at all
-    message: str = ""  # if not, why
+    message: str = ""  # why there is no such stress; empty if there is
 
 
 def admissible_stress(
@@ -184,20 +175,16 @@ def admissible_stress(
     excess, tension, worst = violations(result)
     if worst <= tolerance:
         return AdmissibleStress(result, excess, tension)
-    try:
-        qvi = given.qvi
-    except InputError as error:
-        return AdmissibleStress(result, excess, tension, False, f"No strictly admissible stress can be sought: {error}")
-    solution = solve_qvi(qvi, tolerance=tolerance, **options)
+    qvi = discretization.qvi  # with m > 0, as something is violated
+    solution = solve_qvi(qvi.with_bound(np.maximum(given.threshold.ravel(), 0.0)), tolerance=tolerance, **options)
     strict = ContactResult(discretization, solution)
     message = f"No strictly admissible stress was found: {solution.message}"
     if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
         message = "No stress on this mesh obeys the contact law on whole edges for that bound: refine the mesh."
     if not strict.has_state:
-        return AdmissibleStress(result, excess, tension, False, message)
+        return AdmissibleStress(result, excess, tension, message)
     excess, tension, worst = violations(strict)
-    found = worst <= LOOSEST
-    return AdmissibleStress(strict, excess, tension, found, "" if found else message)
+    return AdmissibleStress(strict, excess, tension, "" if worst <= LOOSEST else message)
 
 
 def _largest(polynomials: FloatArray) -> FloatArray:

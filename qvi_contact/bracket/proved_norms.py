@@ -13,7 +13,7 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket.share import Share, all_alike, bodies_of, held_directions, shares_on, spans
+from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.data import PARALLEL
 from qvi_contact.companion.space import DisplacementSpace, triangle
 from qvi_contact.errors import InputError
@@ -178,8 +178,8 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
     are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
     where v_t ≠ 0.
     """
-    senses = all_alike(shares)
-    if senses is None:
+    senses = {name: share.slipping[0] for name, share in shares.items()}
+    if any(senses[name] == 0.0 or (share.slipping != senses[name]).any() for name, share in shares.items()):
         return None
     boundary, sides = problem.mesh.boundary, held_directions(problem)
     weights = np.zeros(len(boundary))  # ±μ of each edge

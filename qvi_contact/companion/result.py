@@ -227,11 +227,6 @@ class CompanionResult(PicklesFields):
         """Displacements at one such point each, (n, 2), of cells given by number (n,), shape (n, 2) [length]."""
         return np.asarray(self._displacement_in(cells, t[:, None])[:, 0] * self.scales.displacement)
 
-    def obstacle(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Where a contact's obstacle stands: g and w, with the motion of a plate, as `trace` gives v_N and v_T."""
-        contacts = self._state.contacts
-        return self.along(name, contacts.obstacle + contacts.plates(self._state.plates), t)
-
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
 

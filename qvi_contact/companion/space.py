@@ -33,7 +33,7 @@ from skfem.element import Element  # type: ignore[import-untyped]
 from skfem.refdom import RefTri  # type: ignore[import-untyped]
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature, triangle_lattice
+from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import OPPOSITE, Edges, arc_offsets
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -73,11 +73,6 @@ def triangle(degree: int | None = None) -> "Triangle":
     if isinstance(chosen, bool) or not isinstance(chosen, int | np.integer) or chosen not in DEGREES:
         raise InputError("degree", degree, f"give one of {', '.join(map(str, DEGREES))}")
     return _triangle(int(chosen))
-
-
-@cache
-def _triangle(degree: int) -> "Triangle":
-    return Triangle(degree)
 
 
 @dataclass(frozen=True)
@@ -130,11 +125,6 @@ class Triangle:
         points, weights = quadrature(2 * count - 1)
         return points[:, 1:], weights / 2.0
 
-    def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
-        """Points (k, 2) that divide the triangle, so many parts along each side, and the parts' corners (c, 3)."""
-        points, parts = triangle_lattice(divisions)
-        return points[:, 1:], parts
-
     def table(self, vertices: IntArray) -> IntArray:
         """Numbers of the coefficients of cells whose corners are the vertices (cells, 3), shape (cells, n).
 
@@ -147,6 +137,9 @@ class Triangle:
         inside = np.flatnonzero((exponents(p) > 0).all(axis=1))
         own = np.argsort(np.concatenate([self.corners, *on_sides, inside]))
         return np.asarray(numbers, dtype=np.int64)[:, own]
+
+
+_triangle = cache(Triangle)
 
 
 def barycentric(t: FloatArray) -> FloatArray:

@@ -67,25 +67,20 @@ class Rigid:
         self.bodies = Bodies.of(problem)
         self.lines = lines(problem, self.bodies)
         self.works = works(problem, self.bodies)
-        self.held = self._equations(problem)
-        self.free = _null_space(self.held, float(np.abs(problem.mesh.vertices).max() / self.bodies.size.min()))
+        bodies, vertices = self.bodies, problem.mesh.vertices
+        rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]  # of velocities that supports, plates, contacts rule out
+        for given in problem.prescribed(Displacement):
+            edges, block = given.edges, bodies.of_cells[given.edges.cells[:, 0]]
+            along = vectors_along(edges, given.direction, np.array([0.0, 1.0]), turns=given.turns)
+            ends = (edges.first, edges.second)
+            rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
+        self.held = np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
+        self.free = _null_space(self.held, float(np.abs(vertices).max() / bodies.size.min()))
 
     @property
     def size(self) -> float:
         """Largest work of all loads on motions of size 1, nothing cancelled [stress × length]."""
         return sum(work.size for work in self.works.values())
-
-    def _equations(self, problem: ContactProblem) -> FloatArray:
-        """Rows (e, 3 k) of the velocities that supports, plates and contacts rule out."""
-        bodies, vertices = self.bodies, problem.mesh.vertices
-        rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]
-        for given in problem.prescribed(Displacement):
-            edges = given.edges
-            block = bodies.of_cells[edges.cells[:, 0]]
-            along = vectors_along(edges, given.direction, np.array([0.0, 1.0]), turns=given.turns)
-            ends = (edges.first, edges.second)
-            rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
-        return np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
 
     def strongest(self, names: Sequence[str], idle: Sequence[str] = ()) -> Motion | None:
         """The motion on which driving over resisting work of the named loads is largest; None if nothing moves.
@@ -305,8 +300,11 @@ class _Program:
             A = np.zeros((len(equations), len(objective)))
             A[:, : self._motions] = self._on_motions(np.array([equation.row for equation in equations]))
             known = {"A_eq": sparse.csr_array(A), "b_eq": np.array([equation.value for equation in equations])}
+        numbers = np.repeat(np.arange(len(self._rows)), [len(row) for row in self._rows])
+        columns, values = ([entry for row in self._rows for entry in part(row)] for part in (dict.keys, dict.values))
+        matrix = sparse.csr_array((values, (numbers, columns)), shape=(len(self._rows), len(self._cost)))
         bounds: Any = [(low, np.inf) for low in self._lower]
-        answer = solved(objective, A_ub=self._matrix, b_ub=self._limits, bounds=bounds, **known)
+        answer = solved(objective, A_ub=matrix, b_ub=self._limits, bounds=bounds, **known)
         if answer.status == INFEASIBLE:
             return None
         if answer.status == TIME_LIMIT:
@@ -314,13 +312,6 @@ class _Program:
         if not answer.solved:
             raise SolveError(f"mechanism: the linear program was not solved ({answer.message})")
         return np.asarray(self._basis @ answer.x[: self._motions]), float(objective @ answer.x)
-
-    @property
-    def _matrix(self) -> sparse.csr_array:
-        numbers = np.repeat(np.arange(len(self._rows)), [len(row) for row in self._rows])
-        columns = [column for row in self._rows for column in row]
-        values = [value for row in self._rows for value in row.values()]
-        return sparse.csr_array((values, (numbers, columns)), shape=(len(self._rows), len(self._cost)))
 
 
 def _null_space(rows: FloatArray, shift: float) -> FloatArray:
