@@ -143,9 +143,9 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         If loads, or resultants of plates, contradict equilibrium.
 
     """
-    W, rows = contacts.weights, contacts.rows @ body.supports.axes
-    constant = rows @ body.fixed - contacts.moved
-    B = rows[:, body.interface].toarray()
+    W, touched = contacts.weights, contacts.rows @ body.supports.axes
+    constant = touched @ body.fixed - contacts.moved
+    B = touched[:, body.interface].toarray()
     movable = np.abs(B).sum(axis=1) > PARALLEL
     B[~movable] = 0.0
     live = movable.copy()
@@ -162,35 +162,29 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
     kept = _independent(A, b, body.R.shape[1])
     limited = ~contacts.gathered("tied").astype(bool)
-    qvi = _qvi(contacts, C, f, A[kept], b[kept], limited)
-    return DualProblem(contacts, body, B, constant, movable, live, limited, kept, qvi)
-
-
-def _qvi(
-    contacts: Contacts, C: FloatArray, f: FloatArray, A: FloatArray, b: FloatArray, limited: BoolArray
-) -> FrictionQVI:
-    n, rows = contacts.count, np.flatnonzero(limited)
-    m, cohesion, sticks = len(rows), contacts.gathered("cohesion"), contacts.gathered("slipping") == 0.0
+    rows, cohesion, sticks = (
+        np.flatnonzero(limited),
+        contacts.gathered("cohesion"),
+        contacts.gathered("slipping") == 0.0,
+    )
     cohesion = np.where(sticks, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
-
-    def selection(columns: IntArray) -> sparse.csc_array:
-        return sparse.csc_array((np.ones(m), (np.arange(m), columns)), shape=(m, 2 * n))
-
-    return FrictionQVI.from_arrays(
+    every, none = sparse.eye_array(2 * contacts.count, format="csr"), np.zeros(len(rows))
+    qvi = FrictionQVI.from_arrays(
         K=sparse.csc_array(C),
         f=f,
-        N=selection(rows),
-        n0=np.zeros(m),
-        T=selection(n + rows),
-        t0=np.zeros(m),
+        N=sparse.csc_array(every[rows]),
+        n0=none,
+        T=sparse.csc_array(every[contacts.count + rows]),
+        t0=none,
         mu=contacts.gathered("friction")[rows],
-        W=contacts.weights[rows],
+        W=W[rows],
         cohesion=cohesion[rows],
         cap=contacts.gathered("shear_limit")[rows],
         bilateral=contacts.gathered("bilateral").astype(bool)[rows],
-        A=sparse.csc_array(A.reshape(len(b), 2 * n)),
-        b=b,
+        A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
+        b=b[kept],
     )
+    return DualProblem(contacts, body, B, constant, movable, live, limited, kept, qvi)
 
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:

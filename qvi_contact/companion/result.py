@@ -251,7 +251,15 @@ class CompanionResult(PicklesFields):
         """The parts of the energy [stress × length²]."""
         state, unit = self._state, self.scales.energy
         load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
-        friction = sum(self._friction(trace) for trace in state.contacts.traces)
+        friction = 0.0  # ∫ s |v_T − w| ds; under Coulomb's law the sum over coefficients that was minimised
+        for trace in state.contacts.traces:
+            _, chosen = self._trace(trace.name)
+            slip = state.c[state.contacts.count :][chosen] - trace.offset
+            if trace.law != "tied" and trace.bound is None:
+                friction += float(np.sum(trace.weights * state.bound[chosen] * np.abs(slip)))
+            elif trace.law != "tied":
+                along = trace.on_edges(slip, slip)[1]
+                friction += float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
         return CompanionParts(self.body.energy(state.v) * unit, load * unit, friction * unit)
 
     @property
@@ -301,18 +309,6 @@ class CompanionResult(PicklesFields):
         number = names.index(known_name("name", name, {"contacts": names}))
         start = sum(trace.count for trace in traces[:number])
         return traces[number], slice(start, start + traces[number].count)
-
-    def _friction(self, trace: DisplacementContact) -> float:
-        """∫ s |v_T − w| ds, dimensionless; under Coulomb's law the sum over coefficients that was minimised."""
-        _, chosen = self._trace(trace.name)
-        state, n = self._state, self._state.contacts.count
-        if trace.law == "tied":
-            return 0.0
-        slip = state.c[n:][chosen] - trace.offset
-        if trace.bound is None:
-            return float(np.sum(trace.weights * state.bound[chosen] * np.abs(slip)))
-        along = trace.on_edges(slip, slip)[1]
-        return float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
 
     def _contact(self, trace: DisplacementContact) -> CompanionContact:
         _, chosen = self._trace(trace.name)

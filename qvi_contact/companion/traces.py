@@ -149,26 +149,19 @@ def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | No
             continue
         if contact.name not in bounds:
             raise InputError("bounds", contact.name, "give a bound for every contact that is not tied")
-        found[contact.name] = _checked_bound(problem, contact, bounds[contact.name])
+        field, count = f"bounds[{contact.name!r}]", len(problem.mesh.edges(contact.edges))
+        values = real_array(field, bounds[contact.name], "give an array of real numbers")
+        if values.ndim != 2 or values.shape[0] != count or not values.shape[1]:
+            remedy = f"give Bernstein coefficients, one row for each of the {count} edges"
+            raise InputError(field, f"shape {values.shape}", remedy)
+        if not np.isfinite(values).all():
+            raise InputError(field, "NaN or infinity", "give finite numbers")
+        quadratic, least = values.shape[1] == 3, (values @ bernstein.basis(values.shape[1] - 1, _PLACES).T).min(axis=1)
+        least = -bernstein.largest_quadratic(-values) if quadratic else least
+        if least.min(initial=0.0) < -1e-12 * np.abs(values).max(initial=0.0):
+            raise InputError(field, float(values.min()), "give a bound that is ≥ 0 all along each edge")
+        found[contact.name] = values
     return found
-
-
-def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) -> FloatArray:
-    field = f"bounds[{contact.name!r}]"
-    values = real_array(field, bound, "give an array of real numbers")
-    count = len(problem.mesh.edges(contact.edges))
-    if values.ndim != 2 or values.shape[0] != count or not values.shape[1]:
-        remedy = f"give Bernstein coefficients, one row for each of the {count} edges"
-        raise InputError(field, f"shape {values.shape}", remedy)
-    if not np.isfinite(values).all():
-        raise InputError(field, "NaN or infinity", "give finite numbers")
-    if values.shape[1] == 3:
-        least = -bernstein.largest_quadratic(-values)
-    else:
-        least = (values @ bernstein.basis(values.shape[1] - 1, _PLACES).T).min(axis=1)
-    if least.min(initial=0.0) < -1e-12 * np.abs(values).max(initial=0.0):
-        raise InputError(field, float(values.min()), "give a bound that is ≥ 0 all along each edge")
-    return values
 
 
 def _trace(
@@ -325,15 +318,12 @@ def _directions(vectors: FloatArray) -> IntArray:
 
 def _rows(pairs: IntArray, vectors: FloatArray, size: int, joint: bool) -> sparse.csr_array:
     """(n, size): the components along vectors (n, 2) of the first of each pair, on a joint less those of the second."""
-    shape, number = (len(pairs), size), np.repeat(np.arange(len(pairs)), 2)
-
-    def part(side: int) -> sparse.csr_array:
+    number, found = np.repeat(np.arange(len(pairs)), 2), sparse.csr_array((len(pairs), size))
+    for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
         dofs = 2 * pairs[:, [side]] + np.arange(2)
-        return sparse.csr_array((vectors.ravel(), (number, dofs.ravel())), shape=shape)
-
-    rows = sparse.csr_array(part(0) - part(1)) if joint else part(0)
-    rows.eliminate_zeros()
-    return rows
+        found = found + sparse.csr_array((sign * vectors.ravel(), (number, dofs.ravel())), shape=found.shape)
+    found.eliminate_zeros()
+    return sparse.csr_array(found)
 
 
 def _bent_rows(
