@@ -361,7 +361,7 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
         strain=strain,
         bulk=inside,
         contacts=contacts,
-        cells=parts,
+        cell_gaps=np.maximum(parts, 0.0),
         outer=outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
         slack=slack,
         driven=force_bounds(discretization, not given.threshold.any(), lower, upper),

@@ -45,7 +45,7 @@ def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = ""
     left, _, right = figure.subplots(1, 3, width_ratios=(1.6, 0.12, 1.0))
     _.set_axis_off()
     _gap_map(left, bracket, units)
-    parts = bracket.shown_parts
+    parts = bracket.parts
     for number, (name, value) in enumerate(parts.items()):
         colour, hatch = _LOOKS[name]
         right.bar(number, value, color=colour, hatch=hatch, edgecolor="white")
