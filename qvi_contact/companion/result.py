@@ -21,6 +21,7 @@ from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import contact_states, turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
+from qvi_contact.solution.stress import mean_at
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.names import Named, known_name
 from solvers.basics.types import PicklesFields
@@ -345,15 +346,9 @@ class CompanionResult(PicklesFields):
         except ValueError as error:
             raise InputError("x, y", (x, y), "give numbers or arrays whose shapes go together") from error
         _ = self._state
-        mesh, places = self.problem.mesh, np.column_stack([px.ravel(), py.ravel()])
-        point, cell = mesh.around(places)
-        count = np.bincount(point, minlength=len(places))
-        if (count == 0).any():
-            raise InputError("x, y", tuple(places[np.argmin(count)].tolist()), "give points of the body")
-        t = np.clip(mesh.reference(cell, places[point])[:, -2:], 0.0, 1.0)
-        found = values(cell, t[:, None])[:, 0]
-        total = np.column_stack([np.bincount(point, part, len(places)) for part in found.T])
-        return np.asarray((total / count[:, None]).reshape(*px.shape, found.shape[1]))
+        return mean_at(
+            self.problem.mesh, px, py, lambda cell, t: values(cell, np.clip(t[..., 1:], 0.0, 1.0))[:, 0], "x, y"
+        )
 
 
 def _points(tx: ArrayLike, ty: ArrayLike) -> FloatArray:
