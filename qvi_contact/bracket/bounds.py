@@ -40,7 +40,7 @@ from qvi_contact.bracket.parts import (
     EdgeTractions,
     bulk,
     by_cell,
-    edge_parts,
+    contact_parts,
     initial_work,
     spring_parts,
     strain_energy,
@@ -78,7 +78,6 @@ _SPOKEN = {
 
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
-_OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 
 def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]:
@@ -321,7 +320,7 @@ def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> Sha
 
 def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:
     """Energies, their parts by cell and contact, reasons."""
-    discretization, u, unit = given.discretization, stress.result.dofs, given.discretization.scales.stress
+    discretization, u = given.discretization, stress.result.dofs
     problem, mesh = discretization.problem, discretization.problem.mesh
     fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
@@ -333,21 +332,10 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-        own, bound = EdgeTractions.of(discretization, u), unit * given.threshold
-        normal, shear = unit * own.normal, unit * own.shear
-        springs = spring_parts(fields, companion)
-        for rows in discretization.contacts:
-            if rows.law == "tied" and rows.name in springs:
-                part = springs[rows.name]
-                contacts[rows.name] = EdgeParts(0.0 * part, 0.0 * part, part)
-            elif rows.law != "tied":
-                e = rows.edges
-                found = edge_parts(discretization, rows, normal[e], shear[e], bound[e], companion)
-                own_parts, opening, slip = found
-                contacts[rows.name] = replace(own_parts, springs=springs.get(rows.name, own_parts.springs))
-                left = stress.tension[e] @ opening + stress.excess[e] @ slip
-                slack += _OUTWARD * unit * float(left)
-                outer += float(np.abs(unit * own.bound - bound)[e].max(axis=1) @ slip)
+        own, left = EdgeTractions.of(discretization, u), (stress.excess, stress.tension)
+        contacts, slack, outer = contact_parts(discretization, own, given.threshold, left, companion)
+        for name, part in spring_parts(fields, companion).items():
+            contacts[name] = replace(contacts.get(name, EdgeParts(0.0 * part, 0.0 * part, part)), springs=part)
     lower = -complementary - slack if not stress.message else -np.inf
     upper = companion.energy if moved else np.inf
     parts = by_cell(discretization, inside, contacts)

@@ -30,7 +30,7 @@ from qvi_contact.bracket.parts import (
     EdgeTractions,
     bulk,
     by_cell,
-    edge_parts,
+    contact_parts,
     spring_parts,
     strain_energy,
 )
@@ -43,7 +43,6 @@ ADMISSIBLE = 1e-6
 """Largest violation of the contact law by a stress, relative to the largest contact traction."""
 
 _BACKWARDS = 1e-12  # of the displacements: what is no slip against the share
-_OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,22 +175,16 @@ def coulomb_bounds(
 
     """
     result, shares, known = stress.result, stress.shares, stress.result.discretization
-    tractions = EdgeTractions.of(known, result.dofs)
-    normal, shear, bound, unit = tractions.normal, tractions.shear, tractions.bound, known.scales.stress
-    size = max(float(np.abs(normal).max(initial=0.0)), float(np.abs(shear).max(initial=0.0)), 1e-300)
-    edges, slack = dict[str, EdgeParts](), 0.0
+    own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
+    excess, tension = left = own.violations(own.bound, known.qvi.bilateral)
     for rows in known.contacts:
-        if rows.law == "tied":
-            continue
-        e = rows.edges
-        excess = (np.abs(shear[e]) - bound[e]).max(axis=1)
-        tension = normal[e].max(axis=1) if rows.law == "unilateral" else 0.0 * excess
-        if max(excess.max(), tension.max()) > ADMISSIBLE * size:
+        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > ADMISSIBLE * own.size:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
-        parts, opening, slip = edge_parts(known, rows, unit * normal[e], unit * shear[e], unit * bound[e], companion)
-        edges[rows.name] = EdgeParts(np.maximum(parts.contact, 0.0), np.maximum(parts.friction, 0.0), parts.springs)
-        left = np.maximum(tension, 0.0) @ opening + np.maximum(excess, 0.0) @ slip
-        slack += _OUTWARD * unit * float(left)
+    edges, slack, _ = contact_parts(known, own, own.bound, left, companion)
+    edges = {
+        name: EdgeParts(np.maximum(part.contact, 0.0), np.maximum(part.friction, 0.0), part.springs)
+        for name, part in edges.items()
+    }
     refusal = _displacement_refused(companion, shares)
     if refusal:
         return refusal

@@ -156,21 +156,14 @@ def admissible_stress(
 
     The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`.
     """
-    discretization, bilateral = given.discretization, given.discretization.qvi.bilateral
+    discretization = given.discretization
 
     def violations(result: ContactResult) -> tuple[FloatArray, FloatArray, float]:
-        """Largest (|τ_T| − s)⁺ and (τ_N)⁺ on each edge, and the larger of them all over the largest traction.
-
-        That is the certificate's unit of stress where the contact is open.
-        """
+        """Those on each edge, and the largest over the largest traction, where all is open the unit of stress."""
         own = EdgeTractions.of(discretization, result.dofs)
-        if not len(own.shear):
-            return np.zeros(0), np.zeros(0), 0.0
-        excess = np.maximum(_largest(own.shear - given.threshold), _largest(-own.shear - given.threshold))
-        keeps = bilateral.reshape(len(own.shear), -1).any(axis=1)
-        excess, tension = np.maximum(excess, 0.0), np.maximum(np.where(keeps, 0.0, _largest(own.normal)), 0.0)
+        excess, tension = own.violations(given.threshold, discretization.qvi.bilateral)
         size = float(max(own.size, result.certificate.scales.get("stress", 0.0))) or 1.0
-        return excess, tension, float(max(excess.max(), tension.max())) / size
+        return excess, tension, float(max(excess.max(initial=0.0), tension.max(initial=0.0))) / size
 
     excess, tension, worst = violations(result)
     if worst <= tolerance:
@@ -185,8 +178,3 @@ def admissible_stress(
         return AdmissibleStress(result, excess, tension, message)
     excess, tension, worst = violations(strict)
     return AdmissibleStress(strict, excess, tension, "" if worst <= LOOSEST else message)
-
-
-def _largest(polynomials: FloatArray) -> FloatArray:
-    """The largest value (e,) of polynomials (e, q), or what is no less than that: exact up to degree 2."""
-    return bernstein.largest_quadratic(polynomials) if polynomials.shape[1] == 3 else polynomials.max(axis=1)
