@@ -43,6 +43,7 @@ the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of bo
 """
 
 _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
+_MOVED: Final = 1e-5  # of the largest displacement of the body: no less is the largest one on a contact
 _ROUNDED: Final = 1e-12  # of a force: rounding of its sums
 _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
 
@@ -343,6 +344,8 @@ def _lines(
     known, state = stress.discretization, companion.state
     assert state is not None
     c = state.c.reshape(2, -1) * known.scales.displacement
+    # where all of a contact is closed and sticks its displacements are the rounding of those of the body
+    least = _MOVED * float(np.abs(state.v).max(initial=0.0)) * known.scales.displacement
     start = 0
     for contact, trace, rows in zip(known.problem.contacts, state.contacts.traces, known.contacts, strict=True):
         here = slice(start, start + trace.count)
@@ -357,7 +360,7 @@ def _lines(
             if share is not None:
                 assert not callable(contact.cohesion)
                 room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
-            sizes = float(np.abs(c[:, here]).max(initial=0.0)), float(np.abs(normal).max(initial=0.0))
+            sizes = max(float(np.abs(c[:, here]).max(initial=0.0)), least), float(np.abs(normal).max(initial=0.0))
             opening, slip, pressure, room = (np.maximum(part, 0.0) for part in (opening, slip, -normal, room))
             yield _Line(contact, trace, rows, share, slipping, start, opening, slip, pressure, room, cut, sizes)
         start += trace.count
