@@ -90,7 +90,7 @@ class DenseCoordinates(Coordinates):
             reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
         c = -self._scale * self._coordinates.from_unknowns(reduced)
         return Expansion(
-            z, c, qvi.b - qvi.arrays.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state, held
+            z, c, qvi.b - qvi.contact.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state, held
         )
 
     def move(self, base: Expansion, y: Vector) -> Vector:
@@ -161,7 +161,7 @@ class SparseCoordinates(Coordinates):
         self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         rows = qvi.contact_rows if qvi.traces is None else qvi.traces.rows
         self._Y = csr_array(rows @ diags_array(self._scale))
-        E = eye_array(rows.shape[0]) if qvi.traces is None else qvi.traces.interpolation
+        E = eye_array(rows.shape[0]) if qvi.traces is None else csr_array(qvi.traces.interpolation)
         self._points: IntVector = np.flatnonzero(qvi.frictionless)  # without friction
         equations = csr_array(vstack([csr_array(qvi.T)[self._points], qvi.A]) @ diags_array(self._scale))
         lengths = np.sqrt(np.asarray(equations.multiply(equations).sum(axis=1)).ravel())
@@ -180,7 +180,7 @@ class SparseCoordinates(Coordinates):
     @property
     def size(self) -> int:
         """Number of coordinates k = n + r + equations."""
-        return sum(self._Y.shape) + len(self._lengths)
+        return int(sum(self._Y.shape)) + len(self._lengths)
 
     @property
     def springs(self) -> tuple[Vector, Vector]:
@@ -194,7 +194,7 @@ class SparseCoordinates(Coordinates):
         """The problem about z, with these multipliers of equations, 0 by default: one gradient."""
         qvi, count = self._qvi, len(self._lengths)
         energy, gradient = qvi.state(z)
-        normal, tangential, missed = qvi.normal(z), qvi.tangential(z), qvi.b - qvi.arrays.A @ z
+        normal, tangential, missed = qvi.normal(z), qvi.tangential(z), qvi.b - qvi.contact.A @ z
         held = held if len(held) else np.zeros(count)
         c = np.zeros(self.size)
         c[: qvi.n] = self._scale * gradient + self.equations.T @ held

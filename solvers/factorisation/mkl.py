@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from contextvars import ContextVar
 from enum import IntEnum
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -119,9 +120,19 @@ def thread_count(threads: int | None) -> int:
 @contextmanager
 def limited_blas(count: int) -> Iterator[None]:
     """Every BLAS loaded so far limited to `count` threads, as before on exit; left alone without threadpoolctl."""
-    controller = _controller(len(sys.modules), library.cache_info().currsize)
-    with nullcontext() if controller is None else controller.limit(limits=count, user_api="blas"):
-        yield
+    state = (count, len(sys.modules), library.cache_info().currsize)
+    controller = (
+        None if state == _limited.get() else _controller(*state[1:])
+    )  # inside another one nothing is to be done
+    token = _limited.set(state)
+    try:
+        with nullcontext() if controller is None else controller.limit(limits=count, user_api="blas"):
+            yield
+    finally:
+        _limited.reset(token)
+
+
+_limited: ContextVar[tuple[int, int, int]] = ContextVar("limited", default=(0, 0, 0))
 
 
 @lru_cache(maxsize=1)
