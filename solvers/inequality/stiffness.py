@@ -97,8 +97,9 @@ class Stiffness(PicklesFields):
         self.check_diagonal(least=0.0)
         v = generic_vector(n)
         w = v[::-1]
-        asymmetry = abs(float(v @ (self.K @ w) - w @ (self.K @ v)))
-        if asymmetry > _ASYMMETRY * float(np.abs(v) @ absolute_product(self.K, w)):
+        scale = float(np.abs(v) @ absolute_product(self.K, w))
+        asymmetry = abs(float(v @ (self.K @ w) - w @ (self.K @ v))) / scale if scale > 0 else 0.0
+        if asymmetry > _ASYMMETRY:
             raise InputError("K", f"asymmetry {asymmetry:.1e}", "give a symmetric K, such as (K + Kᵀ)/2")
 
     def check_diagonal(self, least: float) -> None:
