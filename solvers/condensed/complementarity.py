@@ -34,7 +34,8 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.certificate import body_scales
-from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Coordinates, Expansion, NewtonSystem, PathWeights
+from solvers.condensed.coordinates import Coordinates, NewtonSystem
+from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Expansion, PathWeights
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, scaled
 
