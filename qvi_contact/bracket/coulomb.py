@@ -231,10 +231,9 @@ def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share
     """Why a displacement is none of those that (D27) is for; empty if it is."""
     assert companion.state is not None
     contacts, c = companion.state.contacts, companion.state.c
-    n, size, start = contacts.count, max(1.0, float(np.abs(c).max(initial=0.0))), 0
+    n, size = contacts.count, max(1.0, float(np.abs(c).max(initial=0.0)))
     for trace in contacts.traces:
-        chosen = slice(start, start + trace.count)
-        over, slip = c[:n][chosen] - trace.gap, c[n:][chosen] - trace.offset
+        over, slip = c[:n][trace.here] - trace.gap, c[n:][trace.here] - trace.offset
         if (trace.law == "unilateral" or trace.name in shares) and over.max() > _BACKWARDS * size:
             return f"The displacement passes the obstacle of contact {trace.name!r}."
         if trace.name in shares:
@@ -245,5 +244,4 @@ def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share
                 return (
                     f"Supports make {trace.name!r} slip at ({x:.6g}, {y:.6g}), where friction does not reach its bound."
                 )
-        start += trace.count
     return ""

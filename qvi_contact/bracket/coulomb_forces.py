@@ -57,7 +57,6 @@ class _Line:
     rows: ContactRows
     share: Share | None  # s; None without Coulomb friction
     slipping: FloatArray  # (n,): 1 or −1 where v may slip along the tangent or against it, else 0
-    start: int  # its first coefficient among those of all traces
     opening: FloatArray  # opening, slip, (n,) each: coefficients of g − v_N and |v_T − w| ≥ 0 [length]
     slip: FloatArray
     # pressure, room, (e, q) each: coefficients of |τ_N| and m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress]
@@ -201,10 +200,10 @@ class _Pairs:
         tied = body.B[np.tile(body.contacts.gathered("tied").astype(bool), 2) & body.live]
         held, trial, test = [], [tied], [tied]
         for line in self.lines:
-            closed, stuck = (line.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
+            closed, stuck = (line.trace.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
             closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
             normal, shear = body.B[closed], body.B[n + stuck]
-            turned = line.friction * line.slipping[closed - line.start]
+            turned = line.friction * line.slipping[closed - line.trace.start]
             trial += [normal + turned[:, None] * body.B[n + closed], shear]
             test += [normal, shear]
             held.append((turned, len(stuck)))
@@ -229,7 +228,7 @@ class _Pairs:
         work = np.zeros((2, qvi.m))
         products = bernstein.product_integrals(q - 1, self.companion.degree)
         for line in self.lines:
-            local = np.stack(line.trace.on_edges(*c[:, line.start : line.start + line.trace.count]))
+            local = np.stack(line.trace.on_edges(*c[:, line.trace.here]))
             work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
         rows, changes = self._held
         none = np.zeros(rows.shape[0])
@@ -285,7 +284,7 @@ class _Pairs:
         normal, shear = (stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
         size = float(np.abs(normal).max())
         for line in self.lines:
-            (a, b), here = goals[line.contact.name], slice(line.start, line.start + line.trace.count)
+            (a, b), here = goals[line.contact.name], line.trace.here
             slip = c[1, here] - b if line.share else 0.0 * c[1, here]
             across = c[0, here] - a + line.friction * line.slipping * slip
             pairs = [(self.unit * slip, line.slip, self.unit), (self.unit * across, line.opening, self.unit)]
@@ -331,7 +330,7 @@ class _Pairs:
             work += along(known, other) - along(known, u)
         for line in self.lines:
             if line.share:
-                b, here = goals[line.contact.name][1], slice(line.start, line.start + line.trace.count)
+                b, here = goals[line.contact.name][1], line.trace.here
                 assert not callable(line.contact.cohesion)
                 slipped = float(line.trace.weights @ (line.slipping * (c[1, here] - b))) * self.unit * scales.length
                 work += line.contact.cohesion * slipped
@@ -346,9 +345,8 @@ def _lines(
     c = state.c.reshape(2, -1) * known.scales.displacement
     # where all of a contact is closed and sticks its displacements are the rounding of those of the body
     least = _MOVED * float(np.abs(state.v).max(initial=0.0)) * known.scales.displacement
-    start = 0
     for contact, trace, rows in zip(known.problem.contacts, state.contacts.traces, known.contacts, strict=True):
-        here = slice(start, start + trace.count)
+        here = trace.here
         if contact.law != "tied":
             share = shares.get(contact.name)
             slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
@@ -362,5 +360,4 @@ def _lines(
                 room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
             sizes = max(float(np.abs(c[:, here]).max(initial=0.0)), least), float(np.abs(normal).max(initial=0.0))
             opening, slip, pressure, room = (np.maximum(part, 0.0) for part in (opening, slip, -normal, room))
-            yield _Line(contact, trace, rows, share, slipping, start, opening, slip, pressure, room, cut, sizes)
-        start += trace.count
+            yield _Line(contact, trace, rows, share, slipping, opening, slip, pressure, room, cut, sizes)

@@ -231,17 +231,15 @@ class _Energies:
 
     def _image(self, shares: Mapping[str, Share]) -> FloatArray:
         """Normal parts from slips, μ s x."""
-        n, start = len(self.slips), 0
-        turned = np.zeros((n, n))
+        turned = np.zeros((len(self.slips),) * 2)
         for trace in self.traces:
             if trace.name in shares:
                 share, p = shares[trace.name], trace.columns.shape[1] - 1
                 nodes, back = bernstein.nodes(p), bernstein.from_values(p)
                 factors = share.friction * share.at(nodes)
                 blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein.basis(p, nodes), trace.turned)
-                columns = start + trace.columns
+                columns = trace.start + trace.columns
                 turned[columns[:, :, None], columns[:, None, :]] = blocks
-            start += trace.count
         return turned[np.ix_(self.presses, self.slips)]
 
     def stopped(self, problem: ContactProblem, shares: Mapping[str, Share], unit: float) -> Stopped | str:
@@ -290,13 +288,9 @@ class _Energies:
         """Edges that the motions without strain move alike, or against each other."""
         motions = np.zeros((len(self.slips), self.unstrained.shape[1]))
         motions[self.slips] = self.unstrained / np.abs(self.unstrained).max()
-        found, start = list[_Group](), 0
-        for trace in self.traces:
-            columns = start + trace.columns
-            start += trace.count
-            if trace.name not in shares:
-                continue
-            share = shares[trace.name]
+        found = list[_Group]()
+        for trace in (trace for trace in self.traces if trace.name in shares):
+            share, columns = shares[trace.name], trace.start + trace.columns
             products = bernstein.product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
             means = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
             works = unit * trace.lengths[:, None] * trace.turned * (share.room * share.weights @ products)

@@ -168,8 +168,8 @@ def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) 
     Q.eliminate_zeros()
     index, values = (np.concatenate(part) for part in zip(*fixed, strict=True))
     order = np.argsort(index)
-    parts = _along_arcs(Q, on_arcs, p) if on_arcs else (Q, sparse.csr_array(Q.T))
-    return Supports(index[order], values[order], *parts, bool(slanted.any() or on_arcs), tuple(reasons))
+    axes, inverse = _along_arcs(Q, on_arcs, p) if on_arcs else (Q, sparse.csr_array(Q.T))
+    return Supports(index[order], values[order], axes, inverse, bool(slanted.any() or on_arcs), tuple(reasons))
 
 
 def _along_arcs(

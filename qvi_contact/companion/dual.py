@@ -70,18 +70,15 @@ class Contacts:
         obstacle = np.concatenate([np.empty(0), *(t.gap for t in traces), *(t.offset for t in traces)])
         weights = np.concatenate([np.empty(0), *(t.weights for t in traces)])
         columns, resultants = [np.zeros((2 * n, 0))], list[float]()
-        start = 0
         for trace in traces:
-            chosen = slice(start, start + trace.count)
-            for first, blocks in zip((start, n + start), trace.stiffness, strict=True):
+            for first, blocks in zip((trace.start, n + trace.start), trace.stiffness, strict=True):
                 if blocks is not None:
                     springs = springs + spread(first + trace.columns, first + trace.columns, blocks, 2 * n)
             for _, normal, tangential, resultant in trace.motions:
                 column = np.zeros((2, n))
-                column[0, chosen], column[1, chosen] = normal, tangential
+                column[:, trace.here] = normal, tangential
                 columns.append(column.reshape(-1, 1))
                 resultants.append(resultant)
-            start += trace.count
         fluid = np.concatenate([np.empty(0), *(t.fluid for t in traces), np.zeros(n)])
         motions, moved = np.hstack(columns), np.hstack([np.empty((2, 0)), *(t.moved for t in traces)]).ravel()
         given = np.array(resultants) + motions.T @ fluid

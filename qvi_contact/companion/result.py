@@ -242,9 +242,10 @@ class CompanionResult(PicklesFields):
 
     def along(self, name: str, coefficients: FloatArray, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Dimensionless coefficients (2 n,) of all contacts as values on the edges of one, as `trace` gives them."""
-        trace, chosen = self._trace(name)
+        traces = {trace.name: trace for trace in self._state.contacts.traces}
+        trace = traces[known_name("name", name, {"contacts": list(traces)})]
         shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
-        normal, tangential = trace.on_edges(*coefficients.reshape(2, -1)[:, chosen])
+        normal, tangential = trace.on_edges(*coefficients.reshape(2, -1)[:, trace.here])
         return normal @ shape.T, tangential @ shape.T
 
     @cached_property
@@ -254,10 +255,9 @@ class CompanionResult(PicklesFields):
         load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
         friction = 0.0  # ∫ s |v_T − w| ds; under Coulomb's law the sum over coefficients that was minimised
         for trace in state.contacts.traces:
-            _, chosen = self._trace(trace.name)
-            slip = state.c[state.contacts.count :][chosen] - trace.offset
+            slip = state.c[state.contacts.count :][trace.here] - trace.offset
             if trace.law != "tied" and trace.bound is None:
-                friction += float(np.sum(trace.weights * state.bound[chosen] * np.abs(slip)))
+                friction += float(np.sum(trace.weights * state.bound[trace.here] * np.abs(slip)))
             elif trace.law != "tied":
                 along = trace.on_edges(slip, slip)[1]
                 friction += float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
@@ -304,16 +304,8 @@ class CompanionResult(PicklesFields):
     def _v(self) -> FloatArray:
         return self._state.v[: self.space.size]
 
-    def _trace(self, name: str) -> tuple[DisplacementContact, slice]:
-        traces = self._state.contacts.traces
-        names = [trace.name for trace in traces]
-        number = names.index(known_name("name", name, {"contacts": names}))
-        start = sum(trace.count for trace in traces[:number])
-        return traces[number], slice(start, start + traces[number].count)
-
     def _contact(self, trace: DisplacementContact) -> CompanionContact:
-        _, chosen = self._trace(trace.name)
-        state, scales = self._state, self.scales
+        state, scales, chosen = self._state, self.scales, trace.here
         n = state.contacts.count
         normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
         gap, slip = trace.gap - state.c[:n][chosen], state.c[n:][chosen] - trace.offset

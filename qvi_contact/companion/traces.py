@@ -76,6 +76,12 @@ class DisplacementContact:
     # two (e, p + 1, p + 1): ∫ k_N B_i B_j ds and ∫ k_T B_i B_j ds on each edge, of springs; the latter for c_T as
     # `turned`
     stiffness: tuple[FloatArray | None, FloatArray | None]
+    start: int  # its first coefficient among those of all contacts
+
+    @property
+    def here(self) -> slice:
+        """Its coefficients among those of all contacts."""
+        return slice(self.start, self.start + self.count)
 
     @property
     def count(self) -> int:
@@ -116,10 +122,12 @@ def traces(
 ) -> tuple[tuple[DisplacementContact, ...], tuple[str, ...]]:
     """The traces of all contacts in the order of the problem, and why their laws are not met exactly."""
     given = checked_bounds(problem, bounds)
-    found, reasons = [], list[str]()
+    found, reasons, start = [], list[str](), 0
     for contact in problem.contacts:
         bound = given.get(contact.name)
-        trace, remarks = _trace(problem, space, scales, contact, None if bound is None else bound / scales.stress)
+        bound = None if bound is None else bound / scales.stress
+        trace, remarks = _trace(problem, space, scales, contact, bound, start)
+        start += trace.count
         found.append(trace)
         reasons += remarks
     return tuple(found), tuple(reasons)
@@ -165,8 +173,9 @@ def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | No
 
 
 def _trace(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, bound: FloatArray | None
-) -> tuple[DisplacementContact, list[str]]:
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, bound: FloatArray | None,
+    start: int,
+) -> tuple[DisplacementContact, list[str]]:  # fmt: skip
     """The trace of one contact, and why its law is not met exactly."""
     mesh, p, reasons = problem.mesh, space.degree, list[str]()
     edges, joint = mesh.edges(contact.edges), contact in problem.joints
@@ -212,6 +221,7 @@ def _trace(
         contact.name, contact.law, edges, columns, turned, places, weights, normal, tangential, friction, cohesion,
         limit, gap, offset, fluid, bound, motions, moved, lengths, np.full(n, np.nan),
         (line.stiffness("normal_stiffness", np.ones_like(turned)), line.stiffness("tangential_stiffness", turned)),
+        start,
     )  # fmt: skip
     return trace, reasons
 

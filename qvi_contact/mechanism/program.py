@@ -301,7 +301,8 @@ class _Program:
             A[:, : self._motions] = self._on_motions(np.array([equation.row for equation in equations]))
             known = {"A_eq": sparse.csr_array(A), "b_eq": np.array([equation.value for equation in equations])}
         numbers = np.repeat(np.arange(len(self._rows)), [len(row) for row in self._rows])
-        columns, values = ([entry for row in self._rows for entry in part(row)] for part in (dict.keys, dict.values))
+        columns = [column for row in self._rows for column in row]
+        values = np.array([value for row in self._rows for value in row.values()])
         matrix = sparse.csr_array((values, (numbers, columns)), shape=(len(self._rows), len(self._cost)))
         bounds: Any = [(low, np.inf) for low in self._lower]
         answer = solved(objective, A_ub=matrix, b_ub=self._limits, bounds=bounds, **known)
