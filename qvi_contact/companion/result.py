@@ -256,9 +256,11 @@ class CompanionResult(PicklesFields):
         friction = 0.0  # ∫ s |v_T − w| ds; under Coulomb's law the sum over coefficients that was minimised
         for trace in state.contacts.traces:
             slip = state.c[state.contacts.count :][trace.here] - trace.offset
-            if trace.law != "tied" and trace.bound is None:
+            if trace.law == "tied":
+                continue
+            if trace.bound is None:
                 friction += float(np.sum(trace.weights * state.bound[trace.here] * np.abs(slip)))
-            elif trace.law != "tied":
+            else:
                 along = trace.on_edges(slip, slip)[1]
                 friction += float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
         return CompanionParts(self.body.energy(state.v) * unit, load * unit, friction * unit)
