@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.attached import Attached
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
@@ -55,6 +54,13 @@ PLATE_COLUMNS: Final = {
 _WITH_PLATE: Final = "contacts with a plate or pin"
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
+
+
+_ABOVE: Final = {
+    **dict.fromkeys(("bracket", "displacement", "uniqueness"), "qvi_contact.bracket"),
+    **dict.fromkeys(("remarks", "undetermined_motions"), "qvi_contact.solution.remarks"),
+}
+"""Functions of a result that are its attributes too, and their modules, loaded on first use."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +132,7 @@ def plate_motion(plate: RigidPlate, x: float, y: float, rotation: float) -> Plat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(PicklesFields, Attached):
+class ContactResult(PicklesFields):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
@@ -139,23 +145,26 @@ class ContactResult(PicklesFields, Attached):
         The problem, its mesh and its algebraic form.
     solution : QVISolution
         The algebraic answer, dimensionless.
-    remarks, undetermined_motions
-        What `solution.remarks` and `solution.undetermined_motions` find in it.
-    bracket, uniqueness, displacement
-        What `bracket.bracket`, `bracket.uniqueness` and `bracket.displacement` compute of it. Like the two above, on
-        first use.
+    remarks, undetermined_motions, bracket, uniqueness, displacement
+        What the functions of these names in `solution.remarks` and `bracket` find, on first use.
 
     """
 
     discretization: Discretization
     solution: QVISolution
 
-    if TYPE_CHECKING:  # the package root attaches these; for types they are no fields
+    if TYPE_CHECKING:  # functions of `_ABOVE`; for types they are no fields
         remarks: ClassVar[tuple[str, ...]]
         undetermined_motions: ClassVar[tuple[UndeterminedMotion, ...]]
         bracket: ClassVar[Bracket]
         uniqueness: ClassVar[Uniqueness]
         displacement: ClassVar[Callable[[ContactResult, ArrayLike, ArrayLike], FloatArray]]
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _ABOVE:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        found = self.__dict__[name] = getattr(load(_ABOVE[name]), name)(self)
+        return found
 
     def __repr__(self) -> str:
         if not self.has_state:
