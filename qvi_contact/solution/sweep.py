@@ -29,13 +29,13 @@ from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem, run_digest
 from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
-from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
+from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none
-from solvers.basics.frames import columns_of, frame
+from solvers.basics.frames import frame, pandas
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import load
@@ -509,7 +509,7 @@ def table_of(parameter: Parameter, rows: Iterable[SweepRow], units: Units | None
         for name, summary in row.contacts.items()
     ]
     length = Units.labels(units, {parameter: "displacement"} if parameter in ("gap", "offset") else {})
-    return frame(columns_of(completed(lines)), {**forces_units(units), **length})
+    return frame(pandas().DataFrame(lines), {**forces_units(units), **length})
 
 
 def outcome_of(parameter: Parameter, failures: Sequence[tuple[float, str]], done: int, planned: int) -> str:
