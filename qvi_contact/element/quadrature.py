@@ -32,29 +32,15 @@ _ENDS: Final = bernstein.SAMPLES[[0, -1]]  # of a part: a jump may lie between i
 
 @dataclass(frozen=True, eq=False)
 class EdgeQuadrature:
-    """A function at Gauss points of k parts of edges.
+    """A function at Gauss points of k parts of edges."""
 
-    Attributes
-    ----------
-    count : int
-        Number of edges n.
-    edge : (k,) int array
-        The edge that each part belongs to; every edge has one part or more.
-    t, weights : (k, q) arrays
-        Points and weights on the reference edges; the weights of every edge have the sum 1.
-    values : (k, q) array
-        The function.
-    error : float
-        Integral of what parts that were not divided further leave of it.
-
-    """
-
-    count: int
-    edge: IntArray
+    count: int  # number of edges n
+    edge: IntArray  # (k,): the edge that each part belongs to; every edge has one part or more
+    # (k, q): points and weights on the reference edges; the weights of every edge have the sum 1
     t: FloatArray
     weights: FloatArray
-    values: FloatArray
-    error: float
+    values: FloatArray  # (k, q): the function
+    error: float  # integral of what parts that were not divided further leave of it
 
     def coefficients(self, degree: int) -> FloatArray:
         """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square.

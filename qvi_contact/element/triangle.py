@@ -111,16 +111,9 @@ def triangle_lattice(divisions: int) -> tuple[FloatArray, IntArray]:
 
 @dataclass(frozen=True, eq=False)
 class AffineTriangles:
-    """Triangles as images x = X₀ + J (ξ − Ξ₀) of the reference triangle with corners Ξ.
+    """Triangles as images x = X₀ + J (ξ − Ξ₀) of the reference triangle with corners Ξ."""
 
-    Attributes
-    ----------
-    corners : (n, 3, 2) array
-        Corners X of the triangles, in any sense of rotation.
-
-    """
-
-    corners: FloatArray
+    corners: FloatArray  # (n, 3, 2): corners X of the triangles, in any sense of rotation
 
     def __len__(self) -> int:
         return len(self.corners)

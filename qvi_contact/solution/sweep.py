@@ -300,28 +300,13 @@ def solve_sweep(
 
 @dataclass(frozen=True, eq=False)
 class SweepTask:
-    """What is to be done for each value.
+    """What is to be done for each value."""
 
-    Attributes
-    ----------
-    problem : ContactProblem
-        The problem; `of` puts it on its element.
-    parameter : "friction", "load", "gap" or "offset"
-        What changes.
-    names : tuple of str
-        The contacts or loads that are changed.
-    settings : Settings
-        How to solve it.
-    warm : bool
-        Whether to start from the value before.
-
-    """
-
-    problem: ContactProblem
-    parameter: Parameter
-    names: tuple[str, ...]
-    settings: Settings = field(default_factory=Settings)
-    warm: bool = False
+    problem: ContactProblem  # the problem; `of` puts it on its element
+    parameter: Parameter  # "friction", "load", "gap" or "offset": what changes
+    names: tuple[str, ...]  # the contacts or loads that are changed
+    settings: Settings = field(default_factory=Settings)  # how to solve it
+    warm: bool = False  # whether to start from the value before
 
     @classmethod
     def of(
