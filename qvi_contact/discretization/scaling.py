@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
+from qvi_contact.basics.units import Rounding
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
@@ -47,6 +48,11 @@ class Scales:
     def energy(self) -> float:
         """Unit of energy per thickness: C S² L² [force]."""
         return self.compliance * self.stress**2 * self.length**2
+
+    @property
+    def rounding(self) -> Rounding:
+        """What is next to nothing in these units."""
+        return Rounding.of(self.stress, self.displacement, self.length)
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "Scales":
