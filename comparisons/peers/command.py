@@ -7,10 +7,6 @@ import click
 from comparisons.lab.commands import COUNT, FiniteRange, Plan, experiment
 from comparisons.peers import LEVELS
 
-_GETFEM = click.option(
-    "--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not."
-)  # fmt: skip
-
 
 @experiment(timeout=300.0, short_help="Accuracy and cost beside displacement codes.")
 @click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.2, 0.1, 0.05, 1.0), show_default=True,
@@ -21,7 +17,7 @@ _GETFEM = click.option(
               help="Number of meshes graded to the corner and to the end of the stick zone.")  # fmt: skip
 @click.option("--repeat", type=COUNT, default=5, show_default=True,
               help="Largest number of repetitions within 5 s.")  # fmt: skip
-@_GETFEM
+@click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
 def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repeat: int, getfem: str | None) -> Plan:
     """Compare the force of the compressed plate with that of displacement codes, for its cost.
 
@@ -50,19 +46,16 @@ def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repe
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
 @click.option("--cells", type=COUNT, multiple=True, default=(6, 12), show_default=True,
               help="Edges of the pin in a quarter; may take several numbers.")  # fmt: skip
-@_GETFEM
-def peers_pin(friction: tuple[float, ...], cells: tuple[int, ...], getfem: str | None) -> Plan:
+def peers_pin(friction: tuple[float, ...], cells: tuple[int, ...]) -> Plan:
     """Compare the loaded pin of NAFEMS R0094-4 with displacement codes.
 
-    Displacements and forces on the same triangles by NGSolve, GetFEM and this package side by side, with small strain
+    Displacements and forces on the same triangles by NGSolve and by this package side by side, with small strain
     and with finite strain.
 
     \b
     Example:
-        python -m comparisons peers-pin --getfem /usr/bin/python3
+        python -m comparisons peers-pin
     """  # noqa: D301
     from comparisons.peers import pin, study
 
-    if getfem is not None:
-        os.environ[study.GETFEM] = getfem
     return Plan([pin.pin_study(friction, cells, study.missing_codes())], pin.pin_report)
