@@ -30,7 +30,6 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.files.export import json_ready
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.plots.style import GREY
 from qvi_contact.problem.conditions import Condition
@@ -241,7 +240,7 @@ def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
     quantity = f"{problem.contact}.{problem.force}"
     refine(problem.equal(1), None, _OUT_OF_REACH, quantity, degree=degree, max_unknowns=most, callback=keep,
            tolerance=TOLERANCE)  # fmt: skip
-    return list(json_ready(records))
+    return records
 
 
 def _by_the_paper(friction: float, cells: int) -> Record:
