@@ -21,15 +21,17 @@ import numpy as np
 from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import Rounding, Units, shown
+from qvi_contact.basics.units import Units, shown
 from qvi_contact.basics.writing import page_template
 from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.report import (
     STATES,
+    Titled,
     plate_headings,
     plate_limits,
     refinement_headings,
     refinement_rows,
+    series_tables,
     shares,
     trust,
 )
@@ -122,8 +124,12 @@ def result_page(
         if result.has_state
         else {"field": None, "contacts": [], "tables": []}
     )
-    names = [contact.name for contact in result.problem.contacts]
-    forces, plates = step_tables(steps, series.values) if series is not None and len(steps) > 1 else ([], {})
+    several: list[Titled] = []
+    if series is not None and len(steps) > 1:
+        several = [
+            (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
+            for title, headings, rows in series_tables(steps, series.label, series.values, file.units)
+        ]
     text: str = page_template("qvi_contact.command.page").render(
         **_frame(request, result.problem, "Contact problem"),
         result=result,
@@ -131,13 +137,10 @@ def result_page(
         bracket=bracket,
         missing=missing,
         refinement=None if refinement is None else _refinement(refinement, file.units),
-        steps=forces,
+        several=several,
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
-        plate_steps=plates,
-        plate_headings=plate_headings(file.units),
-        step_headings=[f"{force} {name}" for name in names for force in "NT"],
         contact_data=[contact["data"] for contact in shown["contacts"]],
         **shown,
     )
@@ -313,40 +316,13 @@ def resultant_headings(units: Units) -> list[str]:
     return ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
 
 
-def step_tables(
-    steps: Sequence[ContactResult], values: Sequence[float]
-) -> tuple[list[list[str]], dict[str, list[list[str]]]]:
-    """Time or value, status and forces of each result of a series; and the same with the numbers of each plate."""
-    read = [_read(step) for step in steps]  # once: those of a store are files
-    least = Rounding.largest(rounding for *_, rounding in read)
-    limits = plate_limits(least)
-    forces: list[list[str]] = []
-    plates: dict[str, list[list[str]]] = {name: [] for name in read[0][2]}
-    for value, (status, of_contacts, of_plates, _) in zip(values, read, strict=False):
-        first = [f"{value:.6g}", status]
-        forces.append([*first, *_numbers(least.force, *of_contacts)])
-        for name, found in of_plates.items():
-            plates[name].append([*first, *(_plate(found, limits) if found else [])])
-    return forces, plates
-
-
-def _read(step: ContactResult) -> tuple[str, list[float], dict[str, tuple[float, ...]], Rounding]:
-    """Status, forces of all contacts, what there is of each plate, and the rounding of a step."""
-    lines = step.contacts.values() if step.has_state else ()
-    forces = [force for line in lines for force in (line.normal_force, line.tangential_force)]
-    names = [contact.name for contact in step.problem.contacts if contact.plate is not None]
-    plates = {name: plate_numbers(step, name) if step.has_state else () for name in names}
-    return str(step.status), forces, plates, step.rounding
-
-
 def plate_rows(result: ContactResult) -> list[list[str]]:
     """Motion, force and moment of each plate or pin."""
     limits = plate_limits(result.rounding)
-    return [[name, *_plate(plate_numbers(result, name), limits)] for name in result.plates]
-
-
-def _plate(values: Sequence[float], limits: Sequence[float]) -> list[str]:
-    return [number(value, least=limit) for value, limit in zip(values, limits, strict=True)]
+    return [
+        [name, *(number(value, least=limit) for value, limit in zip(plate_numbers(result, name), limits, strict=True))]
+        for name in result.plates
+    ]
 
 
 def _numbers(least: float, *values: Any) -> list[str]:
