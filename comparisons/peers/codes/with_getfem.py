@@ -114,7 +114,3 @@ def _require_all_nodes(displacements: Any, case: dict[str, Any], degree: int) ->
     wanted, found = 2 * (degree * columns + 1) * (degree * rows + 1), int(displacements.nbdof())
     if found != wanted:
         raise MergedNodesError(f"GetFEM merges nodes of cells this long: {found} of {wanted} displacements are left")
-
-
-TOLERANCE_PIN: Final = 1e-11
-"""Of GetFEM's Newton method for the pin; equations of the contact are lengths, and small beside forces."""
