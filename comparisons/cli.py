@@ -197,7 +197,7 @@ convergence_outer = _command(
 )  # fmt: skip
 convergence_uzawa = _command(
     "uzawa", "How the paper's iteration converges.",
-    "Measure the paper's iteration: which steps are stable, and how many iterations it needs.",
+    "Measure the paper's iteration: how many iterations it needs, and how far it gets beside other methods.",
 )  # fmt: skip
 
 
