@@ -178,8 +178,9 @@ FORMS: Final[Mapping[str, Form]] = {
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by problem, mesh, μ and loop.
 
-    The columns are those of `frame_of` and `in_words`, and solved, steps (iterations if solved), rate (the `contraction`), ratio (time over that of the condensed method where both solve the
-    problem), and of the plain loop the bound μγ.
+    The columns are those of `frame_of` and `in_words`, and solved, steps (iterations if solved), rate (the
+    `contraction`), ratio (time over that of the condensed method where both solve the problem), and of the plain loop
+    the bound μγ.
     """
     runs = in_words(frame_of(rows, _NUMBERS, ("seconds", "residuals")))
     runs["solved"] = runs.status == "solved"
