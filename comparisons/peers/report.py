@@ -218,7 +218,8 @@ FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "setup": lambda times: seconds(min(times, default=None)), "time_ratio": _factor, "unknowns_own": count,
     "unknowns": count, "half_force": _force, "spread": percent,
     "peak": memory, "residual": _first, "low": _force, "high": _force, "lower": _force, "upper": _force,
-    "half": scientific, "width": scientific, "strain_error": scientific, "error": scientific, "sure": lambda sure: "yes" if sure else "no",
+    "half": scientific, "width": scientific, "strain_error": scientific, "error": scientific,
+    "sure": lambda sure: "yes" if sure else "no",
     "message": lambda text: text or NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
@@ -235,7 +236,8 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
     remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
     bracket = shown.code == BRACKET
     return {
-        "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved], "missing": remedies, "costs": costs,
+        "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved],
+        "missing": remedies, "costs": costs,
         "brackets": shown[bracket], "rows": shown[~bracket],
     }  # fmt: skip
 
