@@ -341,11 +341,6 @@ class Compliance:
         self.bonded = self.tractions(qvi.bonded)
 
     @property
-    def is_dense(self) -> bool:
-        """Whether C is computed rather than applied."""
-        return (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT
-
-    @property
     def dense(self) -> Matrix:
         """C (2m, 2m)."""
         return self._condensed.compliance
@@ -356,7 +351,7 @@ class Compliance:
 
     def relief(self, m: Vector) -> Vector:
         """C m (2m,)."""
-        if self.is_dense:
+        if (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT:
             return np.asarray(self.dense @ m)
         rows = self._condensed.rows_near
         return np.asarray(rows @ self._condensed.system.solve_interface(transposed(rows) @ m)[0])
@@ -368,13 +363,16 @@ class Compliance:
         """
         qvi, system = self._qvi, self._condensed.system
         forces = self._rows.T @ m
-        z = qvi.bonded - system.solve(forces)[0]
-        correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
-        size = np.inf
-        for _ in range(_CORRECTIONS):
-            new = float(np.abs(self._rows @ correction).max(initial=0.0))
-            if not new < 0.5 * size:
-                break
-            z, size = z + correction, new
+        z, size = qvi.bonded - system.solve(forces)[0], np.inf
+        for _ in range(_CORRECTIONS + 1):
             correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
+            before, size = size, float(np.abs(self._rows @ correction).max(initial=0.0))
+            if not size < 0.5 * before:
+                break
+            z = z + correction
         return z, nu
+
+    def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        """`unknowns` with the parts of m: (z, m_N, m_T, ν)."""
+        z, nu = self.unknowns(m)
+        return z, m[: self._qvi.m], m[self._qvi.m :], nu
