@@ -436,7 +436,7 @@ def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
     reference = length / stiffness  # energy of unit stress
     least = _LITTLE
     if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
-        reference = min(reference, qvi.bonded_energy or reference)
+        reference = min(reference, qvi.settled.strain_energy or reference)
         if body <= _NOTHING**2 * reference:
             body, least = reference, _NOTHING
     stress = float(np.sqrt(body * stiffness / length))
@@ -449,7 +449,7 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     `body` is the strain energy at z, if it is known already.
     """
     length, stiffness = _contact_scales(qvi)
-    body, in_body, least = body_scales(qvi, qvi.strain_energy(z) if body is None else body)
+    body, in_body, least = body_scales(qvi, qvi.state(z)[0] if body is None else body)
     stress = max(largest(qvi.normal(z)), largest(qvi.tangential(z)))
     stress = _nonzero(in_body if stress <= least else stress)
     displacement = stress / stiffness

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, PicklesFields, Sparse, Vector
+from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
 from solvers.inequality.loads import BondedState, Energy, Loads
@@ -211,11 +211,6 @@ class FrictionQVI(PicklesFields):
         """Number of equality rows."""
         return int(self.contact.A.shape[0])
 
-    @property
-    def contacts(self) -> IntVector:
-        """See `ContactMatrices.contacts`."""
-        return self.contact.contacts
-
     def normal(self, z: Vector) -> Vector:
         """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
         return np.asarray(self.contact.N @ z + self.loads.n0)
@@ -236,16 +231,12 @@ class FrictionQVI(PicklesFields):
         """½ zᵀKz − fᵀz."""
         return self.potential.value(z)
 
-    def strain_energy(self, z: Vector) -> float:
-        """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
-        return self.potential.strain(z)
-
     def gradient(self, z: Vector) -> Vector:
         """Gradient of the energy (n,): Rᵀr(z) − load where there is a root, else K z − f."""
         return self.potential.gradient(z)
 
     def state(self, z: Vector) -> tuple[float, Vector]:
-        """`strain_energy` and `gradient` at once."""
+        """The strain energy, ½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz, and the `gradient`."""
         return self.potential.state(z)
 
     def resultant(self, z: Vector) -> float:
@@ -294,23 +285,6 @@ class FrictionQVI(PicklesFields):
         Defect corrections with `gradient` remove the rounding of K as long as they shrink.
         """
         return self.settled.z
-
-    @property
-    def bonded_error(self) -> float:
-        """Error of `bonded` in the energy norm, relative: how far the last defect correction still moved it.
-
-        Where the problem has no root this is not measured, and 0.
-        """
-        return self.settled.error
-
-    @property
-    def bonded_energy(self) -> float:
-        """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
-        return self.settled.strain_energy
-
-    def rough_stress(self) -> float:
-        """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
-        return self.bonded_state.rough_stress
 
     @property
     def settled(self) -> BondedState:
