@@ -44,22 +44,11 @@ SUMMARY_VERSION: Final = 1
 
 
 def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]:
-    """What came out, as a document of plain values that JSON can hold.
+    """What came out, solved or failed, as a document of plain values that JSON can hold.
 
-    Parameters
-    ----------
-    result : ContactResult
-        The result, solved or failed.
-    units : Units, optional
-        Names of the units.
-
-    Returns
-    -------
-    dict
-        Physical quantities are ``{"value": …, "unit": …}``, the rest plain. What does not exist, such as contacts of an
-        infeasible problem or measures that could not be computed, is None. Signs are those of `ContactLine` and
-        `Resultant`: the largest pressure is the largest −σ_N, the largest shear and slip are absolute values.
-
+    Physical quantities are ``{"value": …, "unit": …}``, the rest plain. What does not exist, such as contacts of an
+    infeasible problem or measures that could not be computed, is None. Signs are those of `ContactLine` and
+    `Resultant`: the largest pressure is the largest −σ_N, the largest shear and slip are absolute values.
     """
     units, mesh = units or Units(), result.problem.mesh
     solution, certificate = result.solution, result.certificate
@@ -112,22 +101,7 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
     """Write everything about a result as a NumPy archive that `numpy.load` reads without pickle.
 
     `qvi_contact.load_result` makes the result again, and `qvi-contact verify` checks all that the file claims.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file, ending in .npz.
-    result : ContactResult
-        A result with a stress state.
-    units : Units, optional
-        Names of the units, kept with the problem.
-    title : str
-        What to call the problem.
-
-    Raises
-    ------
-    InputError
-        If there is no stress state, the suffix is another one, or the file cannot be written.
+    `InputError` if there is no stress state, the suffix is another one, or the file cannot be written.
 
     Notes
     -----
@@ -272,26 +246,11 @@ def write_vtu(
 
     Each of the three parts of a cell is divided into subdivisions² triangles of its own, that share no points with
     those of other cells, so that normal stresses may jump between cells as they do in the element. Fields are linear in
-    them.
+    them. `InputError` if meshio is missing, there is no stress state, the bracket is of another mesh or has no
+    displacement, the suffix is another one, or the file cannot be written.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, ending in .vtu.
-    result : ContactResult
-        A result with a stress state.
-    units : Units, optional
-        If given, names of fields end in their unit, as in "stress [MPa]".
-    subdivisions : int
-        Parts along each side of a cell.
-    bracket : Bracket, optional
-        That of the result, such as ``result.bracket``: displacements and the error of each cell are written too.
-
-    Raises
-    ------
-    InputError
-        If meshio is missing, there is no stress state, the bracket is of another mesh or has no displacement, the
-        suffix is another one, or the file cannot be written.
+    With units names of fields end in these, as in "stress [MPa]". With the bracket of the result, such as
+    ``result.bracket``, displacements and the error of each cell are written too.
 
     Notes
     -----
@@ -427,12 +386,6 @@ def write_collapse_vtu(
     }
     triangles = (len(places) * np.arange(3 * mesh.cell_count)[:, None, None] + corners).reshape(-1, 3)
     _write_grid(path, points, triangles, point_data, cell_data)
-
-
-def contacts_path(path: str | Path) -> Path:
-    """The file of contacts beside a file of fields: part.vtu has part_contacts.vtu."""
-    whole = Path(path)
-    return whole.with_name(f"{whole.stem}_contacts{whole.suffix}")
 
 
 def _check_vtu(path: str | Path) -> None:

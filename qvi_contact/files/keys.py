@@ -120,12 +120,7 @@ def listed(name: str = "") -> Iterator[str]:
     """Lines for a terminal: the keys of the tables, or of keys of that name, with all there is to say.
 
     A name is that of a table, as contacts or mesh.outline, of a key, or of both, as contacts.friction.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such table or key.
-
+    `UnknownNameError` if there is no such table or key.
     """
     found = {heading: list(keys(table)) for heading, table in TABLES.items()}
     if not name:

@@ -5,12 +5,10 @@ Each table is declared by its keys, and makes its part of the mesh. Errors have 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from itertools import pairwise
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 
@@ -27,6 +25,7 @@ from qvi_contact.basics.schema import (
     Tables,
     Whole,
     check_keys,
+    defaults_of,
     keys_of,
     located,
     quoted,
@@ -37,7 +36,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
-from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment, triangles_in_box
+from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.material import Plane, Region
 
@@ -46,15 +45,25 @@ _MOST_CELLS: Final = 1_000_000  # of a grid
 _MOST_LINES: Final = 100_000  # that refinement makes
 _FINEST: Final = 1e-9  # smallest cell that refinement makes, relative to the body
 _SAMPLES: Final = 2000  # points per half interval where sizes are summed
-_MESH_KINDS: Final = (("x", "y"), ("file",), ("outline",), ("vertices", "triangles"))
-_MESH_EXTRAS: Final = {
-    "file": ("join",),
-    "x": ("remove", "refine"),
-    "vertices": ("edges", "regions"),
-}  # what else a kind of mesh has
 
 Lines = tuple[FloatArray, FloatArray]
 """Grid lines across x and across y."""
+
+
+def _one_way(table: object, ways: Mapping[tuple[str, ...], tuple[str, ...]]) -> None:
+    """`InputError` unless a table says a thing in one of some ways, by all keys of that and further ones of its own."""
+    given = [way for way in ways if any(getattr(table, name) is not None for name in way)]
+    if len(given) != 1:
+        remedy = f"give {', or '.join(map(' and '.join, ways))}: one of these"
+        raise InputError((given or list(ways)[:1])[-1][0], [" and ".join(way) for way in given] or None, remedy)
+    for name in given[0]:
+        if getattr(table, name) is None:
+            raise InputError(name, None, ADD)
+    for way, further in ways.items():
+        for name in further if way not in given else ():
+            value = getattr(table, name)
+            if value != defaults_of(type(table))[name]:
+                raise InputError(name, value, f"this belongs to {' and '.join(way)}: leave it out")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,14 +226,7 @@ class LineTable:
     """Size of the triangles along a circle: `size = 0.1`."""
 
     def __post_init__(self) -> None:
-        circle = {"centre": self.centre, "radius": self.radius}
-        if (self.corners is None) == all(value is None for value in circle.values()):
-            raise InputError("corners", None, "give corners, or centre and radius of a circle")
-        for name, value in (circle | {"size": self.size}).items():
-            if self.corners is not None and value is not None:
-                raise InputError(name, value, "this belongs to a circle, which has no corners: leave it out")
-            if self.corners is None and value is None and name != "size":
-                raise InputError(name, None, ADD)
+        _one_way(self, {("centre", "radius"): ("size",), ("corners",): ()})
 
     def line(self, kind: str, taken: Iterable[str]) -> Sequence[Corner]:
         """The corners of a hole, joint or region."""
@@ -313,19 +315,11 @@ class ArcTable:
     """The edges themselves instead, two vertices each: `edges = [[0, 1], [1, 2]]`."""
 
     def __post_init__(self) -> None:
-        if (self.name is None) == (self.edges is None):
-            raise InputError("name", self.name, "give a name of edges, or edges by their vertices: one of both")
-        if self.bends is not None and self.edges is None:
-            raise InputError("edges", None, "bends belong to edges by their vertices: give these")
-        given = [name for name in ("radius", "axes", "bends") if getattr(self, name) is not None]
-        if len(given) != 1:
-            remedy = "give a radius (of a circle), axes (of an ellipse), or bends (of the edges): one of these"
-            raise InputError("radius", given or None, remedy)
+        _one_way(self, {("name",): (), ("edges",): ("bends",)})
+        _one_way(self, {("radius",): (), ("axes",): ("angle",), ("bends",): ()})
         if (self.centre is None) != (self.bends is not None):
             remedy = ADD if self.centre is None else "bends need no centre: leave it out"
             raise InputError("centre", self.centre, remedy)
-        if self.angle is not None and self.axes is None:
-            raise InputError("angle", self.angle, "this belongs to an ellipse: give axes, or leave it out")
 
     def on(self, mesh: TriangleMesh) -> Curve:
         """These edges of the mesh on their circle, ellipse or other curve."""
@@ -378,20 +372,8 @@ class MeshTable:
     }]`."""
 
     def __post_init__(self) -> None:
-        kinds = [kind for kind in _MESH_KINDS if any(getattr(self, name) is not None for name in kind)]
-        if len(kinds) != 1:
-            remedy = "give x and y (grid lines), or file (of a mesh), or vertices and triangles, or an outline"
-            given = [name for kind in kinds for name in kind] or None
-            raise InputError("", given, f"{remedy}: one of these")
-        for name in kinds[0]:
-            if getattr(self, name) is None:
-                raise InputError(name, None, ADD)
-        for needed, names in _MESH_EXTRAS.items():
-            for name in names:
-                if getattr(self, name) and needed not in kinds[0]:
-                    raise InputError(
-                        name, getattr(self, name), f"this belongs to a mesh given by {needed}: leave it out"
-                    )
+        grid, triangles = ("remove", "refine"), ("edges", "regions")
+        _one_way(self, {("x", "y"): grid, ("file",): ("join",), ("outline",): (), ("vertices", "triangles"): triangles})
 
     def inline(self) -> TriangleMesh:
         """Triangles of the file itself."""
@@ -434,26 +416,16 @@ class MeshTable:
 class _Place:
     """Edges that are given in one way: by a line of a grid, or by a segment or box of any mesh."""
 
-    ways: ClassVar[tuple[str, ...]]
-    """Keys of these, that of a grid first."""
     name: str
     start: float | None
     stop: float | None
     at: float | None
     segment: tuple[Point, Point] | None
 
-    def __post_init__(self) -> None:
-        given = [name for name in self.ways if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise InputError(given[-1] if given else self.ways[0], None, f"give one of {', '.join(self.ways)}")
-        for name in ("start", "stop", "at"):
-            if getattr(self, name) is not None and given != [self.ways[0]]:
-                remedy = f"this belongs to {self.ways[0]}, on a grid: leave it out"
-                raise InputError(name, getattr(self, name), remedy)
-
     def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
         """The edges (k, 2) by their vertices; `lines` are those of a grid."""
-        inside, box, facing = isinstance(self, JointTable), getattr(self, "box", None), getattr(self, self.ways[0])
+        inside, box = isinstance(self, JointTable), getattr(self, "box", None)
+        facing = getattr(self, "direction" if inside else "side")
         if self.segment is not None:
             return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=inside)
         if box is not None:
@@ -497,7 +469,8 @@ class EdgesTable(_Place):
     box: Rectangle | None = None
     """What lies inside a box: `box = { y = [0.9, 1.1] }`."""
 
-    ways = ("side", "segment", "box")
+    def __post_init__(self) -> None:
+        _one_way(self, {("side",): ("start", "stop", "at"), ("segment",): (), ("box",): ()})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -517,90 +490,18 @@ class JointTable(_Place):
     segment: tuple[Point, Point] | None = None
     """The line between two points: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
 
-    ways = ("direction", "segment")
-
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.direction is not None and self.at is None:
-            raise InputError("at", None, ADD)
+        _one_way(self, {("direction", "at"): ("start", "stop"), ("segment",): ()})
 
 
 @dataclass(frozen=True)
 class RegionTable(Region):
     """Triangles of another material, which may have ranges and a name: then the region gets that name."""
 
-    def __post_init__(self) -> None:
-        check_keys(self)
+    __post_init__ = check_keys
 
     def region(self, plane: Plane) -> Region:
         """The region, in the plane state of the body."""
         material = replace(self.material, plane=plane)
         x, y = (None, None) if self.name else (self.x, self.y)
         return Region(material, x, y, self.name or None, self.temperature)
-
-
-def _named(
-    edges: Sequence[EdgesTable],
-    joints: Sequence[JointTable],
-    tables: Sequence[RegionTable],
-    arcs: Sequence[ArcTable],
-    mesh: TriangleMesh,
-    lines: Lines | None,
-) -> TriangleMesh:
-    """The mesh with named parts: [[regions]] with ranges and a name; and edges on arcs. `lines` are those of a grid."""
-    sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
-    for kind, parts in (("edges", edges), ("joints", joints)):
-        for index, part in enumerate(parts):
-            with located(f"{kind}[{index}]", ("name", "start", "stop", "at", "segment", "box")):
-                if part.name in sets:
-                    raise InputError("name", part.name, "this edge set exists already: choose another name")
-                sets[part.name] = part.pairs(mesh, lines)
-    for index, region in enumerate(tables):
-        if region.name is not None and (region.x is not None or region.y is not None):
-            with located(f"regions[{index}]", keys_of(RegionTable)):
-                if region.name in regions:
-                    remedy = "this region exists already: choose another name, or no ranges"
-                    raise InputError("name", region.name, remedy)
-                regions[region.name] = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
-    mesh = replace(mesh, edge_sets=sets, regions=regions)
-    for index, arc in enumerate(arcs):
-        with located(f"mesh.arcs[{index}]", keys_of(ArcTable)):
-            mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
-    return mesh
-
-
-def built_mesh(
-    table: MeshTable,
-    edges: Sequence[EdgesTable],
-    joints: Sequence[JointTable],
-    regions: Sequence[RegionTable],
-    folder: Path | None,
-) -> TriangleMesh:
-    """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
-    lines, named = None, partial(_named, edges, joints, regions, table.arcs)
-    with within("mesh"):
-        if table.file is not None:
-            if folder is None:
-                remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
-                raise InputError("file", table.file, remedy)
-            try:
-                mesh = TriangleMesh.load(folder / table.file, table.join)
-            except InputError as error:
-                with located("" if error.field == "join" else "file", ("join",)):
-                    raise
-        elif table.outline is not None:
-            with within("outline"):
-                mesh = table.outline.mesh()
-        elif table.x is None or table.y is None:
-            mesh = table.inline()
-        else:
-            lines = table.x, table.y
-            mesh = table.grid(lines)
-    mesh = named(mesh, lines)
-    if table.refine is None or lines is None:
-        return mesh
-    with within("mesh"):
-        with within("refine"):
-            lines = table.refine.lines(mesh, table.body(lines), lines)
-        mesh = table.grid(lines)
-    return named(mesh, lines)

@@ -46,8 +46,9 @@ from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.mesh_tables import EdgesTable, JointTable, MeshTable, RegionTable, built_mesh
+from qvi_contact.files.mesh_tables import ArcTable, EdgesTable, JointTable, Lines, MeshTable, RegionTable
 from qvi_contact.files.options import RefineOptions, SolveOptions
+from qvi_contact.mesh.selection import new_name, triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
@@ -68,6 +69,10 @@ TABLES: Final[dict[str, type[Condition]]] = {
 """Which table states which condition, in the order in which a problem gets them."""
 
 _LONGEST: Final = 20_000_000  # bytes of a file, characters of its text
+_TOO_LONG: Final = (
+    f"has more than {_LONGEST} bytes, the limit of a problem file: give grid lines as {{ start = …, stop = …, "
+    "cells = … }, triangles in a mesh file, and functions as expressions"
+)
 _MOST_STEPS: Final = 10_000
 _IN_TIME: Final = ("version", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
 """Tables that expressions in t may stand in."""
@@ -207,6 +212,55 @@ class Document:
         if self.sweep is not None and self.history is not None:
             raise InputError("sweep", self.sweep.parameter, "a file with a [history] cannot be swept: leave one out")
 
+    def built_mesh(self, folder: Path | None) -> TriangleMesh:
+        """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
+        table, lines = self.mesh, None
+        assert table is not None  # it is needed
+        with within("mesh"):
+            if table.file is not None:
+                if folder is None:
+                    remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
+                    raise InputError("file", table.file, remedy)
+                try:
+                    mesh = TriangleMesh.load(folder / table.file, table.join)
+                except InputError as error:
+                    with located("" if error.field == "join" else "file", ("join",)):
+                        raise
+            elif table.outline is not None:
+                with within("outline"):
+                    mesh = table.outline.mesh()
+            elif table.x is None or table.y is None:
+                mesh = table.inline()
+            else:
+                lines = table.x, table.y
+                mesh = table.grid(lines)
+        mesh = self._named(mesh, lines)
+        if table.refine is None or lines is None:
+            return mesh
+        with within("mesh"):
+            with within("refine"):
+                lines = table.refine.lines(mesh, table.body(lines), lines)
+            mesh = table.grid(lines)
+        return self._named(mesh, lines)
+
+    def _named(self, mesh: TriangleMesh, lines: Lines | None) -> TriangleMesh:
+        """The mesh with named parts: [[regions]] with ranges and a name; and edges on arcs; the lines are of a grid."""
+        sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
+        parts = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
+        for path, part in parts.items():
+            with located(path, ("name", "start", "stop", "at", "segment", "box")):
+                sets[new_name(part.name, sets)] = part.pairs(mesh, lines)
+        for index, region in enumerate(self.regions):
+            if region.name is not None and (region.x is not None or region.y is not None):
+                with located(f"regions[{index}]", keys_of(RegionTable)):
+                    chosen = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
+                    regions[new_name(region.name, regions, "region")] = chosen
+        mesh = replace(mesh, edge_sets=sets, regions=regions)
+        for index, arc in enumerate(self.mesh.arcs if self.mesh is not None else ()):
+            with located(f"mesh.arcs[{index}]", keys_of(ArcTable)):
+                mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
+        return mesh
+
     def problem(self, mesh: TriangleMesh, given: Mapping[str, Any]) -> ContactProblem:
         """The problem on that mesh, its fields checked where they count; `given` are the tables as they were read."""
         forces: Field = self.body_potential
@@ -326,11 +380,6 @@ class FileReader:
                 raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
             return expression.at_time(self.t)
 
-    def document(self) -> Document:
-        """All tables."""
-        found: Document = read_table(Document, self.data, self)
-        return found
-
     def problem(self, mesh: TriangleMesh) -> ContactProblem:
         """The problem at this time, on the mesh of the file."""
         known = {name: self.data[name] for name in _IN_TIME if name in self.data}
@@ -382,11 +431,7 @@ class ProblemFile:
     def problem_at(self, t: float) -> ContactProblem:
         """The problem with another value of t in its expressions, on the same mesh.
 
-        Raises
-        ------
-        InputError
-            If an expression has a bad value at that time.
-
+        `InputError` if an expression has a bad value at that time.
         """
         try:
             return replace(self._reader, t=t).problem(self.problem.mesh)
@@ -438,16 +483,13 @@ class ProblemFile:
 def load_problem(path: str | Path) -> ProblemFile:
     """Read a problem file.
 
+    `InputError` if the file cannot be read, or anything in it is wrong; the field is the path inside the file, such as
+    ``contacts[1].friction``, counted from 0.
+
     Parameters
     ----------
     path : str or Path
         A TOML file; the folder ``examples`` shows how to write them.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or anything in it is wrong; the field is the path inside the file, such as
-        ``contacts[1].friction``, counted from 0.
 
     """
     path = given_path("file", path)
@@ -457,7 +499,8 @@ def load_problem(path: str | Path) -> ProblemFile:
     except (OSError, ValueError) as error:  # ValueError: a name no file can have
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError("file", str(path), f"cannot be read ({reason}): give the name of a problem file") from error
-    _check_length("file", str(path), len(content))
+    if len(content) > _LONGEST:
+        raise InputError("file", str(path), _TOO_LONG)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -474,18 +517,10 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
     return _from_tables(_tables_of(text.replace("\r\n", "\n")), folder)
 
 
-def _check_length(field: str, value: str, length: int) -> None:
-    if length > _LONGEST:
-        remedy = (
-            f"has more than {_LONGEST} bytes, the limit of a problem file: give grid lines as {{ start = …, stop = …, "
-            "cells = … }, triangles in a mesh file, and functions as expressions"
-        )
-        raise InputError(field, value, remedy)
-
-
 def _tables_of(text: str) -> dict[str, Any]:
     """The tables in a TOML text; `InputError` if it is none, or has values that no table wants."""
-    _check_length("TOML", text[:200], len(text))
+    if len(text) > _LONGEST:
+        raise InputError("TOML", text[:200], _TOO_LONG)
     try:
         data = tomllib.loads(text)
         _check_scalars(data, "")
@@ -539,12 +574,9 @@ def _from_tables(
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
     reader = FileReader(data, constants, times[0] if times else None, None if folder is None else Path(folder))
-    document = reader.document()
-    assert document.mesh is not None  # it is needed
-    if mesh is None:
-        mesh = built_mesh(document.mesh, document.edges, document.joints, document.regions, reader.folder)
+    document: Document = read_table(Document, data, reader)
     found = ProblemFile(
-        problem=document.problem(mesh, data),
+        problem=document.problem(document.built_mesh(reader.folder) if mesh is None else mesh, data),
         title=document.title,
         description=document.description,
         units=document.units,
@@ -552,7 +584,7 @@ def _from_tables(
         refine_options=document.refine,
         times=times,
         sweep=document.sweep,
-        is_grid=document.mesh.x is not None,
+        is_grid="x" in data["mesh"],
         _reader=reader,
     )
     _ = found.problems  # checks the other times

@@ -68,13 +68,8 @@ def sliding_block(
     On [0, 2] × [0, 1] the stress is σ_xx = −20, σ_yy = −p = −100, σ_xy = μp, with μ = 0.3, E = 1000, ν = 0.3. The base
     y = 0 is the contact "base" with g = w = 0; top and left side carry the tractions of the state; the right side gets
     its displacement u_x = γ y + U₀ + ε_xx (x − 2), u_y = ε_yy y, with γ = c33 μp. The base slips by U₀ + ε_xx (x − 2),
-    and the `translation` U₀ must be large enough to keep that positive.
-
-    Raises
-    ------
-    InputError
-        If `translation` leaves part of the base without slip.
-
+    and the `translation` U₀ must be large enough to keep that positive. `InputError` if `translation` leaves part of
+    the base without slip.
     """
     width, friction, pressure, side_stress = 2.0, 0.3, 100.0, -20.0
     material = Material(1000.0, 0.3, plane)

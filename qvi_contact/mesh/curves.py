@@ -80,12 +80,8 @@ class Curve:
     def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.
 
-        Raises
-        ------
-        InputError
-            If edges are no edges of the mesh, or given twice, or bends are not one row of angles for each; its field
-            begins with the name if there is one.
-
+        `InputError` if edges are no edges of the mesh, or given twice, or bends are not one row of angles for each; its
+        field begins with the name if there is one.
         """
         pairs, given = checked_pairs(name or "edges", self.edges, topology, vertices), np.asarray(self.edges)
         bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(given))
@@ -119,11 +115,7 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
 def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:
     """The edges (k, 2) as arcs of a circle, on which their vertices lie: of each edge the shorter one.
 
-    Raises
-    ------
-    InputError
-        If a vertex is off the circle; fields of errors begin so.
-
+    `InputError` if a vertex is off the circle; fields of errors begin so.
     """
     middle, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
     pairs = np.unique(np.sort(edges, axis=1), axis=0)

@@ -195,13 +195,8 @@ def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
 def joined(mesh: MeshParts, name: str) -> MeshParts:
     """The pieces of a mesh with common nodes where they touch, the edges there being the joint of that name.
 
-    A named part of the boundary loses the edges that are in the joint, unless all of it is.
-
-    Raises
-    ------
-    InputError
-        If the name is taken, or no pieces touch along a straight line.
-
+    A named part of the boundary loses the edges that are in the joint, unless all of it is. `InputError` if the name is
+    taken, or no pieces touch along a straight line.
     """
     if name in mesh.edge_sets:
         raise InputError("join", name, "this edge set exists already: choose another name")

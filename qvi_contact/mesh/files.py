@@ -75,12 +75,8 @@ def from_skfem(mesh: object) -> MeshParts:
 def read_mesh(path: str | Path) -> MeshParts:
     """Vertices, triangles, and named curves and surfaces of a mesh file.
 
-    Raises
-    ------
-    InputError
-        If meshio is missing, the file cannot be read, or it holds other cells than triangles and quadrilaterals, or no
-        plane body.
-
+    `InputError` if meshio is missing, the file cannot be read, or it holds other cells than triangles and
+    quadrilaterals, or no plane body.
     """
     path = given_path("mesh", path)
     mesh = _read(path)

@@ -52,6 +52,10 @@ _DEEPEST: Final = 100
 class TriangleMesh(PicklesFields):
     """A body divided into triangles.
 
+    `InputError` if vertices or cells are no mesh of one piece: triangles without area, vertices inside edges, edges
+    with more than two triangles, triangles that overlap, several pieces, pieces that meet in a vertex only, vertices
+    without triangle or in the same place; if a name is empty or used twice, or a set does not fit the mesh.
+
     Parameters
     ----------
     vertices : (n, 2) array
@@ -64,13 +68,6 @@ class TriangleMesh(PicklesFields):
         Named sets of triangles.
     arcs : sequence of Curve, optional
         Edges that are arcs rather than their chords; see `with_arc` and `with_curve`.
-
-    Raises
-    ------
-    InputError
-        If vertices or cells are no mesh of one piece: triangles without area, vertices inside edges, edges with more
-        than two triangles, triangles that overlap, several pieces, pieces that meet in a vertex only, vertices without
-        triangle or in the same place; if a name is empty or used twice, or a set does not fit the mesh.
 
     """
 
@@ -124,22 +121,11 @@ class TriangleMesh(PicklesFields):
         origin: tuple[float, float] = (0.0, 0.0),
         grading: float | tuple[float, float] = 1.0,
     ) -> TriangleMesh:
-        """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles.
+        """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles, see `grid`.
 
-        Its sides are called "bottom", "right", "top" and "left". See `grid` for the way cells are cut.
-
-        Parameters
-        ----------
-        cells : (int, int)
-            Numbers of cells along x and y.
-        width, height : float
-            Sides of the rectangle [length].
-        origin : (float, float)
-            Its lower left corner [length].
-        grading : float or (float, float)
-            Ratio of each cell to the one before it (see `graded_lines`), one number for both directions or a pair:
-            below 1 cells shrink towards the right and top sides.
-
+        Its sides are called "bottom", "right", "top" and "left", the origin is its lower left corner [length]. The
+        grading is the ratio of each cell to the one before it (see `graded_lines`), one number for both directions or a
+        pair: below 1 cells shrink towards the right and top sides.
         """
         return cls.grid(*rectangle_lines(cells, width, height, origin, grading))
 
@@ -182,12 +168,6 @@ class TriangleMesh(PicklesFields):
         regions : mapping of str to (range, range), optional
             Regions by name: those cells between two lines (x₁, x₂) and two lines (y₁, y₂), None for all.
 
-        Raises
-        ------
-        InputError
-            If lines do not increase, the mask has another shape or is empty, the body is not one piece whose cells
-            hang together by whole edges, cells are long both ways, or a place does not fit the lines.
-
         """
         mesh = cls(*grid_parts(x, y, active))
         sets: dict[str, IntArray] = dict(mesh.edge_sets)
@@ -221,12 +201,6 @@ class TriangleMesh(PicklesFields):
 
         Their vertices need not match there: those of either side are put into the other, and triangles are cut. Parts
         of one name are one. A named part of the boundary loses the edges that are in the joint, unless all of it is.
-
-        Raises
-        ------
-        InputError
-            If the bodies do not touch along a straight line, the name is taken, or together they are no mesh.
-
         """
         if not isinstance(meshes, Sequence) or not all(isinstance(mesh, TriangleMesh) for mesh in meshes):
             raise InputError("meshes", meshes, "give a list of TriangleMesh")
@@ -272,12 +246,6 @@ class TriangleMesh(PicklesFields):
             Closed lines by name: the triangles inside each are a region.
         sizes : mapping of (x, y) to float, optional
             Sizes at points of the body [length]; corners can have their own.
-
-        Raises
-        ------
-        InputError
-            If gmsh is missing, lines cross, an arc does not fit its centre, a hole or joint leaves the body, or sizes
-            would make more than some 200 000 triangles.
 
         """
         parts = meshed(polygons(corners, size, holes=holes, joints=joints, regions=regions, sizes=sizes))
@@ -452,22 +420,14 @@ class TriangleMesh(PicklesFields):
     def with_edges(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more named part of the boundary.
 
-        Parameters
-        ----------
-        name : str
-            The new name.
-        where : function of (x, y), or (k, 2) int array
-            Which boundary edges: a function that is given their midpoints, or their vertices.
-
+        Which edges says a function of (x, y) that is given their midpoints, or an array (k, 2) of their vertices.
         """
-        return self._with(name, where, inside=False)
+        pairs = chosen_edges(name, where, False, self.topology, self.vertices)
+        return self._renamed({**self.edge_sets, new_name(name, self.edge_sets): pairs}, self.regions)
 
     def with_joint(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a joint: edges inside the body along which a `Contact` may hold; see `with_edges`."""
-        return self._with(name, where, inside=True)
-
-    def _with(self, name: str, where: Where, *, inside: bool) -> TriangleMesh:
-        pairs = chosen_edges(name, where, inside, self.topology, self.vertices)
+        pairs = chosen_edges(name, where, True, self.topology, self.vertices)
         return self._renamed({**self.edge_sets, new_name(name, self.edge_sets): pairs}, self.regions)
 
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
@@ -481,50 +441,21 @@ class TriangleMesh(PicklesFields):
         return mesh
 
     def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:
-        """The same mesh with the edges called `name` as arcs of a circle, on which their vertices lie.
+        """The same mesh with the edges called `name` as arcs of a circle [length], on which their vertices lie.
 
-        Bodies end at the arcs then, at full order: conditions, normals and tractions are those on the arcs, and finer
-        meshes get vertices on the circle.
-
-        Parameters
-        ----------
-        name : str
-            A part of the boundary, or a joint.
-        centre : (float, float)
-            Centre of the circle [length].
-        radius : float
-            Its radius [length].
-
-        Raises
-        ------
-        InputError
-            If there are no such edges, a vertex is off the circle, or an edge turns by more than 90° or bends too far
-            for its triangle.
-
+        Bodies, or the sides of a joint, end at the arcs then, at full order: conditions, normals and tractions are
+        those on the arcs, and finer meshes get vertices on the circle. `InputError` if a vertex is off the circle, or
+        an edge turns by more than 90° or bends too far for its triangle.
         """
         return replace(self, arcs=(*self.arcs, circle(centre, radius, self.pairs(name), self.vertices)))
 
     def with_curve(self, name: str, curve: CurveFunction, start: float = 0.0, stop: float = 1.0) -> TriangleMesh:
         """The same mesh with the edges called `name` on a smooth curve, on which their vertices lie; see `with_arc`.
 
-        The curve is taken edge by edge to all digits and not asked for again: finer meshes, archives and problem files
-        keep the edges' own polynomials. It may have corners in vertices, not between them.
-
-        Parameters
-        ----------
-        name : str
-            A part of the boundary, or a joint.
-        curve : function of an array (n,)
-            Points (n, 2) of the curve at n parameters [length].
-        start, stop : float, optional
-            First and last parameter. Where both have the same point, the curve is closed.
-
-        Raises
-        ------
-        InputError
-            If there are no such edges, a vertex is off the curve, the curve is not smooth along an edge, or an edge
-            turns by more than 90° or bends too far for its triangle.
-
+        The function gives points (n, 2) [length] of the curve at parameters (n,) from start to stop; where both have
+        the same point, the curve is closed. It is taken edge by edge to all digits and not asked for again: finer
+        meshes, archives and problem files keep the edges' own polynomials. It may have corners in vertices, not between
+        them.
         """
         return replace(self, arcs=(*self.arcs, fitted("curve", curve, start, stop, self.pairs(name), self.vertices)))
 
@@ -533,16 +464,7 @@ class TriangleMesh(PicklesFields):
         return self.topology.ends[self.numbers(name)]
 
     def with_region(self, name: str, where: Where) -> TriangleMesh:
-        """The same mesh with a named region.
-
-        Parameters
-        ----------
-        name : str
-            The new name.
-        where : function of (x, y), or (k,) int array
-            Which triangles: a function that is given their centres, or their numbers.
-
-        """
+        """The same mesh with a region: triangles by a function of (x, y) that is given their centres, or by numbers."""
         new_name(name, self.regions, "region")
         chosen = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
         return self._renamed(self.edge_sets, {**self.regions, name: checked_region(name, chosen, len(self.cells))})
@@ -550,20 +472,8 @@ class TriangleMesh(PicklesFields):
     def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
         """Some of the triangles as a mesh of their own; names and arcs stay where they have edges or triangles in it.
 
-        What was a joint is a part of the boundary where the triangles of one side only are taken.
-
-        Parameters
-        ----------
-        cells : (k,) int array
-            Numbers of the triangles.
-        edge_sets : mapping of str to (k, 2) int array, optional
-            Named edges of this mesh by their vertices; its own by default.
-
-        Raises
-        ------
-        InputError
-            If they are no body of one piece.
-
+        What was a joint is a part of the boundary where the triangles of one side only are taken. Named edges may be
+        others than those of this mesh, by its vertices. `InputError` if the triangles are no body of one piece.
         """
         taken = checked_region("cells", cells, len(self.cells))
         kept = np.unique(self.cells[taken])
@@ -664,28 +574,17 @@ class TriangleMesh(PicklesFields):
         return coarse.locate(self.corners.mean(axis=1))
 
     def refined(self, marked: ArrayLike | None = None) -> TriangleMesh:
-        """The same body with triangles halved in size, and neighbours as far as needed; names are carried over.
+        """The same body with marked triangles (k,) or a mask (m,) halved in size, and neighbours as far as needed.
 
-        Parameters
-        ----------
-        marked : (k,) int or (m,) bool array, optional
-            Triangles to refine; by default each is divided into four.
-
+        By default each is divided into four. Names are carried over.
         """
         return TriangleMesh(*bisected(self._parts, marked))
 
     def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
-        """The mesh with fans of thin triangles around vertices, for what turns quickly around a point.
+        """The mesh with fans of thin triangles around vertices (k,), for what turns quickly around a point.
 
-        Parameters
-        ----------
-        vertices : (k,) int array
-            Numbers of the vertices, none of them an end of another's edge; they keep their numbers.
-        angle : float
-            Largest angle of a triangle at these vertices [rad].
-        layers : int
-            How often triangles at the vertices are made half as long, at least: before angles are halved they are.
-
+        None of the vertices is an end of another's edge; they keep their numbers. Triangles there have at most this
+        angle [rad], and are made half as long so many times at least: before angles are halved they are.
         """
         return TriangleMesh(*fanned(self._parts, vertices, angle, layers))
 
@@ -694,20 +593,11 @@ class TriangleMesh(PicklesFields):
         return MeshParts(self.vertices, self.cells, self.edge_sets, self.regions, self.arcs)
 
     def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> TriangleMesh:
-        """The same body with the triangles at points refined again and again; names are carried over.
+        """The same body with the triangles at points (k, 2) halved in size `depth` times, a number or one for each.
 
-        Parameters
-        ----------
-        points : (k, 2) array
-            Where stresses are singular or change their kind: corners, ends of contacts, of loads, of stick zones.
-        depth : int or (k,) ints
-            How often the triangles at each point are halved in size.
-
-        Raises
-        ------
-        InputError
-            If a point is outside the body, or triangles would become too small to tell their vertices apart.
-
+        This is for points where stresses are singular or change their kind: corners, ends of contacts, of loads, of
+        stick zones. Names are carried over. `InputError` if a point is outside the body, or triangles would become too
+        small to tell their vertices apart.
         """
         places = real_array("points", points, "give an array (k, 2) of coordinates")
         if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():

@@ -113,12 +113,6 @@ def plate(
     Parameters are those of `qvi_contact.gallery.compressed_plate`, the same plate on triangles. Friction is a number
     here, cells are elements, and plane strain with ν = 0.5 is refused. The paper calls U the relative translation of
     the two plates, but its forces are those of this U: P/2 = E U at μ = 0.
-
-    Raises
-    ------
-    InputError
-        If a value is out of its range.
-
     """
     mu = finite_number("friction", friction)
     if mu < 0.0:

@@ -94,8 +94,7 @@ class Traction:
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
-        _check_components(self)
+    __post_init__ = _check_components
 
 
 @dataclass(frozen=True)
@@ -121,8 +120,7 @@ class Displacement:
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
-        _check_components(self)
+    __post_init__ = _check_components
 
 
 @dataclass(frozen=True)
@@ -138,8 +136,7 @@ class Symmetry:
 
     edges: str
 
-    def __post_init__(self) -> None:
-        check_keys(self)
+    __post_init__ = check_keys
 
 
 DRIVES: Final = {"force_x": "x", "force_y": "y", "moment": "rotation"}

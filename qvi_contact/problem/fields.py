@@ -94,15 +94,12 @@ class Polynomial:
 class BodyForces:
     """Several body forces by name: a potential φ = Σ φ_name whose parts limit loads and sweeps can multiply.
 
+    `InputError` if there is no part, a name is no text or means something already, or a part is no number or function.
+
     Parameters
     ----------
     parts : mapping of str to float or function of (x, y)
         The potential of each force [stress]: weight is ρ g y, an acceleration a along x the potential −ρ a x.
-
-    Raises
-    ------
-    InputError
-        If there is no part, a name is no text or means something already, or a part is no number or function.
 
     """
 
@@ -135,7 +132,8 @@ class Expression:
     """A function written as text, such as ``"1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)"``.
 
     The text is parsed by `simpleeval` into a tree of numbers, the names below, + - * / **, comparisons and the
-    `FUNCTIONS`; anything else is refused, so an expression can never run code.
+    `FUNCTIONS`; anything else is refused, so an expression can never run code. `InputError` if the text is no such
+    expression, naming the part that is wrong.
 
     Parameters
     ----------
@@ -145,11 +143,6 @@ class Expression:
         Further names and their numbers; ``pi`` is always there.
     t : float
         Value of t.
-
-    Raises
-    ------
-    InputError
-        If the text is no such expression, naming the part that is wrong.
 
     """
 
@@ -237,11 +230,7 @@ def along_edges(
 ) -> EdgeQuadrature:
     """A field on edges; so many Gauss points on each, or on each of its parts where the field jumps or bends.
 
-    Raises
-    ------
-    InputError
-        If the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
-
+    `InputError` if the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
     """
     if not callable(field):
         check_field(name, field, minimum=minimum)
@@ -262,7 +251,8 @@ class PointData:
     """The function that is linear on each triangle and has these values at the vertices.
 
     The mesh need not be that of the problem. Beside chords of its boundary, as along an arc, the nearest triangle is
-    extended.
+    extended. `InputError` if there is not one finite value for each vertex; later, if a point lies far outside of the
+    triangles.
 
     Parameters
     ----------
@@ -270,11 +260,6 @@ class PointData:
         The triangles.
     values : (v,) array_like
         The values at its vertices.
-
-    Raises
-    ------
-    InputError
-        If there is not one finite value for each vertex; later, if a point lies far outside of the triangles.
 
     """
 
@@ -294,11 +279,8 @@ class PointData:
     def load(cls, path: str | Path, name: str) -> PointData:
         """The point data of that name in a file with triangles that meshio reads, such as .vtu, .vtk, .msh or .med.
 
-        Raises
-        ------
-        InputError
-            If meshio is missing, the file cannot be read, has no triangles, or no such data with one number a point.
-
+        `InputError` if meshio is missing, the file cannot be read, has no triangles, or no such data with one number a
+        point.
         """
         path, printed = given_path("file", path), StringIO()
         try:

@@ -93,8 +93,7 @@ class Tresca:
     c: Strong
     kind: ClassVar[str] = "tresca"
 
-    def __post_init__(self) -> None:
-        check_keys(self)
+    __post_init__ = check_keys
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:
         """Its cones in that plane state."""
@@ -118,8 +117,7 @@ class Mises:
     yield_stress: Strong
     kind: ClassVar[str] = "mises"
 
-    def __post_init__(self) -> None:
-        check_keys(self)
+    __post_init__ = check_keys
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:
         """Its cone in that plane state."""
@@ -191,8 +189,7 @@ class NoTension:
     crushing: Strong | None = None
     kind: ClassVar[str] = "no-tension"
 
-    def __post_init__(self) -> None:
-        check_keys(self)
+    __post_init__ = check_keys
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:  # noqa: ARG002  # as in all of them
         """Its cones, the same in both plane states."""
@@ -230,11 +227,6 @@ class Material:
         3e-4`.
     prestress : three floats or functions of (x, y), optional
         Stress (xx, yy, xy) of the body where it is not strained [stress]: `prestress = [-2.0, 0.0, 0.0]`.
-
-    Raises
-    ------
-    InputError
-        If a constant is out of its range.
 
     """
 
@@ -343,14 +335,7 @@ def varies(problem: ContactProblem) -> bool:
 
 
 def stress_at_rest(problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """σ⁰ = −C ε⁰ (xx, yy, xy) at points of cells (k,), from coordinates (k, …) [length] to (k, …, 3) [stress].
-
-    Raises
-    ------
-    InputError
-        If a field gives bad values.
-
-    """
+    """σ⁰ = −C ε⁰ (xx, yy, xy) at points of cells (k,), from coordinates (k, …) [length] to (k, …, 3) [stress]."""
     found, numbers = np.zeros((*np.shape(x), 3)), problem.cell_materials[cells]
     for number in np.unique(numbers).tolist():
         material, here = problem.materials[number], numbers == number
