@@ -24,7 +24,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.names import known_name
-from solvers.basics.types import load
+from solvers.basics.types import PicklesFields, load
 
 _LONGEST: Final = 2000  # characters of an expression
 _MOST_POWERS: Final = 100  # of x, and of y
@@ -54,11 +54,7 @@ _NODES: Final = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, 
 class Polynomial:
     """The function Σ_ij c_ij xⁱ yʲ.
 
-    Parameters
-    ----------
-    coefficients : nested sequence of float
-        ``coefficients[i][j]`` is c_ij; short rows are filled up with zeros.
-
+    ``coefficients[i][j]`` is c_ij; short rows are filled up with zeros.
     """
 
     coefficients: Sequence[Sequence[float]]
@@ -91,7 +87,7 @@ class Polynomial:
 
 
 @dataclass(frozen=True)
-class BodyForces:
+class BodyForces(PicklesFields):
     """Several body forces by name: a potential φ = Σ φ_name whose parts limit loads and sweeps can multiply.
 
     `InputError` if there is no part, a name is no text or means something already, or a part is no number or function.
@@ -119,12 +115,6 @@ class BodyForces:
         """Values at (x, y): of all parts together."""
         parts = (part(x, y) if callable(part) else part for part in self.parts.values())
         return np.asarray(sum(np.broadcast_to(np.asarray(part, dtype=float), np.shape(x)) for part in parts))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return dict(self.parts)
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        object.__setattr__(self, "parts", MappingProxyType(state))
 
 
 @dataclass(frozen=True)
@@ -308,17 +298,13 @@ class PointData:
         points = np.column_stack([np.ravel(x), np.ravel(y)])
         cells = self.mesh.locate(points)
         outside = np.flatnonzero(cells < 0)
-        if len(outside):
-            cells[outside] = self._nearest(points[outside])
+        if len(outside):  # the triangles that they are least far from, by their barycentric coordinates
+            count, places = min(_NEAREST, self.mesh.cell_count), points[outside]
+            near = self._centres.query(places, count)[1].reshape(len(places), count)
+            least = self.mesh.reference(near.ravel(), np.repeat(places, count, axis=0)).min(axis=1).reshape(near.shape)
+            cells[outside] = near[np.arange(len(near)), least.argmax(axis=1)]
         weights = self.mesh.reference(cells, points)
         if weights.min(initial=0.0) < _BEYOND:
             place = tuple(points[np.argmin(weights.min(axis=1))].tolist())
             raise InputError("PointData", place, "this point lies outside of the triangles of the data")
         return np.asarray((weights * self.values[self.mesh.cells[cells]]).sum(axis=1).reshape(np.shape(x)))
-
-    def _nearest(self, points: FloatArray) -> IntArray:
-        """The triangles that points outside (k, 2) are least far from, by their barycentric coordinates."""
-        count = min(_NEAREST, self.mesh.cell_count)
-        near = self._centres.query(points, count)[1].reshape(len(points), count)
-        weights = self.mesh.reference(near.ravel(), np.repeat(points, count, axis=0)).min(axis=1).reshape(near.shape)
-        return np.asarray(near[np.arange(len(near)), weights.argmax(axis=1)])
