@@ -314,25 +314,16 @@ def _check_values(placed: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -
 
 @dataclass(frozen=True)
 class FileReader:
-    """Makes objects out of the tables of a file.
-
-    Attributes
-    ----------
-    data : mapping
-        The tables, as TOML has them.
-    constants : mapping
-        Numbers that expressions may name.
-    t : float or None
-        Value of t in expressions; None where there is no history, and t means nothing.
-    folder : Path, optional
-        Where files with point data are looked for.
-
-    """
+    """Makes objects out of the tables of a file."""
 
     data: Mapping[str, Any]
+    """The tables, as TOML has them."""
     constants: Mapping[str, float]
+    """Numbers that expressions may name."""
     t: float | None = None
+    """Value of t in expressions; None where there is no history, and t means nothing."""
     folder: Path | None = None
+    """Where files with point data are looked for."""
     whole = Document
 
     def field(self, value: Any) -> Field:
@@ -389,38 +380,25 @@ class FileReader:
 
 @dataclass(frozen=True, eq=False)
 class ProblemFile:
-    """What a problem file says.
-
-    Attributes
-    ----------
-    problem : ContactProblem
-        The problem, at the first time if there is a history.
-    title, description : str
-        What the author calls it.
-    units : Units
-        Labels of the numbers' units.
-    solve_options : mapping
-        Arguments for `qvi_contact.solve`.
-    refine_options : mapping
-        Arguments for `qvi_contact.refine` beside those.
-    times : tuple of float
-        Times of the load steps; empty without a history.
-    sweep : SweepPlan or None
-        Values for which the problem is to be solved, if there is a sweep.
-    is_grid : bool
-        Whether the file gives its mesh by grid lines.
-
-    """
+    """What a problem file says."""
 
     problem: ContactProblem
+    """The problem, at the first time if there is a history."""
     title: str
     description: str
+    """What the author calls it."""
     units: Units
+    """Labels of the numbers' units."""
     solve_options: Mapping[str, Any]
+    """Arguments for `qvi_contact.solve`."""
     refine_options: Mapping[str, Any]
+    """Arguments for `qvi_contact.refine` beside those."""
     times: tuple[float, ...]
+    """Times of the load steps; empty without a history."""
     sweep: SweepPlan | None
+    """Values for which the problem is to be solved, if there is a sweep."""
     is_grid: bool
+    """Whether the file gives its mesh by grid lines."""
     _reader: FileReader = field(repr=False)
 
     @property
@@ -481,16 +459,10 @@ class ProblemFile:
 
 
 def load_problem(path: str | Path) -> ProblemFile:
-    """Read a problem file.
+    """Read a problem file (TOML); the folder ``examples`` shows how to write them.
 
     `InputError` if the file cannot be read, or anything in it is wrong; the field is the path inside the file, such as
     ``contacts[1].friction``, counted from 0.
-
-    Parameters
-    ----------
-    path : str or Path
-        A TOML file; the folder ``examples`` shows how to write them.
-
     """
     path = given_path("file", path)
     try:

@@ -43,21 +43,9 @@ def problem_to_toml(
     meaning. `InputError` if a function is one of Python, which a file cannot hold, or expressions disagree about
     constants or time.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem; its functions must be numbers, `Polynomial` or `Expression`.
-    title, description : str
-        What to call it.
-    units : Units, optional
-        Labels of the numbers' units.
-    solve_options : mapping, optional
-        Arguments for `solve` to be taken by default.
-    refine_options : mapping, optional
-        The same for `refine`: target, quantity, max_unknowns, max_rounds, guaranteed.
-    times : sequence of float
-        Times of the load steps, of which the problem is to be the first; by default the one of expressions in t.
-
+    Title and description say what to call it, units are labels of numbers. Options are arguments for `solve` and
+    `refine` (target, quantity, max_unknowns, max_rounds, guaranteed) to be taken by default. The problem is the first
+    of the load steps at the times, by default the one of expressions in t.
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")

@@ -20,22 +20,14 @@ from qvi_contact.problem.problem import ContactProblem
 
 @dataclass(frozen=True)
 class ExactState:
-    """Stress and displacement of an elastic body in equilibrium with b = −∇φ.
-
-    Attributes
-    ----------
-    stress : callable
-        (x, y) arrays of shape s to σ_xx, σ_yy, σ_xy of shape (3, *s) [stress].
-    displacement : callable
-        (x, y) arrays to u_x, u_y of shape (2, *s) [length].
-    potential : callable
-        φ(x, y) [stress].
-
-    """
+    """Stress and displacement of an elastic body in equilibrium with b = −∇φ."""
 
     stress: Callable[[FloatArray, FloatArray], FloatArray]
+    """(x, y) arrays of shape s to σ_xx, σ_yy, σ_xy of shape (3, *s) [stress]."""
     displacement: Callable[[FloatArray, FloatArray], FloatArray]
+    """(x, y) arrays to u_x, u_y of shape (2, *s) [length]."""
     potential: Callable[[FloatArray, FloatArray], FloatArray] = lambda x, y: np.zeros(np.broadcast(x, y).shape)
+    """φ(x, y) [stress]."""
 
     def traction(self, side: str, component: int) -> Callable[[FloatArray, FloatArray], FloatArray]:
         """Component 0 (x) or 1 (y) of σn on a side of a rectangle, as a function of (x, y)."""

@@ -16,27 +16,12 @@ def fan(
     joints: Mapping[str, int] | None = None,
     arcs: Sequence[str] = (),
 ) -> TriangleMesh:
-    """Triangles between lines around a point, from the innermost line to the outermost.
+    """Triangles between lines (n, 2) around a point [length], counterclockwise, from the innermost to the outermost.
 
-    Parameters
-    ----------
-    lines : sequence of (n, 2) arrays
-        Vertices of each line, counterclockwise [length].
-    closed : bool
-        Whether each line leads back to its first vertex.
-    centre : (float, float), optional
-        A vertex inside the first line, joined to it by triangles; by default there is a hole.
-    joints : mapping of str to int, optional
-        Numbers of lines that are joints, by name.
-    arcs : sequence of str, optional
-        Names of lines that are arcs of circles around the origin.
-
-    Returns
-    -------
-    TriangleMesh
-        Its outermost line is called "outer", that around the hole "inner"; the two ends of open lines are "start" and
-        "end". What lies inside a joint is the region of its name, as far as the joint before it.
-
+    Closed lines lead back to their first vertex. The centre is a vertex inside the first line, joined to it by
+    triangles; by default there is a hole. Joints are numbers of lines by name, arcs the names of lines that are arcs of
+    circles around the origin. The outermost line is called "outer", that around the hole "inner"; the two ends of open
+    lines are "start" and "end". What lies inside a joint is the region of its name, as far as the joint before it.
     """
     count, steps = len(lines[0]), len(lines[0]) if closed else len(lines[0]) - 1
     first = np.arange(steps)

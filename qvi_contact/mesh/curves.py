@@ -45,20 +45,13 @@ _LEVEL: Final = 1e-9  # angle between a chord and the line that angles count fro
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Edges that follow a smooth curve.
-
-    Attributes
-    ----------
-    edges : (k, 2) int array
-        The edges by their vertices.
-    coefficients : (k, n) array
-        How each bends from its first vertex to the second one: coefficients of Legendre, along its length, of the angle
-        from its chord to its tangent, counterclockwise [rad]. See `mesh.edges`.
-
-    """
+    """Edges that follow a smooth curve."""
 
     edges: IntArray
+    """The edges by their vertices, shape (k, 2)."""
     coefficients: FloatArray
+    """How each bends from its first vertex to the second one: coefficients of Legendre, along its length, of the angle
+    from its chord to its tangent, counterclockwise [rad]. See `mesh.edges`. Shape (k, n)."""
 
     def middles(self, pairs: IntArray, vertices: FloatArray) -> FloatArray:
         """The points in the middle of edges (n, 2) of the curve, shape (n, 2)."""

@@ -88,25 +88,16 @@ Line: TypeAlias = Sequence[Corner | Point]
 
 @dataclass(frozen=True, eq=False)
 class Polygon:
-    """A line of an outline as straight pieces.
-
-    Attributes
-    ----------
-    points : (n, 2) array
-        Their ends [length]; of a closed line each once.
-    names : (k,) list of str
-        What each piece is called; n of a closed line, n − 1 of an open one.
-    sizes : (n,) array
-        Sizes of triangles at the points [length].
-    centres : (k, 2) array
-        Centre of the circle that each piece is a chord of [length]; not a number where it is straight.
-
-    """
+    """A line of an outline as straight pieces."""
 
     points: FloatArray
+    """Ends of the pieces [length]; of a closed line each once, shape (n, 2)."""
     names: list[str]
+    """What each piece is called; n of a closed line, n − 1 of an open one, shape (k,)."""
     sizes: FloatArray
+    """Sizes of triangles at the points [length], shape (n,)."""
     centres: FloatArray
+    """Centre of the circle that each piece is a chord of [length]; not a number where it is straight, shape (k, 2)."""
 
     @property
     def pieces(self) -> FloatArray:
@@ -133,28 +124,19 @@ class Polygon:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """An outline as polygons.
-
-    Attributes
-    ----------
-    outer, holes
-        Closed lines of the boundary.
-    joints, regions
-        Open and closed lines inside, by name.
-    points, sizes : (k, 2), (k,) arrays
-        Places with sizes of their own.
-    largest : float
-        Size of triangles where nothing else is said [length].
-
-    """
+    """An outline as polygons."""
 
     outer: Polygon
     holes: tuple[Polygon, ...]
+    """Closed lines of the boundary, as `outer` is."""
     joints: dict[str, Polygon]
     regions: dict[str, Polygon]
+    """Closed lines inside by name; `joints` are open or closed ones."""
     points: FloatArray
     sizes: FloatArray
+    """Sizes of their own (k,) that triangles have at the `points` (k, 2) [length]."""
     largest: float
+    """Size of triangles where nothing else is said [length]."""
 
     @property
     def length(self) -> float:

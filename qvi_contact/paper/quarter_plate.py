@@ -57,15 +57,10 @@ class Spline:
 
     The degrees of freedom are Φ and s Φ' at every line, where s is the geometric mean of the two cells beside it, so
     that all have one unit and matrices of fine grids keep their digits.
-
-    Attributes
-    ----------
-    lines : (n + 1,) array
-        Coordinates, increasing, dimensionless.
-
     """
 
     lines: FloatArray
+    """Coordinates, increasing, dimensionless, shape (n + 1,)."""
 
     @cached_property
     def sizes(self) -> FloatArray:
@@ -134,25 +129,17 @@ class QuarterPlate:
 
     Lengths are divided by L = max(a, h), stresses by S = U / (c11 L), displacements by U. Where z is NaN (there is no
     answer) forces and stresses are.
-
-    Attributes
-    ----------
-    x, y : (nx + 1,) and (ny + 1,) arrays
-        Grid lines [length], from 0 to a and to h.
-    material : Material
-        E, ν and the plane state.
-    friction : float
-        μ [-].
-    displacement : float
-        U [length].
-
     """
 
     x: FloatArray
     y: FloatArray
+    """Grid lines [length], from 0 to a and to h, shape (nx + 1,) and (ny + 1,)."""
     material: Material
+    """E, ν and the plane state."""
     friction: float
+    """μ [-]."""
     displacement: float
+    """U [length]."""
 
     @property
     def length_unit(self) -> float:
@@ -302,19 +289,12 @@ class QuarterPlate:
 
 @dataclass(frozen=True, eq=False)
 class StressRoot:
-    """R with RᵀR = K: gradients of the energy through stresses are closer than through the assembled K.
-
-    Attributes
-    ----------
-    R : (r, n) sparse array
-        Weighted stresses.
-    places : (r, 2) array
-        The point of each row, dimensionless.
-
-    """
+    """R with RᵀR = K: gradients of the energy through stresses are closer than through the assembled K."""
 
     R: sparse.csr_array
+    """Weighted stresses, shape (r, n)."""
     places: FloatArray
+    """The point of each row, dimensionless, shape (r, 2)."""
 
     def apply(self, z: FloatArray) -> FloatArray:
         """R z (r,)."""

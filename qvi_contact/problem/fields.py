@@ -90,13 +90,8 @@ class Polynomial:
 class BodyForces(PicklesFields):
     """Several body forces by name: a potential φ = Σ φ_name whose parts limit loads and sweeps can multiply.
 
+    Parts are numbers or functions of (x, y) [stress]: weight is ρ g y, an acceleration a along x the potential −ρ a x.
     `InputError` if there is no part, a name is no text or means something already, or a part is no number or function.
-
-    Parameters
-    ----------
-    parts : mapping of str to float or function of (x, y)
-        The potential of each force [stress]: weight is ρ g y, an acceleration a along x the potential −ρ a x.
-
     """
 
     parts: Mapping[str, Any]
@@ -121,19 +116,10 @@ class BodyForces(PicklesFields):
 class Expression:
     """A function written as text, such as ``"1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)"``.
 
+    It is in x, y [length], t (pseudo-time of a load history), constants by name, and ``pi``, which is always there.
     The text is parsed by `simpleeval` into a tree of numbers, the names below, + - * / **, comparisons and the
     `FUNCTIONS`; anything else is refused, so an expression can never run code. `InputError` if the text is no such
     expression, naming the part that is wrong.
-
-    Parameters
-    ----------
-    text : str
-        The expression in x, y [length] and t (pseudo-time of a load history).
-    constants : mapping
-        Further names and their numbers; ``pi`` is always there.
-    t : float
-        Value of t.
-
     """
 
     text: str
@@ -238,19 +224,11 @@ _BEYOND: Final = -1.0  # least barycentric coordinate to which they are extended
 
 @dataclass(frozen=True, eq=False)
 class PointData:
-    """The function that is linear on each triangle and has these values at the vertices.
+    """The function that is linear on each triangle of a mesh and has these values (v,) at the vertices.
 
     The mesh need not be that of the problem. Beside chords of its boundary, as along an arc, the nearest triangle is
     extended. `InputError` if there is not one finite value for each vertex; later, if a point lies far outside of the
     triangles.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The triangles.
-    values : (v,) array_like
-        The values at its vertices.
-
     """
 
     mesh: TriangleMesh

@@ -55,28 +55,18 @@ Strong: TypeAlias = Annotated[Field, Varying(0.0, positive=True)]
 
 
 class YieldCone(NamedTuple):
-    """One cone |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S.
-
-    Attributes
-    ----------
-    name : str
-        What messages call the field behind a, such as "Tresca.c".
-    field : float or function of (x, y)
-        The field, at least 0 [stress].
-    factor : float or array
-        a over that field; an array where it is for several angles of friction.
-    pressure : float or array
-        β.
-    mean : float
-        γ.
-
-    """
+    """One cone |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S."""
 
     name: str
+    """What messages call the field behind a, such as "Tresca.c"."""
     field: Field
+    """The field, at least 0 [stress]."""
     factor: float | FloatArray
+    """a over that field; an array where it is for several angles of friction."""
     pressure: float | FloatArray = 0.0
+    """β."""
     mean: float = 0.0
+    """γ."""
 
 
 @dataclass(frozen=True)

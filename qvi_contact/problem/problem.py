@@ -44,31 +44,20 @@ _TANGENTIAL: Final = 1e-12  # part along the normal, of one, that is rounding
 
 @dataclass(frozen=True, eq=False)
 class Prescribed:
-    """One component of a traction or displacement, prescribed on edges of the boundary.
-
-    Attributes
-    ----------
-    name : str
-        What messages call it, such as "Traction.x".
-    index : (n,) int array
-        The edges in `TriangleMesh.boundary`.
-    edges : Edges
-        The edges themselves.
-    direction : (n, 2) array
-        The unit vector that the component is taken along, on each edge.
-    turns : bool
-        Whether it turns along arcs, as normals and tangents do.
-    value : float or function of (x, y)
-        Its values.
-
-    """
+    """One component of a traction or displacement, prescribed on edges of the boundary."""
 
     name: str
+    """What messages call it, such as "Traction.x"."""
     index: IntArray
+    """The edges in `TriangleMesh.boundary`, shape (n,)."""
     edges: Edges
+    """The edges themselves."""
     direction: FloatArray
+    """The unit vector that the component is taken along, on each edge, shape (n, 2)."""
     turns: bool
+    """Whether it turns along arcs, as normals and tangents do."""
     value: Field
+    """Its values."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
