@@ -48,8 +48,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
     infeasible problem or measures that could not be computed, is None. Signs are those of `ContactLine` and
     `Resultant`: the largest pressure is the largest −σ_N, the largest shear and slip are absolute values.
     """
-    units, mesh = units or Units(), result.problem.mesh
-    solution, certificate = result.solution, result.certificate
+    units, mesh, solution = units or Units(), result.problem.mesh, result.solution
     document = {
         "format": "qvi_contact summary",
         "version": SUMMARY_VERSION,
@@ -60,22 +59,15 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "advice": result.status.advice,
         "remarks": [units.filled(remark) for remark in result.remarks],
         "certificate": {
-            "passed": certificate.passed,
-            "tolerance": certificate.tolerance,
-            "accuracy": certificate.accuracy,
-            "worst": certificate.worst,
-            "measures": dict(certificate.measures),
-            "limits": certificate.limits,
-            "signed": dict(certificate.signed),
+            name: getattr(solution.certificate, name)
+            for name in ("passed", "tolerance", "accuracy", "worst", "measures", "limits", "signed")
         },
-        "contraction": solution.contraction,
-        "iterations": result.iterations,
-        "method": solution.method,
-        "inner": solution.inner,
-        "factorisation": solution.factorisation,
-        "form": solution.form,
-        "seconds": dict(solution.timings),
-        "versions": dict(solution.versions),
+        **{
+            name: getattr(solution, name)
+            for name in ("contraction", "iterations", "method", "inner", "factorisation", "form")
+        },
+        "seconds": solution.timings,
+        "versions": solution.versions,
         "mesh": {
             "cells": mesh.cell_count,
             "nodes": len(mesh.vertices),
@@ -85,8 +77,9 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
             "largest_cell": _quantity(mesh.cell_range[1], units.length),
         },
         "element": element_of(result.discretization),
-        **(_state(result, units) if result.has_state else dict.fromkeys(_STATE_KEYS)),
     }
+    stated = ("contacts", "plates", "energies", "resultants", "traction_misfit")
+    document |= _state(result, units) if result.has_state else dict.fromkeys(stated)
     return {key: json_ready(value) for key, value in document.items()}
 
 
@@ -158,9 +151,6 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
     }
 
 
-_STATE_KEYS: Final = ("contacts", "plates", "energies", "resultants", "traction_misfit")
-
-
 def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     """The part of the summary that needs a stress state."""
     energies = result.energies
@@ -193,15 +183,17 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
             **pair(pushed, "force_", units.force),
             "moment": _quantity(pushed.moment, units.moment),
         }
-    resultants = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
-    values = (
-        contacts,
-        plates,
-        {name: _quantity(getattr(energies, name), units.energy) for name in energies.__dataclass_fields__},
-        {n: {**pair(f, "", units.force), "moment": _quantity(f.moment, units.moment)} for n, f in resultants.items()},
-        _quantity(result.traction_misfit, units.stress),
-    )
-    return dict(zip(_STATE_KEYS, values, strict=True))
+    forces = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
+    return {
+        "contacts": contacts,
+        "plates": plates,
+        "energies": {field.name: _quantity(getattr(energies, field.name), units.energy) for field in fields(energies)},
+        "resultants": {
+            name: {**pair(force, "", units.force), "moment": _quantity(force.moment, units.moment)}
+            for name, force in forces.items()
+        },
+        "traction_misfit": _quantity(result.traction_misfit, units.stress),
+    }
 
 
 def element_of(discretization: Discretization) -> dict[str, Any]:

@@ -498,7 +498,8 @@ class JointTable(_Place):
 class RegionTable(Region):
     """Triangles of another material, which may have ranges and a name: then the region gets that name."""
 
-    __post_init__ = check_keys
+    def __post_init__(self) -> None:
+        check_keys(self)
 
     def region(self, plane: Plane) -> Region:
         """The region, in the plane state of the body."""

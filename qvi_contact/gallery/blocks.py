@@ -77,8 +77,7 @@ def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolA
     heads = (row + line) % 2 == 0
     for opening in openings:
         if len(opening) != 4:
-            remedy = "give four whole numbers: half blocks left, courses below, width, height"
-            raise InputError("openings", opening, remedy)
+            raise InputError("openings", opening, "give four numbers: half blocks left, courses below, width, height")
         bottom = opening[1] and whole_number("openings", opening[1], _MOST)
         left, across, up = (whole_number("openings", opening[k], 2 * _MOST) for k in (0, 2, 3))
         right, top = left + across, bottom + up

@@ -153,21 +153,13 @@ class TriangleMesh(PicklesFields):
         the tractions on neither of them. The triangles 2k and 2k + 1 lie in the cell k of the body, counted row by row.
         Cells more than 500 times as long as wide are cut along their length first, by lines through the grid.
 
-        Parameters
-        ----------
-        x, y : (nx + 1,), (ny + 1,) arrays
-            Grid lines [length], strictly increasing, with any spacing; see `graded_lines`.
-        active : (ny, nx) bool array, optional
-            Cells that belong to the body, ``active[row, column]``; all of them by default.
-        edges : mapping of str to segment or function of (x, y), optional
-            Parts of the boundary by name. A segment is a pair of points ((x, y), (x, y)) between which the edges lie;
-            both are grid nodes. A function is given the midpoints of edges, as in `with_edges`.
-        joints : mapping of str to segment or function of (x, y), optional
-            Lines inside the body by name, along which a `Contact` may hold. Edges on the boundary do not belong to
-            them.
-        regions : mapping of str to (range, range), optional
-            Regions by name: those cells between two lines (x₁, x₂) and two lines (y₁, y₂), None for all.
+        Grid lines x (nx + 1,) and y (ny + 1,) [length] increase strictly, with any spacing; see `graded_lines`. Cells
+        of the body are the true ones of ``active[row, column]``, (ny, nx), by default all.
 
+        Parts of the boundary in `edges`, and lines inside the body in `joints`, along which a `Contact` may hold, are
+        segments by name, pairs of grid nodes ((x, y), (x, y)) between which the edges lie, or functions of (x, y) that
+        are given the midpoints of edges, as in `with_edges`. Regions by name are the cells between two lines (x₁, x₂)
+        and two lines (y₁, y₂), None for all.
         """
         mesh = cls(*grid_parts(x, y, active))
         sets: dict[str, IntArray] = dict(mesh.edge_sets)
@@ -229,24 +221,14 @@ class TriangleMesh(PicklesFields):
     ) -> TriangleMesh:
         """A body given by its outline, divided into triangles by gmsh (extra ``mesh``).
 
-        Parameters
-        ----------
-        corners : sequence of Corner or (x, y)
-            The corners around the body, either way round; the last one is joined to the first. A `Corner` can name
-            the line that begins there, and make an arc of it. Triangles have sides that are parts of the arc there, as
-            with `with_arc`.
-        size : float
-            Size of the triangles where nothing else is said: the length of their sides [length].
-        holes : sequence of lines, optional
-            Corners around each hole; `Corner.circle` makes round ones.
-        joints : mapping of str to line, optional
-            Lines inside the body by name, along which a `Contact` may hold. A line ends at its last corner. It is
-            closed if the first corner is repeated there, or if an arc begins there, as in `Corner.circle`.
-        regions : mapping of str to line, optional
-            Closed lines by name: the triangles inside each are a region.
-        sizes : mapping of (x, y) to float, optional
-            Sizes at points of the body [length]; corners can have their own.
+        The corners, `Corner` or (x, y), go around the body, either way round; the last one is joined to the first. A
+        `Corner` can name the line that begins there, and make an arc of it. Triangles have sides that are parts of the
+        arc there, as with `with_arc`. `size` is the length of the sides of triangles [length] where nothing else is
+        said; `sizes` has others at points (x, y) of the body, and corners can have their own.
 
+        Each hole has its corners; `Corner.circle` makes round ones. Joints are lines inside the body by name, along
+        which a `Contact` may hold. A line ends at its last corner. It is closed if the first corner is repeated there,
+        or if an arc begins there, as in `Corner.circle`. The triangles inside a closed line in `regions` are a region.
         """
         parts = meshed(polygons(corners, size, holes=holes, joints=joints, regions=regions, sizes=sizes))
         try:

@@ -94,7 +94,8 @@ class Traction:
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
 
-    __post_init__ = _check_components
+    def __post_init__(self) -> None:
+        _check_components(self)
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,8 @@ class Displacement:
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
 
-    __post_init__ = _check_components
+    def __post_init__(self) -> None:
+        _check_components(self)
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,8 @@ class Symmetry:
 
     edges: str
 
-    __post_init__ = check_keys
+    def __post_init__(self) -> None:
+        check_keys(self)
 
 
 DRIVES: Final = {"force_x": "x", "force_y": "y", "moment": "rotation"}

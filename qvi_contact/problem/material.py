@@ -83,7 +83,8 @@ class Tresca:
     c: Strong
     kind: ClassVar[str] = "tresca"
 
-    __post_init__ = check_keys
+    def __post_init__(self) -> None:
+        check_keys(self)
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:
         """Its cones in that plane state."""
@@ -107,7 +108,8 @@ class Mises:
     yield_stress: Strong
     kind: ClassVar[str] = "mises"
 
-    __post_init__ = check_keys
+    def __post_init__(self) -> None:
+        check_keys(self)
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:
         """Its cone in that plane state."""
@@ -179,7 +181,8 @@ class NoTension:
     crushing: Strong | None = None
     kind: ClassVar[str] = "no-tension"
 
-    __post_init__ = check_keys
+    def __post_init__(self) -> None:
+        check_keys(self)
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:  # noqa: ARG002  # as in all of them
         """Its cones, the same in both plane states."""

@@ -194,8 +194,14 @@ class ContactProblem(PicklesFields):
         found = list[Condition]()
         for condition in self.conditions:
             edges = self.mesh.edges(condition.edges)
-            by_xy = isinstance(condition, (Symmetry, Contact)) or not components(condition).keys() & set(LOCAL)
-            if by_xy or edges.curved or len(np.unique(edges.normal, axis=0)) > 1 or np.abs(edges.normal).max() < 1.0:
+            aligned = (
+                not edges.curved and len(np.unique(edges.normal, axis=0)) == 1 and np.abs(edges.normal).max() >= 1.0
+            )
+            if (
+                isinstance(condition, (Symmetry, Contact))
+                or not aligned
+                or components(condition).keys() & set(CARTESIAN)
+            ):
                 found.append(condition)
                 continue
             given: Any = dict.fromkeys(LOCAL)
