@@ -50,9 +50,4 @@ __all__ = [
     "uniform",
 ]
 
-__getattr__ = front(
-    __name__,
-    {
-        "meshes": ("arc", "fan"),
-    },
-)
+__getattr__ = front(__name__, {"meshes": ("arc", "fan")})

@@ -70,10 +70,7 @@ def cantilever(material: Material, gradient: float, shear: float) -> ExactState:
     return ExactState(
         lambda x, y: np.stack([k * x * y, 0 * x, -shear - k * y**2 / 2 + 0 * x]),
         lambda x, y: np.stack(
-            [
-                a * k * x**2 * y / 2 - s * shear * y - (s + b) * k * y**3 / 6,
-                b * k * x * y**2 / 2 - a * k * x**3 / 6,
-            ]
+            [a * k * x**2 * y / 2 - s * shear * y - (s + b) * k * y**3 / 6, b * k * x * y**2 / 2 - a * k * x**3 / 6]
         ),
     )
 

@@ -129,10 +129,7 @@ def _pieces(corners: list[int], sides: list[int], vertices: FloatArray) -> list[
     tip = 3 - sum(cut)  # both sides meet in this corner
     one, other = cut
     first, second = sides[one], sides[other]  # on the sides tip–other and tip–one
-    quads = [
-        (corners[other], second, [corners[one], first]),
-        (corners[one], first, [corners[other], second]),
-    ]
+    quads = [(corners[other], second, [corners[one], first]), (corners[one], first, [corners[other], second])]
     lengths = [float(np.hypot(*(vertices[a] - vertices[b]))) for a, b, _ in quads]
     a, b, ends = quads[int(np.argmin(lengths))]
     return [[corners[tip], first, second], *([a, b, end] for end in ends)]

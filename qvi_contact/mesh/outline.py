@@ -12,14 +12,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    mapping,
-    positive_number,
-    true_or_false,
-)
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, true_or_false
 from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.flaws import LARGEST
