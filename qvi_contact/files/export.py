@@ -94,33 +94,8 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
     `qvi_contact.load_result` makes the result again, and `qvi-contact verify` checks all that the file claims.
     `InputError` if there is no stress state, the suffix is another one, or the file cannot be written.
 
-    Notes
-    -----
-    The fields are
-
-    * ``vertices`` (v, 2) [length], ``cells`` (cells, 3) and ``material`` (cells,);
-    * ``gauss_x``, ``gauss_y`` (cells, g) [length] and ``gauss_stress`` (cells, g, 3): σ_xx, σ_yy, σ_xy [stress];
-    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has of its points, and its
-      forces; ``pore_pressure`` and effective stress and force where a fluid presses in the contact; with a
-      plate ``<name>.motion``: x, y [length] and rotation [rad];
-    * ``energies``: strain, load, complementary, dissipation [stress × length²]; ``traction_misfit`` [stress];
-    * ``status``, ``message``: texts.
-
-    What the fields are made from is there too:
-
-    * ``problem``: the text of a problem file; empty if functions are Python's, which no file can hold, and
-      ``problem_missing`` then says which. Such a file has all fields, but cannot be checked;
-    * ``degree`` and ``law_on`` ("points" or "edges") of the element; ``centres``: vertices with affine
-      functions from which ``z`` counts, where small cells lie in several places; ``cuts``: vertices along lines from
-      holes across which the Airy function of ``z`` jumps, line by line;
-    * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
-      farther than so many units of displacement count as that far; ``earlier_slip``: of load steps before this one,
-      at all contact points;
-    * ``z``, ``normal_multiplier``, ``tangential_multiplier``, ``equality_multiplier``, ``threshold``: of `QVISolution`;
-    * ``certificate`` (JSON) and ``tolerance``; ``method``, ``inner``, ``form``, ``factorisation``, ``iterations``,
-      ``corrections``, ``remarks``, ``history``, ``history_status``, ``timings``, ``versions``;
-    * ``format``, ``format_version`` and ``digest``, see `qvi_contact.files.archive`.
-
+    What the entries are, with shapes and units, says "NumPy archive" in docs/formats.md. Where functions are Python's,
+    which no file can hold, ``problem`` is empty: such a file has all fields, but cannot be checked.
     """
     check_suffix("npz", path, ".npz")
     write_archive(path, {**field_arrays(result), **solution_arrays(result, units, title)})

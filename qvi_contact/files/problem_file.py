@@ -436,26 +436,20 @@ class ProblemFile:
         try:
             yield
         except InputError as error:
-            path, remedy = self._path(error), in_toml(error.remedy)
+            path, remedy = _RENAMED.get(error.field, error.field), in_toml(error.remedy)
+            for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
+                if error.value is not None and options.get(error.field) == error.value:
+                    path = f"{kind}.{error.field}"
+            first, _, name = error.field.partition(".")
+            if first == RigidPlate.__name__:
+                contacts = enumerate(self._reader.data["contacts"])
+                places = [
+                    f"[{i}].{kind}" for i, table in contacts for kind in ("plate", "pin") if name in table.get(kind, ())
+                ]
+                path = f"contacts{places[0]}.{name}" if len(places) == 1 else f"contacts.plate.{name}"
             if (path, remedy) == (error.field, error.remedy):
                 raise
             raise type(error)(path, error.value, remedy) from error
-
-    def _path(self, error: InputError) -> str:
-        """Path in the file of what an error met after reading is about."""
-        first, _, name = error.field.partition(".")
-        if first == RigidPlate.__name__:
-            driven = [
-                f"contacts[{i}].{kind}.{name}"
-                for i, table in enumerate(self._reader.data["contacts"])
-                for kind in ("plate", "pin")
-                if name in table.get(kind, ())
-            ]
-            return driven[0] if len(driven) == 1 else f"contacts.plate.{name}"
-        for kind, options in (("solve", self.solve_options), ("refine", self.refine_options)):
-            if error.value is not None and options.get(error.field) == error.value:
-                return f"{kind}.{error.field}"
-        return _RENAMED.get(error.field, error.field)
 
 
 def load_problem(path: str | Path) -> ProblemFile:

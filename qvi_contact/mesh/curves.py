@@ -273,7 +273,16 @@ def fitted(
         raise InputError(name, tuple(samples[0].tolist()), "all points of the curve are this one")
     given = replace(given, closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
     numbers, places = np.unique(edges, return_inverse=True)
-    found = _nearest(given, vertices[numbers], t, samples)
+    # (γ − x)·d vanishes at a vertex x, d being from the sample before the nearest to that after: by halving, which
+    # needs no derivative, and no smoothness but between vertices
+    nearest = np.asarray(cKDTree(samples).query(vertices[numbers])[1])
+    before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
+    low, high, along = t[before], t[after], samples[after] - samples[before]
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2.0
+        ahead = ((given.points(middle) - vertices[numbers]) * along).sum(axis=1) > 0.0
+        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
+    found = (low + high) / 2.0
     off = np.hypot(*(given.points(found) - vertices[numbers]).T)
     worst = int(np.argmax(off))
     if off[worst] > ROUNDING * size:
@@ -284,21 +293,6 @@ def fitted(
     if given.closed:
         second = second - (stop - start) * np.rint((second - first) / (stop - start))
     return Curve(edges, _bends(given, first, second, vertices[edges]))
-
-
-def _nearest(given: _Given, places: FloatArray, t: FloatArray, samples: FloatArray) -> FloatArray:
-    """Parameters (n,) where (γ − x)·d vanishes for places x (n, 2), d from the sample before the nearest to that after.
-
-    By halving, which needs no derivative, and no smoothness but between vertices.
-    """
-    nearest = np.asarray(cKDTree(samples).query(places)[1])
-    before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
-    low, high, along = t[before], t[after], samples[after] - samples[before]
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2.0
-        ahead = ((given.points(middle) - places) * along).sum(axis=1) > 0.0
-        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
-    return np.asarray((low + high) / 2.0)
 
 
 def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArray) -> FloatArray:

@@ -41,9 +41,8 @@ def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     chosen = np.asarray(marked)
     if chosen.dtype == bool and chosen.shape == (count,):
         chosen = np.flatnonzero(chosen)
-    if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
-        raise InputError("marked", marked, remedy)
-    if chosen.size and (chosen.min() < 0 or chosen.max() >= count):
+    whole = chosen.dtype.kind in "iu" or not chosen.size
+    if chosen.ndim != 1 or not whole or chosen.min(initial=0) < 0 or chosen.max(initial=0) >= count:
         raise InputError("marked", marked, remedy)
     return divided_at_arcs(_bisected(mesh, chosen.astype(np.int64)))
 

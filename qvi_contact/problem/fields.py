@@ -74,16 +74,12 @@ class Polynomial:
             raise InputError("Polynomial", self.coefficients, "give finite coefficients, at least one")
         object.__setattr__(self, "coefficients", rows)
 
-    @cached_property
-    def _table(self) -> FloatArray:
+    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Values at (x, y)."""
         table = np.zeros((len(self.coefficients), max(map(len, self.coefficients))))
         for i, row in enumerate(self.coefficients):
             table[i, : len(row)] = row
-        return table
-
-    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Values at (x, y)."""
-        return np.asarray(polynomial.polyval2d(x, y, self._table))
+        return np.asarray(polynomial.polyval2d(x, y, table))
 
 
 @dataclass(frozen=True)

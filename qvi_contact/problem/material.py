@@ -361,13 +361,6 @@ def stress_along_z(
     return found
 
 
-def check_compressible(problem: ContactProblem) -> None:
-    """`InputError` for an initial strain of an incompressible material, which no stress can take back."""
-    if is_strained(problem) and any(problem.materials[n].incompressible for n in np.unique(problem.cell_materials)):
-        remedy = "temperature, shrinkage and prestress need a compressible material: take a number below 0.5"
-        raise InputError("Material.poisson", 0.5, remedy)
-
-
 def _temperature(problem: ContactProblem, number: int) -> Field:
     """That of the part with this number in `ContactProblem.materials`."""
     own = problem.regions[number - 1].temperature if number else None

@@ -31,7 +31,6 @@ from qvi_contact.problem.material import (
     Material,
     Region,
     cell_materials,
-    check_compressible,
     is_strained,
     stress_at_rest,
 )
@@ -104,7 +103,6 @@ class ContactProblem(PicklesFields):
         _check_parts(self)
         _ = self.owners, self.cell_materials  # refuse edges without conditions, and regions that cut triangles
         _check_pressure(self)
-        check_compressible(self)
 
     def __repr__(self) -> str:
         named: dict[str, list[str]] = {}
@@ -358,10 +356,14 @@ def _midpoint(mesh: TriangleMesh, edge: int) -> str:
 def _check_pressure(problem: ContactProblem) -> None:
     """A constant pressure strains no incompressible body: some normal traction must say how large it is.
 
-    A plate's force, or an obstacle that stays away, could as well, but K of (D2) is singular then.
+    A plate's force, or an obstacle that stays away, could as well, but K of (D2) is singular then. No stress can take
+    back an initial strain of incompressible parts.
     """
-    used = [problem.materials[number] for number in np.unique(problem.cell_materials)]
-    if not all(material.incompressible for material in used):
+    incompressible = [problem.materials[number].incompressible for number in np.unique(problem.cell_materials)]
+    if any(incompressible) and is_strained(problem):
+        remedy = "temperature, shrinkage and prestress need a compressible material: take a number below 0.5"
+        raise InputError("Material.poisson", 0.5, remedy)
+    if not all(incompressible):
         return
     normal = problem.mesh.boundary.normal
     parts = ((given.direction * normal[given.index]).sum(axis=1) for given in problem.prescribed(Traction))
