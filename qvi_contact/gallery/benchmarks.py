@@ -217,7 +217,7 @@ def cylinder_on_block(share: float = 0.01, sectors: int = 6, depth: int = 4) -> 
     are so many triangles around it in a quarter, and those at its end are halved in size `depth` times.
     """
     half_width = 6.2146 * float(np.sqrt(positive_number("share", share)))
-    mesh = _welded(_half_disc(50.0, half_width, sectors, 1), _block(100.0, 200.0, half_width, sectors), half_width)
+    mesh = _welded(_half_disc(50.0, half_width, sectors, 1), _block(100.0, 200.0, half_width, sectors))
     height = float(mesh.vertices[:, 1].max())
     mesh = mesh.with_edges("load", lambda _, y: y >= height)
     mesh = mesh.with_edges("axis", lambda x, _: x == 0.0).with_edges("bottom", lambda _, y: y == -200.0)
@@ -246,7 +246,7 @@ def half_discs(share: float = 1e-4, sectors: int = 6, depth: int = 4) -> Contact
     """
     root = float(np.sqrt(positive_number("share", share)))
     half_width, stick = 0.680778 * root, 0.496511 * root
-    mesh = _welded(_half_disc(8.0, half_width, sectors, 2), None, half_width)
+    mesh = _welded(_half_disc(8.0, half_width, sectors, 2), None)
     height = float(mesh.vertices[:, 1].max())
     mesh = mesh.with_edges("load", lambda _, y: y >= height).with_edges("bottom", lambda _, y: y <= -height)
     mesh = mesh.with_arc("cylinder", (0.0, height), 8.0).with_arc("below", (0.0, -height), 8.0)
@@ -318,24 +318,17 @@ def _radii(half_width: float, last: float, sectors: int) -> FloatArray:
     return np.concatenate([even, radii_between(joined, last, sectors)[1:]])
 
 
-def _welded(above: list[FloatArray], below: list[FloatArray] | None, half_width: float) -> TriangleMesh:
-    """One mesh of two bodies that share the vertices of the joint "contact", the region "above" being one of them.
+def _welded(above: list[FloatArray], below: list[FloatArray] | None) -> TriangleMesh:
+    """One mesh of two bodies with the joint "contact", the region "above" being one of them.
 
     The round side of it is "cylinder". The body below is the other one turned by 180° if not given, its round side
     being "below".
     """
-    first = fan(above, closed=False, centre=(0.0, 0.0))
-    second = fan(below or [-line for line in above], closed=False, centre=(0.0, 0.0))
-    vertices, found = np.unique(np.vstack([first.vertices, second.vertices + 0.0]), axis=0, return_inverse=True)
-    own, other = found[: len(first.vertices)], found[len(first.vertices) :]
-    count = len(first.cells)
-    mesh = TriangleMesh(vertices, np.vstack([own[first.cells], other[second.cells]]), {}, {"above": np.arange(count)})
-    joined = 1.000001 * _JOINED * half_width
-    mesh = mesh.with_joint("contact", lambda x, y: (y == 0.0) & (np.abs(x) < joined))
-    for name, body, numbers in (("cylinder", first, own), ("below", second, other)):
-        sides = ("start",) if below else ("start", "end")
-        pairs = np.vstack([numbers[body.edge_sets[side]] for side in sides])
-        if below is None or name == "cylinder":
-            beyond = np.abs(vertices[pairs][:, :, 0]).max(axis=1) > joined
-            mesh = mesh.with_edges(name, pairs[beyond])
-    return mesh
+    bodies = list[TriangleMesh]()
+    for name, lines in (("cylinder", above), ("below", below or [-line for line in above])):
+        body = fan(lines, closed=False, centre=(0.0, 0.0))
+        sides = [body.edge_sets[side] for side in (("start",) if below else ("start", "end"))]
+        region = {"above": np.arange(len(body.cells))} if name == "cylinder" else {}
+        edge_sets = {name: np.concatenate(sides)} if below is None or region else {}
+        bodies.append(TriangleMesh(body.vertices, body.cells, edge_sets, region))
+    return TriangleMesh.joined("contact", bodies)
