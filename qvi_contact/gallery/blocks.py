@@ -1,6 +1,7 @@
 """Bodies of many blocks with dry joints between them: a masonry wall with openings, and a jointed rock slope."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -98,22 +99,17 @@ def _wall_mesh(active: BoolArray, heads: BoolArray) -> TriangleMesh:
     rows, halves = active.shape
     cut = TriangleMesh.grid(np.arange(halves + 1) * _BLOCK / 2.0, np.arange(rows + 1) * _COURSE, active)
     mesh = TriangleMesh(cut.vertices, cut.cells)
-    line, row = np.rint(mesh.vertices / (_BLOCK / 2.0, _COURSE)).astype(np.int64).T
-    edges, outside = mesh.topology.ends, mesh.topology.boundary
-    ends, around = edges[~outside], edges[outside]
-    upright, level = np.ptp(line[ends], axis=1) == 0, np.ptp(row[ends], axis=1) == 0
-    joint = upright & heads[row[ends].min(axis=1).clip(max=rows - 1), line[ends[:, 0]]]
-    mesh = mesh.with_joint("beds", ends[level]) if level.any() else mesh
-    mesh = mesh.with_joint("heads", ends[joint]) if joint.any() else mesh
-    sides = {
-        "ground": (row[around] == 0).all(axis=1),
-        "windward": (line[around] == 0).all(axis=1),
-        "top": (row[around] == rows).all(axis=1),
-    }
-    sides["free"] = ~np.any(list(sides.values()), axis=0)
-    for name, chosen in sides.items():
-        mesh = mesh.with_edges(name, around[chosen])
-    return mesh
+    outside, (line, row) = mesh.topology.boundary, (mesh.midpoints / (_BLOCK / 2.0, _COURSE)).T
+    place = np.minimum(row.astype(np.int64), rows - 1), line.astype(np.int64)
+    named = {"beds": ~outside & (row % 1.0 == 0.0), "heads": ~outside & (line % 1.0 == 0.0) & heads[place]}
+    named |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
+    named["free"] = outside & ~np.any(list(named.values()), axis=0)
+    return _with_names(mesh, named)
+
+
+def _with_names(mesh: TriangleMesh, named: dict[str, BoolArray]) -> TriangleMesh:
+    """The mesh with those joints and parts of the boundary, masks (e,) of edges, that there are."""
+    return replace(mesh, edge_sets={name: mesh.topology.ends[chosen] for name, chosen in named.items() if chosen.any()})
 
 
 def jointed_slope(
@@ -201,7 +197,4 @@ def _slope_mesh(rows: int, columns: int, size: tuple[float, float]) -> TriangleM
     named["bench"] = (j == 0).all(axis=1) & (i <= 0).all(axis=1) & outside
     named["crest"] = (j == 2 * rows).all(axis=1)
     named["face"] = (j == 2 * i).all(axis=1) & outside
-    for name, chosen in named.items():
-        pairs = mesh.topology.ends[chosen]
-        mesh = mesh.with_joint(name, pairs) if name in ("bedding", "cross joints") else mesh.with_edges(name, pairs)
-    return mesh
+    return _with_names(mesh, named)
