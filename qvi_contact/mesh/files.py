@@ -15,7 +15,6 @@ size that a file of Gmsh only claims: every count is compared with the bytes tha
 (periodic nodes, fields, views) are skipped.
 """
 
-import stat
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr
@@ -29,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.basics.writing import given_path
+from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
@@ -106,17 +105,14 @@ def _read(path: Path) -> _NamedCells:
         raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
     printed = StringIO()  # what meshio prints, and NumPy warns of, is part of an error, and else nothing anybody needs
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
-            raise _refused(path, "is not a regular file: give the name of a mesh file")
-        if found.st_size > _LARGEST:
-            raise _refused(path, f"holds more than {_LARGEST} bytes, the limit: give a coarser mesh")
-        with warnings.catch_warnings(), redirect_stderr(printed):
+        with open_regular(path) as source, warnings.catch_warnings(), redirect_stderr(printed):
             warnings.simplefilter("ignore")
+            size = path.stat().st_size
+            if size > _LARGEST:
+                raise _refused(path, f"holds more than {_LARGEST} bytes, the limit: give a coarser mesh")
             if reader != "gmsh":
                 return _named_cells(import_module(f"meshio.{reader}").read(path))
-            with path.open("rb") as source:
-                return _GmshFile(str(path), source, found.st_size).read()
+            return _GmshFile(source, size).read()
     except InputError as error:
         raise _refused(path, error.remedy) from error
     except FileNotFoundError as error:
@@ -204,8 +200,8 @@ def _tidy(points: Any, cells: Any, edge_sets: dict[str, Any], regions: dict[str,
 class _GmshFile:
     """An open file, read section by section."""
 
-    def __init__(self, path: str, source: BinaryIO, size: int) -> None:
-        self._path, self._source, self._size = path, source, size
+    def __init__(self, source: BinaryIO, size: int) -> None:
+        self._source, self._size = source, size
         self._version, self._binary, self._word = "", False, "u8"  # the type of counts and tags in format 4.1
         self._names = list[tuple[int, int, str]]()  # dimension, physical number, name
         self._physical = dict[tuple[int, int], set[int]]()  # physical numbers of each entity of format 4.1
@@ -257,7 +253,7 @@ class _GmshFile:
         at = order[np.minimum(np.searchsorted(self._tags[order], wanted), len(order) - 1)]
         if (self._tags[at] != wanted).any():
             remedy = f"joins nodes that it does not hold (it has {len(self._tags)}): write the mesh again"
-            raise InputError("mesh", self._path, remedy)
+            raise InputError("mesh", "", remedy)
         return at, named
 
     def _next_line(self) -> bytes:
@@ -288,7 +284,7 @@ class _GmshFile:
         words = self._source.readline().decode("ascii").split()
         version, mode, size = words[:3]
         if version not in _VERSIONS:
-            raise InputError("mesh", self._path, f"has format {version} of Gmsh: save the mesh in format 4.1 or 2.2")
+            raise InputError("mesh", "", f"has format {version} of Gmsh: save the mesh in format 4.1 or 2.2")
         if mode not in ("0", "1") or size not in ("4", "8"):
             raise ValueError(f"{' '.join(words)!r} is no description of a format")
         self._version, self._binary, self._word = _VERSIONS[version], mode == "1", f"u{size}"
@@ -331,7 +327,7 @@ class _GmshFile:
                 _, _, parametric = self._take("i4", 3, "numbers of a block of nodes").tolist()
                 if parametric:
                     remedy = "holds parameters of nodes: save the mesh without them (Mesh.SaveParametric = 0)"
-                    raise InputError("mesh", self._path, remedy)
+                    raise InputError("mesh", "", remedy)
                 (several,) = self._take(self._word, 1, "counts of nodes").tolist()
                 found.append(self._take(self._word, several, "tags of nodes"))
                 places.append(self._take("f8", 3 * several, "coordinates").reshape(-1, 3))
@@ -350,7 +346,8 @@ class _GmshFile:
                 (several,) = self._take(self._word, 1, "counts of elements").tolist()
                 columns = 1 + self._nodes_of(kind)
                 numbers = self._take(self._word, several * columns, "numbers of elements").reshape(several, columns)
-                self._add(kind, numbers[:, 1:], self._physical.get((dimension, entity), set()))
+                physical = self._physical.get((dimension, entity), set())
+                self._blocks.append((kind, numbers[:, 1:].astype(np.int64), physical))
             if blocks * len(self._names) > _MOST_SETS:
                 raise ValueError(f"it has {blocks} blocks of elements and {len(self._names)} physical names")
         elif self._binary:
@@ -361,12 +358,13 @@ class _GmshFile:
                 numbers = self._take("i4", several * columns, "numbers of elements").reshape(several, columns)
                 changes = np.flatnonzero(np.diff(numbers[:, 1]) * (tags > 0)) + 1
                 for part in np.split(numbers, changes) if several > 0 else ():
-                    self._add(kind, part[:, 1 + tags :], {abs(int(part[0, 1]))} if tags > 0 else set())
+                    physical = {abs(int(part[0, 1]))} if tags > 0 else set()
+                    self._blocks.append((kind, part[:, 1 + tags :].astype(np.int64), physical))
                 done += max(several, 1)
         else:
             lines = self._element_lines(int(self._source.readline()))
-            for (kind, physical), alike in groupby(lines, key=lambda line: line[:2]):
-                self._add(kind, np.array([nodes for _, _, nodes in alike]), {physical})
+            for (kind, number), alike in groupby(lines, key=lambda line: line[:2]):
+                self._blocks.append((kind, np.array([nodes for _, _, nodes in alike]), {number}))
 
     def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
         """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""
@@ -377,12 +375,9 @@ class _GmshFile:
                 raise ValueError(f"it does not hold the {count} elements that it claims")
             yield words[1], abs(words[3]) if words[2] else 0, nodes
 
-    def _add(self, kind: int, nodes: NDArray[Any], physical: set[int]) -> None:
-        self._blocks.append((kind, nodes.astype(np.int64), physical))
-
     def _nodes_of(self, kind: int) -> int:
         """Nodes of one element."""
         if kind not in _NODES:
             named = repr(_OTHERS.get(kind, kind))
-            raise InputError("mesh", self._path, f"holds cells of kind {named}: give triangles and quadrilaterals only")
+            raise InputError("mesh", "", f"holds cells of kind {named}: give triangles and quadrilaterals only")
         return _NODES[kind]
