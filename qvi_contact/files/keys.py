@@ -14,6 +14,7 @@ from textwrap import dedent
 from typing import Any, Final, NamedTuple
 
 from qvi_contact.basics import schema
+from qvi_contact.basics.schema import file_keys
 from qvi_contact.basics.units import Units
 from qvi_contact.files import mesh_tables, options, problem_file
 from qvi_contact.mesh.outline import Corner
@@ -91,7 +92,7 @@ def keys(table: type) -> Iterator[Key]:
         texts |= schema.described(kind)
         for each in reversed(kind.__mro__[:-1]):
             texts |= _below(each)
-    for name, own in schema.file_keys(table).items():
+    for name, own in file_keys(table).items():
         found = re.fullmatch(r"(.+): `\w+ = ([^`]+)`\.", texts.get(name, ""))  # without docstrings there is nothing
         meaning, example = (found[1], f"{name} = {found[2]}") if found is not None else ("", "")
         value = defaults.get(name)
