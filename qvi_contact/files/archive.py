@@ -71,12 +71,10 @@ def write_archive(path: str | Path, arrays: Mapping[str, Any]) -> None:
 
 
 class Archive:
-    """The entries of a file, read and checked one by one.
+    """The entries of a file in `arrays` by name, read and checked one by one.
 
     `InputError` if the file is no archive, truncated, holds pickles, or is of another format or version; and by the
     methods if an entry is missing or of another kind.
-
-    `path` is the file, `arrays` are all entries by name.
     """
 
     def __init__(self, path: str | Path) -> None:

@@ -217,15 +217,12 @@ def write_vtu(
     With units names of fields end in these, as in "stress [MPa]". With the bracket of the result, such as
     ``result.bracket``, displacements and the error of each cell are written too.
 
-    Notes
-    -----
     Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = ν(xx + yy) in plane
     strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function (left out
     where a hole carries a force, as it has several values around it); with a bracket "displacement", x, y, 0, of its
     displacement elements. Cell data: "material", 0 for the body's own and then the number of the region, "cell", the
     number of the mesh's cell; with a bracket "energy gap", what the whole cell adds to the gap between the bounds of
     the energy.
-
     """
     _check_vtu(path)
     known, problem = result.discretization, result.problem
@@ -270,13 +267,10 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
 
     Arguments and errors are those of `write_vtu`; `InputError` too if the result has no contact.
 
-    Notes
-    -----
     Point data: "pressure" −σ_N, "fluid pressure" p_w, which is part of it, "shear" σ_T, "friction bound" (NaN where
     tied), "gap", "slip" and "state" (numbers of `ContactState`) as `ContactLine` has them, "traction" on the body and
     "normal" as vectors. Cell data: "contact", its number in the order of the problem. Lines join neighbouring points
     along each contact.
-
     """
     _check_vtu(path)
     if not result.contacts:
@@ -318,13 +312,10 @@ def write_collapse_vtu(
     `limit_load_factor` has found. Path, units and errors are those of `write_vtu`; `InputError` too if the body does
     not yield or has no limit.
 
-    Notes
-    -----
     Each of the three parts of a triangle is cut into 9. Point data: "stress" at `LimitLoad.lower`, with xx, yy, 0, xy,
     0, 0 as components of VTK's symmetric tensors; "velocity", x, y, 0, of the flow that proves `LimitLoad.upper`, its
     largest coefficient being 1. Cell data: "dissipation" of a triangle over its area, the largest being 1, "gap", its
     part of upper − lower, "material", and "cell", its number.
-
     """
     _check_vtu(path)
     from qvi_contact.limit.flow import Nodes  # loaded for bodies that yield alone

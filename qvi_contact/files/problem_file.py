@@ -407,10 +407,7 @@ class ProblemFile:
         return {name: value for name, value in self.solve_options.items() if name in ELEMENT_OPTIONS}
 
     def problem_at(self, t: float) -> ContactProblem:
-        """The problem with another value of t in its expressions, on the same mesh.
-
-        `InputError` if an expression has a bad value at that time.
-        """
+        """The problem with another t in its expressions, on the same mesh; `InputError` for bad values at that time."""
         try:
             return replace(self._reader, t=t).problem(self.problem.mesh)
         except InputError as error:

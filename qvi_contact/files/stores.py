@@ -55,10 +55,8 @@ class StepStore(Sequence[ContactResult]):
     """Results of so many planned steps, read when they are asked for; the last one read or added is at hand.
 
     The folder is made if it is missing, the fingerprint is a digest of problems and options, `restore` makes the
-    problem of a step again, and `statuses` are those of each step there is.
-
-    `InputError` if the folder cannot be written, holds other files, or the steps of another history; by what reads a
-    step, if its file cannot be read, was changed, or belongs to another history.
+    problem of a step again, and `statuses` are those of each step there is. `InputError` if the folder cannot be
+    written, or holds other files or another history; where a step is read, if its file is damaged or was changed.
     """
 
     def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
@@ -185,9 +183,8 @@ _FAILED: Final = f"""
 class StoredSweep:
     """A sweep whose rows are in a file, from which everything is read when it is asked for.
 
-    `InputError` by what reads the file, where it is not there any more or damaged.
-
-    `values` of the parameter are all that were asked for, done or not.
+    `values` of the parameter are all that were asked for, done or not. `InputError` where the file is read, if it is
+    not there any more or damaged.
     """
 
     path: Path
@@ -237,10 +234,7 @@ class StoredSweep:
 
 
 def read_sweep(path: str | Path) -> StoredSweep:
-    """The sweep of a store, which may belong to a run that goes on.
-
-    `InputError` if there is no such store, or it is damaged or of another version.
-    """
+    """The sweep of a store, which may belong to a run that goes on; `InputError` if there is none, or it is damaged."""
     place = _place(path)
     with _DATABASE.opened(place) as connection:
         parameter, _, values = _plan(connection, place)
