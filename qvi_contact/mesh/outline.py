@@ -6,7 +6,7 @@ there are to be. The edges of the triangles know the circle, so that the body en
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
@@ -148,13 +148,7 @@ class Polygons:
 
 
 def polygons(
-    corners: Line,
-    size: float,
-    *,
-    holes: Sequence[Line] = (),
-    joints: Mapping[str, Line] | None = None,
-    regions: Mapping[str, Line] | None = None,
-    sizes: Mapping[Point, float] | None = None,
+    corners: Line, size: float, holes: Sequence[Line], joints: object, regions: object, sizes: object
 ) -> Polygons:
     """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` says which is wrong, and where."""
     size = positive_number("size", size)

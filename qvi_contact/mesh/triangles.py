@@ -230,7 +230,7 @@ class TriangleMesh(PicklesFields):
         which a `Contact` may hold. A line ends at its last corner. It is closed if the first corner is repeated there,
         or if an arc begins there, as in `Corner.circle`. The triangles inside a closed line in `regions` are a region.
         """
-        parts = meshed(polygons(corners, size, holes=holes, joints=joints, regions=regions, sizes=sizes))
+        parts = meshed(polygons(corners, size, holes, joints, regions, sizes))
         try:
             mesh = cls(*divided_at_arcs(parts))
         except InputError as error:
