@@ -42,7 +42,6 @@ from qvi_contact.problem.material import Plane, Region
 
 _MOST_IN_A_ROW: Final = 10_000  # cells of a piece of grid lines
 _MOST_CELLS: Final = 1_000_000  # of a grid
-_MOST_LINES: Final = 100_000  # that refinement makes
 _FINEST: Final = 1e-9  # smallest cell that refinement makes, relative to the body
 _SAMPLES: Final = 2000  # points per half interval where sizes are summed
 
@@ -183,8 +182,6 @@ class RefineTable:
                 raise InputError("largest", self.largest, f"give more: this makes some {wanted:.0e} cells in all")
             if smallest < _FINEST * length:
                 raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
-            if length / largest > _MOST_LINES:
-                raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
         places = np.concatenate(critical)
         x, y = (
             _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)

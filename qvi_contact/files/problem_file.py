@@ -371,12 +371,6 @@ class FileReader:
                 raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
             return expression.at_time(self.t)
 
-    def problem(self, mesh: TriangleMesh) -> ContactProblem:
-        """The problem at this time, on the mesh of the file."""
-        known = {name: self.data[name] for name in _IN_TIME if name in self.data}
-        found: Document = read_table(Document, known, self, partly=True)
-        return found.problem(mesh, self.data)
-
 
 @dataclass(frozen=True, eq=False)
 class ProblemFile:
@@ -406,13 +400,6 @@ class ProblemFile:
         """What the file says of the element: arguments for `qvi_contact.discretize`."""
         return {name: value for name, value in self.solve_options.items() if name in ELEMENT_OPTIONS}
 
-    def problem_at(self, t: float) -> ContactProblem:
-        """The problem with another t in its expressions, on the same mesh; `InputError` for bad values at that time."""
-        try:
-            return replace(self._reader, t=t).problem(self.problem.mesh)
-        except InputError as error:
-            raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
-
     @property
     def constants(self) -> Mapping[str, float]:
         """Numbers that expressions may name."""
@@ -424,8 +411,16 @@ class ProblemFile:
 
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
-        """The problems of all load steps; without a history the one there is."""
-        return (self.problem, *(self.problem_at(t) for t in self.times[1:]))
+        """The problems of all load steps, on one mesh; without a history the one there is."""
+        found, data = [self.problem], self._reader.data
+        known = {name: data[name] for name in _IN_TIME if name in data}
+        for t in self.times[1:]:
+            try:
+                document: Document = read_table(Document, known, replace(self._reader, t=t), partly=True)
+                found.append(document.problem(self.problem.mesh, data))
+            except InputError as error:
+                raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
+        return tuple(found)
 
     @contextmanager
     def named_errors(self) -> Iterator[None]:

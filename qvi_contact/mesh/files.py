@@ -1,4 +1,4 @@
-"""Meshes from other programs: scikit-fem, and files of Gmsh, Abaqus or CalculiX, MED, and VTK.
+"""Meshes from other programs: files of Gmsh, Abaqus or CalculiX, MED, and VTK.
 
 What has a name comes along: named curves become edge sets (joints where they lie inside the body), named surfaces
 regions. Names are
@@ -60,17 +60,6 @@ class _NamedCells(NamedTuple):
     regions: dict[str, IntArray]
 
 
-def from_skfem(mesh: object) -> MeshParts:
-    """Vertices, triangles, boundaries and subdomains of a mesh of scikit-fem."""
-    given: Any = mesh
-    if not hasattr(given, "facets") or np.asarray(getattr(given, "t", 0)).shape[:1] != (3,):
-        raise InputError("mesh", type(mesh).__name__, "give a skfem.MeshTri")
-    boundaries, subdomains = given.boundaries or {}, given.subdomains or {}
-    edge_sets = {name: given.facets[:, np.asarray(facets)].T for name, facets in boundaries.items()}
-    regions = {name: np.asarray(cells) for name, cells in subdomains.items()}
-    return _tidy(given.p.T, given.t.T, edge_sets, regions)
-
-
 def read_mesh(path: str | Path) -> MeshParts:
     """Vertices, triangles, and named curves and surfaces of a mesh file.
 
@@ -90,8 +79,12 @@ def read_mesh(path: str | Path) -> MeshParts:
     cells, parent = _triangles(mesh.points[:, :2], mesh.cells)
     if len(cells) > _MOST_TRIANGLES:
         raise _refused(path, f"holds {len(cells)} triangles: give at most {_MOST_TRIANGLES}")
+    used = np.unique(cells)  # the plane mesh without the points that no triangle needs
+    number = np.full(len(mesh.points), -1)
+    number[used] = np.arange(len(used))
+    edge_sets = {name: number[ends] for name, ends in mesh.edge_sets.items()}
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
-    return _tidy(mesh.points, cells, mesh.edge_sets, regions)
+    return MeshParts(np.ascontiguousarray(mesh.points[used, :2]), number[cells], edge_sets, regions)
 
 
 def _refused(path: Path, remedy: str) -> InputError:
@@ -184,17 +177,6 @@ def _triangles(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]
     halves[~quads, 0] = cells[~quads, :3]
     kept = np.column_stack([np.ones(len(cells), dtype=bool), quads])
     return halves[kept], np.repeat(np.arange(len(cells)), kept.sum(axis=1))
-
-
-def _tidy(points: Any, cells: Any, edge_sets: dict[str, Any], regions: dict[str, Any]) -> MeshParts:
-    """The plane mesh without the points that no triangle needs."""
-    cells = np.asarray(cells, dtype=np.int64)
-    used = np.unique(cells)
-    number = np.full(len(points), -1)
-    number[used] = np.arange(len(used))
-    pairs = {str(name): number[np.asarray(ends, dtype=np.int64)] for name, ends in edge_sets.items()}
-    vertices = np.ascontiguousarray(np.asarray(points, dtype=float)[used, :2])
-    return MeshParts(vertices, number[cells], pairs, {str(name): chosen for name, chosen in regions.items()})
 
 
 class _GmshFile:

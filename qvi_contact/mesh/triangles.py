@@ -18,7 +18,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
 from qvi_contact.mesh.cutting import bisected, divided_at_arcs, fanned, joined, stacked
 from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, points_along, stretches
-from qvi_contact.mesh.files import from_skfem, read_mesh
+from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
@@ -181,11 +181,6 @@ class TriangleMesh(PicklesFields):
                 raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
             named[name] = triangles_in_box(mesh.vertices, mesh.cells, ranges[0], ranges[1])
         return mesh._renamed(sets, named)
-
-    @classmethod
-    def from_skfem(cls, mesh: object) -> TriangleMesh:
-        """A `skfem.MeshTri` with its boundaries (joints where they lie inside the body) and subdomains."""
-        return cls(*from_skfem(mesh))
 
     @classmethod
     def joined(cls, name: str, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
