@@ -40,25 +40,11 @@ def masonry_wall(
     Blocks are 0.5 m long and 0.25 m high, with γ = 20 kN/m³, E = 5 GPa, ν = 0.2, in plane stress. Head joints of each
     course lie over the middle of the blocks below; half blocks fill the ends. A lintel, one course high and resting on
     half a block at each side, spans each opening. All joints are unilateral contacts with the same friction and
-    cohesion: "beds", "heads", and "ground" below the wall. Loads are "body" (weight), and "wind" on the left side.
+    cohesion [kPa]: "beds", "heads", and "ground" below the wall. Loads are "body" (weight), and "wind" on the left side
+    [kPa]. Openings are as `Opening` says; lintels must lie inside the wall, apart from other openings and lintels.
 
     Without openings and cohesion, a wall of n blocks of the length a in each course slides at the wind μ γ n a, along
     every bed alike. A stack of single blocks of the total height h tips at γ a²/h if friction holds.
-
-    Parameters
-    ----------
-    courses, blocks : int
-        Courses, and blocks in each.
-    openings : sequence of (int, int, int, int)
-        For each: half blocks left of it, courses below it, its width in half blocks, its height in courses. Lintels
-        must lie inside the wall, apart from other openings and lintels.
-    friction : float
-        Coefficient of friction μ of all joints.
-    cohesion : float
-        Shear that joints carry without pressure [kPa].
-    wind : float
-        Pressure on the left side [kPa].
-
     """
     active, heads = _bond(whole_number("courses", courses, _MOST), 2 * whole_number("blocks", blocks, _MOST), openings)
     mesh = _wall_mesh(active, heads)
@@ -125,9 +111,13 @@ def jointed_slope(
 
     The face rises to 12 m, twice as steeply as the bedding: tan ψ = 2 tan β. Bedding planes meet it at the toe and at
     equal distances above; vertical cross joints divide the layers into blocks, staggered from layer to layer. The crack
-    is vertical, behind the crest, and as deep as the lowest bedding plane is there. The rock is in plane strain, with γ
-    = 25 kN/m³, E = 10 GPa, ν = 0.25. The contacts are "bedding" and "cross joints"; loads are "body" (weight) and
+    is vertical, behind the crest, and as deep as the lowest bedding plane is there. The rock is in plane strain, with
+    γ = 25 kN/m³, E = 10 GPa, ν = 0.25. The contacts are "bedding" and "cross joints"; loads are "body" (weight) and
     "water" in the crack.
+
+    There are so many rows of bedding planes, and blocks along the face. The crest is so many columns long, fewer than
+    `rows`, each as wide as the run of the face between two bedding planes. The angle β [°] is `dip`, from 5 to 60. The
+    water weighs `crack_water` times 10 kN/m³; 0 leaves the crack dry. Friction and cohesion [kPa] are those of joints.
 
     With the weight W above the lowest plane, its length L, the depth z of the crack, and the thrust V = γ_w z²/2 of the
     water, everything above that plane slides at the multiple α of V where
@@ -136,20 +126,6 @@ def jointed_slope(
 
     Without water and cohesion the factor of safety is tan φ/tan β, μ = tan φ: blocks of any layer slide when μ is
     divided by it. E. Hoek and J. W. Bray, Rock Slope Engineering, plane failure.
-
-    Parameters
-    ----------
-    rows : int
-        Bedding planes, and blocks along the face.
-    crest : int
-        Length of the crest, in columns as wide as the run of the face between two bedding planes; less than `rows`.
-    dip : float
-        Angle β of the bedding [°], from 5 to 60.
-    friction, cohesion : float
-        As of `masonry_wall`, of the rock and its joints.
-    crack_water : float
-        Weight of the water, as a multiple of 10 kN/m³; 0 leaves the crack dry.
-
     """
     columns = whole_number("rows", rows, _MOST) + whole_number("crest", crest, _MOST)
     if crest >= rows:
