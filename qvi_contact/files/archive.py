@@ -275,12 +275,18 @@ def answer_from_archive(archive: Archive, discretized: Callable[[Scales], Discre
     if "strict" in archive.arrays and archive.number("strict") != 0.0:
         remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
         raise InputError("result", archive.path, remedy)
-    qvi = known.qvi
+    qvi, (table, words) = known.qvi, (archive.floats("history", 2), archive.texts("history_status"))
+    if table.shape != (len(words), 6) or not np.isfinite(table[:, [0, 4]]).all():
+        raise InputError("result", archive.path, "entries 'history' and 'history_status' do not fit together")
+    history = tuple(
+        Iteration(int(number), residual, energy, force, archive.status(word) if word else None, int(inner), seconds)
+        for (number, residual, energy, force, inner, seconds), word in zip(table.tolist(), words, strict=True)
+    )
     sizes = dict(zip(_VECTORS, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True))
     given: dict[str, Any] = {
         **{name: archive.floats(name, size=size) for name, size in sizes.items()},
         "certificate": _certificate(archive),
-        "history": _history(archive),
+        "history": history,
         "iterations": archive.count("iterations"),
         "message": archive.text("message"),
         "corrections": tuple(archive.floats("corrections").tolist()),
@@ -329,14 +335,3 @@ def _certificate(archive: Archive) -> Certificate:
         raise archive.refused("certificate", "holds measures below zero")
     measures = dict.fromkeys(EXPONENTS, np.inf) | found[0]  # what is not claimed does not pass
     return Certificate(measures, tolerance, found[1], found[2])
-
-
-def _history(archive: Archive) -> tuple[Iteration, ...]:
-    table, words = archive.floats("history", 2), archive.texts("history_status")
-    if table.shape != (len(words), 6) or not np.isfinite(table[:, [0, 4]]).all():
-        raise InputError("result", archive.path, "entries 'history' and 'history_status' do not fit together")
-    states = [archive.status(word) if word else None for word in words]
-    return tuple(
-        Iteration(int(number), residual, energy, resultant, state, int(inner), seconds)
-        for (number, residual, energy, resultant, inner, seconds), state in zip(table.tolist(), states, strict=True)
-    )

@@ -276,14 +276,6 @@ class Document:
                 regions.append(table.region(self.material.plane))
                 cell_materials(mesh, regions[-1:])
         placed = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
-        for path, each in placed:
-            with located(path, ("edges",)):
-                _ = mesh.edges(each.edges) if isinstance(each, Contact) else mesh.edge_set(each.edges)
-        used = {contact.edges for contact in self.contacts}
-        for index, joint in enumerate(given.get("joints", ())):
-            if joint["name"] not in used:
-                remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
-                raise InputError(f"joints[{index}]", joint["name"], remedy)
         try:
             problem = ContactProblem(
                 mesh, self.material, [each for _, each in placed], forces, regions, self.temperature
@@ -295,6 +287,11 @@ class Document:
                     found = f"{path}.{name}" if name in keys_of(type(each)) else path
             with located(found):
                 raise
+        used = {contact.edges for contact in self.contacts}
+        for index, joint in enumerate(given.get("joints", ())):
+            if joint["name"] not in used:
+                remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
+                raise InputError(f"joints[{index}]", joint["name"], remedy)
         _check_values(placed, mesh)
         return problem
 

@@ -22,7 +22,7 @@ from copy import copy
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, overload
+from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args
 
 import numpy as np
 
@@ -93,13 +93,7 @@ class StepStore(Sequence[ContactResult]):
     def __len__(self) -> int:
         return len(self._numbers)
 
-    @overload
-    def __getitem__(self, index: int) -> ContactResult: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[ContactResult]: ...
-
-    def __getitem__(self, index: int | slice) -> ContactResult | Sequence[ContactResult]:
+    def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             some = copy(self)
             some._part = self._numbers[index]

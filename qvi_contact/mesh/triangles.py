@@ -55,27 +55,18 @@ class TriangleMesh(PicklesFields):
     `InputError` if vertices or cells are no mesh of one piece: triangles without area, vertices inside edges, edges
     with more than two triangles, triangles that overlap, several pieces, pieces that meet in a vertex only, vertices
     without triangle or in the same place; if a name is empty or used twice, or a set does not fit the mesh.
-
-    Parameters
-    ----------
-    vertices : (n, 2) array
-        Coordinates [length].
-    cells : (m, 3) int array
-        Vertices of each triangle, in any sense of rotation. They are kept in ascending order.
-    edge_sets : mapping of str to (k, 2) int array, optional
-        Named edges by their vertices: parts of the boundary, or joints if they lie inside the body.
-    regions : mapping of str to (k,) int array, optional
-        Named sets of triangles.
-    arcs : sequence of Curve, optional
-        Edges that are arcs rather than their chords; see `with_arc` and `with_curve`.
-
     """
 
     vertices: FloatArray
+    """Coordinates [length], shape (n, 2)."""
     cells: IntArray
+    """Vertices of each triangle, in any sense of rotation. They are kept in ascending order. Shape (m, 3)."""
     edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """Edges (k, 2) by name and vertices: parts of the boundary, or joints if they lie inside the body."""
     regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """Sets of triangles (k,) by name."""
     arcs: Sequence[Curve] = ()
+    """Edges that are arcs rather than their chords; see `with_arc` and `with_curve`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", checked_vertices(self.vertices))
@@ -87,11 +78,8 @@ class TriangleMesh(PicklesFields):
         named = mapping("TriangleMesh.regions", self.regions, "names to numbers of triangles")
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in named.items()}
         object.__setattr__(self, "regions", MappingProxyType(regions))
-        if not isinstance(self.arcs, Sequence):
+        if not isinstance(self.arcs, Sequence) or not all(isinstance(arc, Curve) for arc in self.arcs):
             raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
-        for number, arc in enumerate(self.arcs):
-            if not isinstance(arc, Curve):
-                raise InputError(f"TriangleMesh.arcs[{number}]", arc, "give a Curve")
         arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.vertices, self.topology) for k, a in enumerate(self.arcs)]
         object.__setattr__(self, "arcs", tuple(arcs))
         if arcs:

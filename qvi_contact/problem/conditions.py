@@ -66,6 +66,11 @@ def _check_components(condition: Traction | Displacement) -> None:
 class Traction:
     """Prescribed traction σn (1.5).
 
+    Exact, on elements of degree p, if both components are polynomials of degree p − 2 along each edge. Anything else is
+    projected so that the resultant force and moment of every cell edge are kept. They are integrated where the function
+    jumps, bends or peaks inside an edge too, if that shows at 99 points of it: what is narrower than a hundredth of an
+    edge may be missed.
+
     Parameters
     ----------
     edges : str
@@ -77,13 +82,6 @@ class Traction:
         What a limit analysis calls this load; the edge set's name by default: `name = "thrust"`.
     normal, tangential : float or function of (x, y), optional
         Component σ_N or σ_T instead [stress], where a pressure p is normal = −p: `normal = -10.0`.
-
-    Notes
-    -----
-    Exact, on elements of degree p, if both components are polynomials of degree p − 2 along each edge. Anything else is
-    projected so that the resultant force and moment of every cell edge are kept. They are integrated where the function
-    jumps, bends or peaks inside an edge too, if that shows at 99 points of it: what is narrower than a hundredth of an
-    edge may be missed.
 
     """
 

@@ -264,6 +264,8 @@ class Material:
 class Region:
     """A part of the body with a material of its own: a named region of the mesh, or what lies in ranges of x and y.
 
+    Across the border the tractions agree and the bodies are bonded.
+
     Parameters
     ----------
     material : Material
@@ -275,10 +277,6 @@ class Region:
         `name = "inclusion"`.
     temperature : float or function of (x, y), optional
         Rise of temperature here, instead of that of the body: `temperature = 60.0`.
-
-    Notes
-    -----
-    Across the border the tractions agree and the bodies are bonded.
 
     """
 

@@ -66,32 +66,22 @@ class ContactProblem(PicklesFields):
     `InputError` if a condition names an unknown edge set, two conditions overlap, a component of an edge has none, two
     contacts share a name, or no traction normal to a part of the boundary determines the pressure in a body that is
     incompressible all over.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The body and its cells.
-    material : Material
-        Its material.
-    conditions : sequence of Traction, Displacement, Symmetry, Contact
-        One condition for every component of every boundary edge.
-    body_potential : float or function of (x, y)
-        Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. Zero by default. `BodyForces` are
-        several by name.
-    regions : sequence of Region
-        Parts of other material; where they overlap the later one counts.
-    temperature : float or function of (x, y)
-        Rise ΔT of temperature since the body was free of stress [temperature]; materials have their `expansion`, and
-        regions may have a temperature of their own. See `problem.material`. Limit loads do not depend on it.
-
     """
 
     mesh: TriangleMesh
+    """The body and its cells."""
     material: Material
+    """Its material."""
     conditions: Sequence[Condition]
+    """One condition for every component of every boundary edge."""
     body_potential: Field = 0.0
+    """Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. Zero by default. `BodyForces` are
+    several by name."""
     regions: Sequence[Region] = ()
+    """Parts of other material; where they overlap the later one counts."""
     temperature: Field = 0.0
+    """Rise ΔT of temperature since the body was free of stress [temperature]; materials have their `expansion`, and
+    regions may have a temperature of their own. See `problem.material`. Limit loads do not depend on it."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, TriangleMesh):
