@@ -6,7 +6,6 @@ errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts
 
 import tomllib
 import unicodedata
-import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -354,19 +353,12 @@ class FileReader:
         return float(here[0])
 
     def _expression(self, text: str) -> Expression:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of Python's parser, about texts that are refused anyway
-            words = set("".join(c if c.isalnum() or c == "_" else " " for c in text).split())
-            used = {name: value for name, value in self.constants.items() if name in words}
-            try:
-                expression = Expression(text, used)
-            except InputError:
-                expression = Expression(text, self.constants)  # the same error, which names all constants
-            if not expression.uses_time:
-                return expression
-            if self.t is None:
-                raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
-            return expression.at_time(self.t)
+        """The expression with the constants that it names, at the time if it names that."""
+        t = self.t if Expression(text, self.constants).uses_time else 0.0  # an error of it names all constants
+        if t is None:
+            raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
+        words = set("".join(c if c.isalnum() or c == "_" else " " for c in text).split())
+        return Expression(text, {name: value for name, value in self.constants.items() if name in words}, t)
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,7 +144,7 @@ class Expression:
             raise InputError("expression", self.text, f"give a text of at most {_LONGEST} characters")
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", SyntaxWarning)  # such as for 1(x): refused below
+                warnings.simplefilter("ignore")  # such as for 1(x): refused below
                 tree = ast.parse(self.text.strip(), mode="eval")
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             told = getattr(error, "msg", str(error))
@@ -159,10 +159,6 @@ class Expression:
     def uses_time(self) -> bool:
         """Whether t occurs."""
         return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
-
-    def at_time(self, t: float) -> Expression:
-        """The same expression at another t."""
-        return Expression(self.text, self.constants, finite_number("t", t))
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
