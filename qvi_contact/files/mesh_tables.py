@@ -86,31 +86,25 @@ class Axis(Kind):
 
     def read(self, value: Any, reader: Reader) -> FloatArray:
         """All lines, those that are given as they are."""
-        if isinstance(value, dict):
-            return self._extended(np.empty(0), read_table(Segment, value, reader))
-        if not isinstance(value, list):
+        piece = isinstance(value, dict)
+        if not piece and not isinstance(value, list):
             remedy = "give a list of grid lines, or { start = 0.0, stop = 1.0, cells = 8 }, or a list of such"
             raise InputError("", value, remedy)
-        if not value or not isinstance(value[0], dict):
+        if not piece and not (value and isinstance(value[0], dict)):
             return np.array(Listed(FINITE).read(value, reader), dtype=float)
         lines: FloatArray = np.empty(0)
-        for index, segment in enumerate(Tables(Segment).read(value, reader)):
-            with within(f"[{index}]"):
-                lines = self._extended(lines, segment)
+        segments = [read_table(Segment, value, reader)] if piece else Tables(Segment).read(value, reader)
+        for index, segment in enumerate(segments):
+            with within("" if piece else f"[{index}]"):
+                start = float(lines[-1]) if segment.start is None and len(lines) else segment.start
+                if start is None:
+                    raise InputError("start", Missing(), ADD)
+                if len(lines) and start != lines[-1]:
+                    raise InputError("start", start, f"start where the one before stops, at {lines[-1]:g}")
+                with located("", keys_of(Segment)):
+                    more = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
+                lines = np.concatenate([lines[:-1], more])
         return lines
-
-    def _extended(self, lines: FloatArray, segment: Segment) -> FloatArray:
-        """The lines and those of a piece."""
-        start = segment.start
-        if start is None:
-            if not len(lines):
-                raise InputError("start", Missing(), ADD)
-            start = float(lines[-1])
-        elif len(lines) and start != lines[-1]:
-            raise InputError("start", start, f"start where the one before stops, at {lines[-1]:g}")
-        with located("", keys_of(Segment)):
-            more = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
-        return np.concatenate([lines[:-1], more])
 
 
 @dataclass(frozen=True)

@@ -318,11 +318,8 @@ class Contact:
         check_keys(self)
         for name, each in keys_of(Contact).items():
             value = getattr(self, name)
-            if (
-                self.law == "tied"
-                and not each.tied
-                and (callable(value) or value != defaults_of(Contact).get(name, 0.0))
-            ):
+            given = callable(value) or value != defaults_of(Contact).get(name, 0.0)
+            if self.law == "tied" and not each.tied and given:
                 raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
             if name.endswith("_stiffness") and not callable(value) and value == 0.0:
                 remedy = "give a positive number, a free side instead of the contact, or leave it out if it is rigid"

@@ -136,13 +136,11 @@ class ContactProblem(PicklesFields):
             refuse_retired(name)
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
-    def __copy__(self) -> ContactProblem:
+    def __deepcopy__(self, memo: object = None) -> ContactProblem:
         """The problem itself: nothing in it can be changed."""
         return self
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> ContactProblem:
-        """The problem itself."""
-        return self
+    __copy__ = __deepcopy__
 
     @property
     def body_forces(self) -> Mapping[str, Field]:
