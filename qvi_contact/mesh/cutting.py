@@ -171,21 +171,20 @@ def _carried_over(mesh: MeshParts, vertices: FloatArray, cells: IntArray, region
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
     """Several meshes as one of several pieces; edge sets and regions of one name are one."""
-    vertices, cells, arcs = [], [], list[Curve]()
-    edge_sets, regions = dict[str, list[IntArray]](), dict[str, list[IntArray]]()
+    cells, arcs = [], list[Curve]()
+    edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
     nodes = count = 0
     for mesh in meshes:
-        vertices.append(mesh.vertices)
         cells.append(mesh.cells + nodes)
         arcs += [Curve(arc.edges + nodes, arc.coefficients) for arc in mesh.arcs]
         for name, pairs in mesh.edge_sets.items():
-            edge_sets.setdefault(name, []).append(pairs + nodes)
+            edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs + nodes])
         for name, chosen in mesh.regions.items():
-            regions.setdefault(name, []).append(chosen + count)
+            regions[name] = np.concatenate([regions.get(name, chosen[:0]), chosen + count])
         nodes, count = nodes + len(mesh.vertices), count + len(mesh.cells)
-    sets = {name: np.concatenate(parts) for name, parts in edge_sets.items()}
-    named = {name: np.concatenate(parts) for name, parts in regions.items()}
-    return MeshParts(np.concatenate(vertices), np.concatenate(cells), sets, named, arcs)
+    return MeshParts(
+        np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(cells), edge_sets, regions, arcs
+    )
 
 
 def joined(mesh: MeshParts, name: str) -> MeshParts:

@@ -132,18 +132,18 @@ def _named_cells(found: Any) -> _NamedCells:
     for family, names in families.items():
         members = [np.flatnonzero(np.asarray(values) == family) for values in tags]
         sets += [(name, members) for name in names]
-    edge_sets, regions = dict[str, list[Any]](), dict[str, list[Any]]()
+    edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
     for name, members in sets:
         start = 0
         for block, rows in zip(found.cells, members, strict=False):
             rows = np.asarray([] if rows is None else rows, dtype=np.int64).ravel()
             if block.type in corners:
-                regions.setdefault(name, []).append(start + rows)
+                regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
                 start += len(block.data)
             elif block.type in lines:
-                edge_sets.setdefault(name, []).append(block.data[rows, :2])
-    joined = ({name: np.concatenate(parts) for name, parts in each.items()} for each in (edge_sets, regions))
-    named = [{name: parts for name, parts in each.items() if len(parts)} for each in joined]
+                pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
+                edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
+    named = [{name: parts for name, parts in each.items() if len(parts)} for each in (edge_sets, regions)]
     cells = [block.data[:, [0, 1, 2, corners[block.type] - 1]] for block in found.cells if block.type in corners]
     points = np.asarray(found.points, dtype=float)
     return _NamedCells(points, np.concatenate([np.empty((0, 4), np.int64), *cells]), *named)
