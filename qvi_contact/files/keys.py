@@ -9,7 +9,6 @@ import re
 import textwrap
 from collections.abc import Iterator
 from functools import cache
-from itertools import pairwise
 from textwrap import dedent
 from typing import Any, Final, NamedTuple
 
@@ -150,13 +149,15 @@ def _values(kind: schema.Kind) -> str:
 
 @cache
 def _below(kind: type) -> dict[str, str]:
-    """The texts below the fields of a class, and below `in_files` that of the key it names."""
+    """The texts below fields of a class, each of those right above it; below `in_files` that of the key it names."""
     (found,) = ast.parse(dedent(inspect.getsource(kind))).body
     assert isinstance(found, ast.ClassDef)
-    texts = {}
-    for line, below in pairwise(found.body):
-        if isinstance(line, ast.AnnAssign) and isinstance(below, ast.Expr):
-            text = " ".join(ast.literal_eval(below.value).split())
-            name = ast.unparse(line.target)
-            texts[text.rpartition(": `")[2].partition(" ")[0] if name == "in_files" else name] = text
+    texts, above = dict[str, str](), list[str]()
+    for line in found.body:
+        if isinstance(line, ast.AnnAssign):
+            above.append(ast.unparse(line.target))
+        elif isinstance(line, ast.Expr) and above:
+            text = " ".join(ast.literal_eval(line.value).split())
+            names = [text.rpartition(": `")[2].partition(" ")[0]] if above[-1] == "in_files" else above
+            texts, above = texts | dict.fromkeys(names, text), []
     return texts

@@ -33,30 +33,19 @@ _SMALLEST: Final = 1e-7  # of sizes, as a share of the outline's length
 
 @dataclass(frozen=True)
 class Corner:
-    """A point of an outline, and the line from there to the next one.
-
-    Parameters
-    ----------
-    at : (float, float)
-        Coordinates [length]: `at = [2.0, 0.0]`.
-    name : str, optional
-        What the line from here to the next corner is called: edges of one name are one edge set:
-        `name = "base"`.
-    centre : (float, float), optional
-        Centre of the circle that the line follows [length]; a straight line by default. Both ends must be at one
-        distance from it: `centre = [1.0, 1.0]`.
-    clockwise : bool
-        Which way an arc goes around its centre: `clockwise = true`.
-    size : float, optional
-        Size of the triangles at this corner, and along an arc that begins here [length]: `size = 0.02`.
-
-    """
+    """A point of an outline, and the line from there to the next one."""
 
     at: Point
+    """Coordinates [length]: `at = [2.0, 0.0]`."""
     name: Name = ""
+    """What the line from here to the next corner is called: edges of one name are one edge set: `name = "base"`."""
     centre: Point | None = None
+    """Centre of the circle that the line follows [length]; a straight line by default. Both ends must be at one
+    distance from it: `centre = [1.0, 1.0]`."""
     clockwise: bool = False
+    """Which way an arc goes around its centre: `clockwise = true`."""
     size: float | None = None
+    """Size of the triangles at this corner, and along an arc that begins here [length]: `size = 0.02`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "at", point("Corner.at", self.at))
@@ -148,7 +137,12 @@ class Polygons:
 
 
 def polygons(
-    corners: Line, size: float, holes: Sequence[Line], joints: object, regions: object, sizes: object
+    corners: Line,
+    size: float,
+    holes: Sequence[Line] = (),
+    joints: object = None,
+    regions: object = None,
+    sizes: object = None,
 ) -> Polygons:
     """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` says which is wrong, and where."""
     size = positive_number("size", size)

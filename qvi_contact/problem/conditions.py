@@ -125,16 +125,10 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Symmetry:
-    """Line of symmetry: no normal displacement, no tangential traction.
-
-    Parameters
-    ----------
-    edges : str
-        Name of an edge set of the mesh: `edges = "left"`.
-
-    """
+    """Line of symmetry: no normal displacement, no tangential traction."""
 
     edges: str
+    """Name of an edge set of the mesh: `edges = "left"`."""
 
     def __post_init__(self) -> None:
         check_keys(self)
@@ -229,20 +223,13 @@ def disc_gap(centre: tuple[float, float], radius: float) -> Expression:
 
 @dataclass(frozen=True, kw_only=True)
 class Pin(RigidPlate):
-    """A rigid round pin or disc in a problem file, its motion as `RigidPlate`: `Contact.pin` makes gap and plate of it.
-
-    Parameters
-    ----------
-    centre : (float, float)
-        Centre, before it moves [length]: `centre = [0.0, 0.0]`.
-    radius : float
-        Radius [length]: `radius = 9.95`.
-
-    """
+    """A rigid round pin or disc in a problem file, its motion as `RigidPlate`; gap and plate are made of it."""
 
     pivot: tuple[float, float] = field(default=(0.0, 0.0), metadata=NO_KEY)  # the centre
     centre: tuple[float, float]
+    """Centre, before it moves [length]: `centre = [0.0, 0.0]`."""
     radius: Positive
+    """Radius [length]: `radius = 9.95`."""
 
 
 @dataclass(frozen=True)
