@@ -80,8 +80,8 @@ def contacts_html(lines: Sequence[ContactLine]) -> Markup:
     states, rows = list(dict.fromkeys(name for line in lines for name in line.shares)), []
     for line in lines:
         stress, displacement = line.rounding.stress, line.rounding.displacement
-        largest = ((-line.normal_stress, stress), (np.abs(line.tangential_stress), stress))
-        largest += ((line.gap, displacement), (np.abs(line.slip), displacement))
+        largest = [(-line.normal_stress, stress), (np.abs(line.tangential_stress), stress)]
+        largest += [(line.gap, displacement), (np.abs(line.slip), displacement)]
         shares = [f"{100.0 * line.shares[name]:.1f} %" if name in line.shares else "-" for name in states]
         extremes = [shown(float(values.max()), least) for values, least in largest]
         rows.append([line.name, str(len(line.x)), *line.shown_forces, *extremes, *shares])
