@@ -149,8 +149,7 @@ def _log_as_before():
     logger.setLevel(level)
 
 
-@pytest.mark.usefixtures("in_tmp_path")
-@pytest.mark.usefixtures("_log_as_before")
+@pytest.mark.usefixtures("in_tmp_path", "outlined", "_log_as_before")
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if blocks(page) and page.stem != "gallery"], ids=lambda page: page.stem
 )

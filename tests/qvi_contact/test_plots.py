@@ -462,6 +462,7 @@ class TestFigures:
         assert (along[0], along[-1]) == pytest.approx((0.0, 2.0))
         assert trapezoid(pressure, along) == pytest.approx(result.contacts["plane"].normal_force, rel=1e-2)
 
+    @pytest.mark.usefixtures("outlined")
     def test_charts_are_those_asked_for_one_a_line(self):
         mesh = TriangleMesh.rectangle((6, 1), 3.0, 1.0)
         for k in range(6):
@@ -474,6 +475,7 @@ class TestFigures:
         with pytest.raises(InputError, match="foot 5"):
             result_figure(result, panels=["foot 6"])
 
+    @pytest.mark.usefixtures("outlined")
     def test_under_loads_alone_there_are_forces_over_the_time_and_no_loop(self):
         step, times = solve(compressed_plate(0.2, (2, 2))), [0.5, 1.0, 0.25]
         history = History((step,) * 3, 3)
