@@ -190,7 +190,7 @@ class TestRun:
         assert not (chains.force > 1e-8).any()
 
     def test_an_error_is_a_record(self):
-        case = {"cells": 4, "friction": [0.2], "sparse": "nothing"}
+        case = {"cells": 1, "friction": [0.2], "sparse": "nothing"}
         (found,) = rows_of(Study("wrong", 1, f"{TASK}:solve_whole", [case]))
         (record,) = found.result["solves"]
         assert (record["status"], record["seconds"]) == ("error", {})

@@ -80,9 +80,10 @@ DOCUMENT = ran({"number": sound})
 LONG = {
     "bounds-slip-bad", "bounds-slip", "bounds-slip-bodies", "bounds-slip-errors", "bounds-refined", "bounds-rates",
     "loaded-pin", "plate-refined", "slip-torque", "examples/lug", "examples/cyclic_shear",
-    "examples/dam_on_seam", "examples/masonry_wall", "examples/ssnv128", "examples/strip_footing",
+    "examples/dam_on_seam", "examples/masonry_wall", "examples/shrink_fit", "examples/ssnv128",
+    "examples/strip_footing", "conservation", "table-1", "figures-2-to-5",
 }  # fmt: skip
-"""Problems that take most of the time of a quick run: those of the command have them."""
+"""Problems that take most of the time of a quick run, which the command has, or that other tests have whole."""
 
 
 @pytest.fixture(scope="module")

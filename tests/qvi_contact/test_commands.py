@@ -281,12 +281,11 @@ class TestRefine:
             return [each["guaranteed"] for each in found["rounds"]]
 
         asked = {"target": 0.02, "quantity": FORCE, "max_rounds": 1}
-        path = plate_file(tmp_path, 0.2, solve_options={"degree": 4}, refine_options=asked)
-        assert (guaranteed(path), guaranteed(path, "--guaranteed")) == ([False], [True])
-        path = plate_file(tmp_path, 0.2, solve_options={"degree": 4}, refine_options=asked | {"guaranteed": True})
+        path = plate_file(tmp_path, 0.2, solve_options={"degree": 3}, refine_options=asked)
+        assert guaranteed(path, "--guaranteed") == [True]
+        path = plate_file(tmp_path, 0.2, solve_options={"degree": 3}, refine_options=asked | {"guaranteed": True})
         assert dict(load_problem(path).refine_options) == asked | {"guaranteed": True}
         assert (guaranteed(path), guaranteed(path, "--estimated")) == ([True], [False])
-        assert "guaranteed bound" in shell("refine", path)[1]
 
     def test_the_file_is_overridden(self, shell, tmp_path):
         asked = {"target": 0.05, "quantity": FORCE, "max_rounds": 1, "max_unknowns": 5000}
@@ -376,8 +375,8 @@ def test_guaranteed_example_with_all_files(tmp_path):
     assert b"displacement" in fields.read_bytes()
 
 
-def test_one_json_document():
-    done = command(EXAMPLES / "compressed_plate.toml", "--json", "--degree", 3)
+def test_one_json_document(tmp_path):
+    done = command(plate_file(tmp_path, 0.2), "--json", "--degree", 3)
     found = json.loads(done.stdout)
     bounds = found["bracket"]["energies"]
     assert done.return_value == 0
@@ -409,11 +408,6 @@ class TestDocument:
         assert told["forces"]["plate.normal_force"] == {"lower": force.lower, "upper": force.upper, "unit": "MPa mm"}
         assert sum(part["value"] for part in told["gap"].values()) == pytest.approx(found.gap, rel=1e-6)
         assert any("plate.normal_force between" in line for line in lines(found))
-
-    def test_bounds_under_slip_and_differences_of_forces(self):
-        text = "\n".join(lines(solve(compressed_plate(0.1, (2, 2)), degree=4).bracket))
-        for words in ("forces of plate differ by", "plate.normal_force between"):
-            assert words in text
 
     def test_exact_states_are_drawn_and_told_in_one_line(self):
         found = solve(compressed_plate(0.0, (2, 2))).bracket

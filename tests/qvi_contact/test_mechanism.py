@@ -76,21 +76,6 @@ class TestTippingWall:
         assert (other.lower, other.upper) == (-math.inf, math.inf)
 
 
-@pytest.mark.parametrize(("friction", "expected"), [(0.0, 0.1), (0.1, 0.202020), (0.2, 0.306122), (0.3, 0.412371)])
-def test_wedge(friction, expected):
-    """A block on a plane that rises by 0.1, G down and F sideways: F/G = (tan α + μ)/(1 − μ tan α), from both sides."""
-    mesh = TriangleMesh.rectangle((3, 1), 6.0, 1.0)
-    x, y = mesh.vertices.T
-    mesh = TriangleMesh(np.column_stack([x, y + 0.1 * x]), mesh.cells, mesh.edge_sets)
-    weight = Traction("top", 0.0, -1.0 / math.hypot(6.0, 0.6))
-    loads = [weight, Traction("left", 1.0, 0.0, name="F"), Traction("right", 0.0, 0.0)]
-    problem = ContactProblem(mesh, STEEL, [Contact("bottom", friction), *loads])
-    limit = limit_load_factor(problem, ["F"], degree=5)
-    assert limit.upper == pytest.approx((0.1 + friction) / (1.0 - 0.1 * friction), rel=EXACT)
-    assert limit.upper == pytest.approx(expected, abs=5e-7)
-    assert limit.lower == pytest.approx(limit.upper, rel=1e-6)
-
-
 def dragged(contact, pressure=10.0):
     """Pressure on a block 2 × 1 and uniform shear with its complement, whose multiple is the mean shear on the base."""
     mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)

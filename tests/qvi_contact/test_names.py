@@ -127,6 +127,7 @@ def odd():
     return solve(replace(plate, conditions=named), degree=3)
 
 
+@pytest.mark.usefixtures("outlined")
 @pytest.mark.parametrize(
     "drawn",
     [
