@@ -62,9 +62,13 @@ def test_uniform_tension(strength, plane, exact):
     assert limit.lower <= limit.upper
 
 
-def test_rectangles_become_triangles_and_units_do_not_matter():
-    problem = stretched(Tresca(0.7e6), mesh=TriangleMesh.rectangle((2, 2), 1e3, 1e3))
-    assert limit_load_factor(problem, ["top"]).lower == pytest.approx(1.4e6, rel=1e-6)
+@pytest.mark.parametrize("unit", [1e6, 1e-10])
+def test_units_do_not_matter(unit):
+    """Neither to the limit, nor to what is guaranteed: not where stresses cannot follow a weight."""
+    problem = stretched(Tresca(0.7 * unit), mesh=TriangleMesh.rectangle((2, 2), 1e3, 1e3))
+    assert limit_load_factor(problem, ["top"]).lower == pytest.approx(1.4 * unit, rel=1e-6)
+    heavy = replace(problem, body_potential=lambda x, _: 0.1 * unit * np.sin(3e-3 * x))
+    assert not limit_load_factor(heavy, ["top"]).collapse.guaranteed
 
 
 def test_strength_that_grows_with_height():
