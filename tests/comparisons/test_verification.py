@@ -18,19 +18,10 @@ from markdown_it import MarkdownIt
 from comparisons import verification as room
 from comparisons.verification import report as manuals
 from comparisons.verification.chapters import STATES, law_violation
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    InputError,
-    LimitLoad,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    solve,
-)
+from qvi_contact import InputError, LimitLoad, TriangleMesh, solve
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Traction
 from solvers import Status
 from tests.comparisons.conftest import REPORTS, command, outlines
 

@@ -9,24 +9,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    InputError,
-    Material,
-    Traction,
-    TriangleMesh,
-    load_problem,
-    refine,
-    save_problem,
-    solve,
-)
+from qvi_contact import InputError, TriangleMesh, load_problem, refine, save_problem, solve
 from qvi_contact.bracket import document, lines
 from qvi_contact.cli import group
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import bracket_figure
+from qvi_contact.problem import Contact, ContactProblem, Material, Traction
 from qvi_contact.units import Units
 from tests.qvi_contact.builders import RICH
 

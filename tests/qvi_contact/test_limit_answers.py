@@ -10,25 +10,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from qvi_contact import (
+from qvi_contact import InputError, LimitFactor, RefinementStatus, TriangleMesh, limit_load_factor, refine
+from qvi_contact.mechanism import find_mechanism
+from qvi_contact.problem import (
     BodyForces,
     Contact,
     ContactProblem,
     Displacement,
     Expression,
-    InputError,
-    LimitFactor,
     Material,
     MohrCoulomb,
-    RefinementStatus,
     Symmetry,
     Traction,
     Tresca,
-    TriangleMesh,
-    limit_load_factor,
-    refine,
 )
-from qvi_contact.mechanism import find_mechanism
 from tests.cases import EFFORT
 from tests.test_examples import example
 

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import (
+from qvi_contact import InputError, TriangleMesh, limit_load_factor, save_problem, solve, strength_reduction_factor
+from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.limit import limit_load
+from qvi_contact.problem import (
     Contact,
     ContactProblem,
     Displacement,
     Expression,
-    InputError,
     Material,
     Mises,
     MohrCoulomb,
@@ -22,14 +24,7 @@ from qvi_contact import (
     Symmetry,
     Traction,
     Tresca,
-    TriangleMesh,
-    limit_load_factor,
-    save_problem,
-    solve,
-    strength_reduction_factor,
 )
-from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.limit import limit_load
 from tests.cases import thinned
 
 E = 1e-9

@@ -17,16 +17,10 @@ from matplotlib.quiver import Quiver
 from scipy.integrate import trapezoid
 
 from qvi_contact import (
-    Contact,
-    ContactProblem,
     ContactState,
-    Displacement,
     History,
     InputError,
     LimitLoad,
-    Material,
-    Region,
-    Traction,
     TriangleMesh,
     exact,
     limit_load_factor,
@@ -50,6 +44,7 @@ from qvi_contact.plots import (
     result_figure,
     save_figure,
 )
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Traction
 from qvi_contact.solution import ContactLine, cell_factors, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status

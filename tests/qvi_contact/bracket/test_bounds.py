@@ -7,24 +7,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Corner,
-    Displacement,
-    InputError,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    exact,
-    solve,
-    solve_history,
-)
+from qvi_contact import Corner, InputError, TriangleMesh, exact, solve, solve_history
 from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from tests.cases import every_pair, thinned
 from tests.qvi_contact.test_triangles import SIDES, STATES, STEEL, moved, squeezed, tilted, turned
 
