@@ -23,8 +23,7 @@ from qvi_contact.discretization.space import FAMILY
 from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import solution_arrays, write_archive
-from qvi_contact.limit.flow import Nodes
-from qvi_contact.limit.stresses import part_corners
+from qvi_contact.limit.split import Nodes, part_corners
 from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies

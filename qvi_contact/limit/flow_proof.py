@@ -21,7 +21,7 @@ from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.proof import Statement, ends, law_of
 from qvi_contact.limit.rational import Given, Row, Vector, cross, dot, less, middle, smooth, solved, vertex_values
-from qvi_contact.limit.stresses import part_corners
+from qvi_contact.limit.split import part_corners
 from qvi_contact.mechanism import Mechanism
 from qvi_contact.problem.conditions import Contact
 

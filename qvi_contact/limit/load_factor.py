@@ -16,9 +16,10 @@ from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
 from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
-from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
+from qvi_contact.limit.linear import CERTIFIED, Carried, carried_by_contacts, with_signs
 from qvi_contact.limit.proof import Statement, carried, proof_of
-from qvi_contact.limit.stresses import StressProgram, coefficients_of
+from qvi_contact.limit.split import coefficients_of
+from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
@@ -289,7 +290,7 @@ class LimitProblem:
             return LimitAnalysis(self, LimitLoad(upper, upper, mechanism, upper, 0.0), None)
         if self.problem.yields:
             return self._yielding(upper, mechanism)
-        carried = carried_forces(self.low, self.high)
+        carried = with_signs(self.low, lambda signs: carried_by_contacts(self.low, self.high, signs))
         limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
         return LimitAnalysis(self, limit, carried)
 
@@ -348,7 +349,7 @@ class LimitAnalysis:
 
     posed: LimitProblem  # what was asked for
     limit: LimitLoad  # both sides
-    carried: CarriedForces | None  # what carries `LimitLoad.lower` where nothing yields; None where something does
+    carried: Carried | None  # what carries `LimitLoad.lower` where nothing yields; None where something does
 
 
 def loads_of(problem: ContactProblem) -> list[str]:

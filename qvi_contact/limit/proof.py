@@ -22,7 +22,7 @@ from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
 from qvi_contact.limit.rational import Given, OutOfBalanceError, Vector, dot, less, smooth, vertex_values
-from qvi_contact.limit.stresses import lattice, part_corners
+from qvi_contact.limit.split import lattice, part_corners
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
@@ -30,7 +30,8 @@ from qvi_contact.problem.material import Mises, MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
 
 if TYPE_CHECKING:
-    from qvi_contact.limit.stresses import CarriedStress, StressProgram
+    from qvi_contact.limit.linear import Carried
+    from qvi_contact.limit.stresses import StressProgram
 
 _STRAIGHT: Final = "proof files are for bodies of straight triangles without holes that carry forces"
 _CONSTANT: Final = "proof files need constant numbers here"
@@ -328,7 +329,7 @@ def ends(stated: Statement, contact: Contact) -> list[list[int]]:
     return pairs
 
 
-def _rounded_airy(program: StressProgram, carried: CarriedStress) -> tuple[FloatArray, FloatArray]:
+def _rounded_airy(program: StressProgram, carried: Carried) -> tuple[FloatArray, FloatArray]:
     """Φ in floating point: its ordinates (cells, 3, count), and (Φ, Φ_x, Φ_y) at vertices (v, 3)."""
     low, high = program.low, program.high
     assert carried.unknowns is not None
