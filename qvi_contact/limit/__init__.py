@@ -8,7 +8,8 @@
 | `flow`        | from above: velocities, with jumps on contacts; where to refine                |
 | `split`       | polynomials on split triangles                                                 |
 | `conic`       | cone programs by Clarabel, and answers made to hold                            |
-| `proof`       | proof files in rational numbers                                                |
+| `proof`       | proof files of both sides                                                      |
+| `rational`    | smooth functions and linear equations in rational numbers                      |
 | `check_proof` | a script that checks them, by Python's standard library alone                  |
 """
 

@@ -36,7 +36,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from scipy import sparse
 from scipy.linalg import null_space
-from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
@@ -47,7 +46,7 @@ from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import HELD, INFEASIBLE, ConicProgram
 from qvi_contact.limit.linear import ALONG, Carried, edge_coefficients, limited
-from qvi_contact.limit.split import Nodes, coefficients_of, part_corners
+from qvi_contact.limit.split import Nodes, coefficients_of, linked, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import YieldCones
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges
@@ -133,41 +132,23 @@ class Velocities:
 
     def __init__(self, problem: ContactProblem, degree: int, strong: BoolArray) -> None:
         self.problem, self.mesh, self.degree, self.nodes = problem, problem.mesh, degree, Nodes.of(degree)
-        mesh, m, places = self.mesh, len(self.nodes.keys), self.nodes.places
-        cut = np.zeros(len(mesh.interior), dtype=bool)
-        for joint in problem.joints:
-            if joint.law != "tied":
-                cut[mesh.joint_set(joint.edges)] = True
-        edges, total = mesh.interior.take(~cut), mesh.cell_count * m
-        self.global_ = _linked(self._local(edges, 0), self._local(edges, 1), total).reshape(mesh.cell_count, m)
+        mesh, places = self.mesh, self.nodes.places
+        self.global_ = numbered(problem, self.nodes)
         self.count = int(self.global_.max()) + 1
         self.points = np.empty((self.count, 2))
         self.points[self.global_] = places @ ((mesh.corners - mesh.origin) / mesh.length)
         self.rigid = np.full(self.count, -1)
         own = self.global_[strong]
         inside = np.unique(own)
-        label = _linked(np.repeat(own[:, :1], m, axis=1), own, self.count)
+        label = linked(np.broadcast_to(own[:, :1], own.shape), own, self.count)
         self.rigid[inside] = np.unique(label[inside], return_inverse=True)[1]
         self.plates = [contact for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
         self.size = 2 * self.count + 3 * len(self.plates)
         self.basis = self._basis()
 
-    def _local(self, edges: Edges, side: int) -> IntArray:
-        """Numbers cell · m + place of the coefficients (e, p) along edges from their first end to the second.
-
-        They are those of the first cell (side 0), or of the one beyond (side 1).
-        """
-        cells = edges.cells[:, side]
-        ends = np.stack([edges.first, edges.second], axis=1)
-        opposite = np.argmax((self.mesh.cells[cells][:, :, None] != ends[:, None, :]).all(axis=2), axis=1)
-        found = cells[:, None] * len(self.nodes.keys) + self.nodes.of_sides[opposite]
-        flipped = edges.first > edges.second
-        found[flipped] = found[flipped, ::-1]
-        return np.asarray(found)
-
     def along(self, edges: Edges, side: int = 0) -> IntArray:
         """The coefficients (e, p) along edges from their first end to the second, among all."""
-        return np.asarray(self.global_.ravel()[self._local(edges, side)])
+        return np.asarray(self.global_.ravel()[nodes_along(self.mesh, self.nodes, edges, side)])
 
     def rows(self, nodes: IntArray, direction: FloatArray) -> sparse.csr_array:
         """d·v at coefficients (r,) along d (r, 2), as rows on coefficients and plates."""
@@ -215,7 +196,7 @@ class Velocities:
         free = np.flatnonzero(rigid < 0)
         values, vectors = np.linalg.eigh(conditions[free])
         node, which = np.nonzero(values <= _FREE)
-        blocks = [self.rows(free[node], vectors[node, :, which]).T]
+        blocks: list[Any] = [self.rows(free[node], vectors[node, :, which]).T]
         stiff = np.flatnonzero(rigid >= 0)
         if len(stiff):
             part, parts = rigid[stiff], int(rigid.max()) + 1
@@ -236,12 +217,6 @@ class Velocities:
             moves = 2 * self.count + 3 * index + np.flatnonzero([part is not None for part in forces])
             blocks.append(sparse.eye_array(self.size, format="csc")[:, moves])
         return sparse.csr_array(sparse.hstack(blocks))
-
-
-def _linked(first: IntArray, second: IntArray, count: int) -> IntArray:
-    """Numbers (count,) of the sets into which pairs join what they name."""
-    graph = sparse.csr_array((np.ones(first.size), (first.ravel(), second.ravel())), shape=(count, count))
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 class FlowProgram:

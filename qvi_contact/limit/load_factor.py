@@ -15,9 +15,8 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
-from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
 from qvi_contact.limit.linear import CERTIFIED, Carried, carried_by_contacts, with_signs
-from qvi_contact.limit.proof import Statement, carried, proof_of
+from qvi_contact.limit.proof import KEPT_BACK, Statement, carried, exceeded, proof_of
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
@@ -247,7 +246,7 @@ def limit_proof(
             return exceeded(stated, program, mechanism)
 
         def by_flow(stated: Statement) -> dict[str, Any]:
-            flow = program.solved(KEPT_BACK)
+            flow = program.solved(KEPT_BACK["upper"])
             if flow.motion is None:
                 raise SolveError("proof: the loads have no finite bound from above")
             return exceeded(stated, program, flow)
