@@ -1,20 +1,6 @@
 """How answers converge with the mesh: bodies, where their stresses are singular, what is known of them; and the report.
 
-All bodies are rectangles. On equal cells errors are ruled by the singularity where a contact ends in a corner. In a
-wedge 0 ≤ θ ≤ π/2 whose face θ = π/2 is free, Φ = r^(λ+1) F(θ) with
-
-    F = a cos(λ+1)θ + b sin(λ+1)θ + c cos(λ−1)θ + d sin(λ−1)θ
-
-gives σ_θθ = λ(λ+1) r^(λ−1) F, σ_rθ = −λ r^(λ−1) F′, and with κ = (3 − ν)/(1 + ν) in plane stress and 3 − 4ν in plane
-strain
-
-    2G u_r = r^λ (−(λ+1) F + (κ+1)(c cos(λ−1)θ + d sin(λ−1)θ)),
-    2G u_θ = r^λ (−F′ + (κ+1)(c sin(λ−1)θ − d cos(λ−1)θ)).
-
-On the face θ = 0 a flat rigid body either holds the wedge (u_r = u_θ = 0) or lets it slip towards the corner, u_θ = 0
-and σ_rθ = μ σ_θθ. λ is the smallest exponent in (½, 1] for which a, b, c, d are not all zero, see `CORNER`; stresses
-behave like r^(λ−1). Source: M. L. Williams, J. Appl. Mech. 19 (1952); J. R. Barber, Elasticity, chapter 11, for the
-displacements.
+All bodies are rectangles. On equal cells errors are ruled by the singularity where a contact ends in a corner.
 """
 
 import time
@@ -44,8 +30,6 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket import bracket
-from qvi_contact.files.export import json_ready
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.plots.style import GREY
 from qvi_contact.problem.conditions import Condition
@@ -58,9 +42,6 @@ if TYPE_CHECKING:
 _PUSH: Final = 1e-3  # of the punch [mm]
 _RADIUS: Final = 800.0  # of the punch [mm]
 _STICKING: Final = 0.25  # from here on the plate sticks everywhere
-
-CORNER: Final = {None: 0.7583491578824921, 0.05: 0.9403788391502874, 0.1: 0.88702715978581, 0.2: 0.7927153653759373}
-"""μ, or None where the wedge is held → λ in plane stress with ν = 0.3, by the determinant of the conditions above."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +59,6 @@ class Problem:
     stated : the problem on any mesh
     known : the force and its uncertainty, where it is known from elsewhere
     source : where from
-    order : of the force on equal cells of the paper's element, by the strongest singularity; None where it is not known
-    sticks : whether the contact sticks everywhere: triangles of any degree have this order too then
 
     """
 
@@ -93,8 +72,6 @@ class Problem:
     stated: Callable[[], ContactProblem]
     known: tuple[float, float] | None = None
     source: str = ""
-    order: float | None = None
-    sticks: bool = False
 
     def equal(self, times: int) -> ContactProblem:
         """The problem on equal cells, so many times as many each way as on the coarsest mesh."""
@@ -132,20 +109,12 @@ def _block() -> ContactProblem:
 
 
 def _plate(friction: float) -> Problem:
-    """The plate, with the order of the paper's element on equal cells, from the exponent λ of its free corner.
-
-    Where the contact sticks, the squared error of the stresses, and with it energy and force, fall like h^2λ. Where it
-    slips, Φ_xy of the corner node is zero and |σ_T| = μ|σ_N| beside it: the last edge misses friction ~ h^(λ−1) h in
-    the work on a slip that is not zero there, which makes h^λ.
-    """
     sticks = friction >= _STICKING
-    power = CORNER[None if sticks else friction]
     ends = [(1.0, 1.0), *([] if sticks else [(TRANSITIONS[friction], 1.0)])]
     title = f"The plate, μ = {friction:g}{' (sticks everywhere)' if sticks else ''}"
     return Problem(
         f"plate {friction:g}", title, "plate", "normal_force", (1.0, 1.0), (2, 2), ends,
         lambda: compressed_plate(friction), LIMITS[friction], LIMITS_SOURCE,
-        2.0 * power if sticks else power, sticks,
     )  # fmt: skip
 
 
@@ -191,7 +160,6 @@ DEPTHS: Final = (0, 2, 4, 6, 8, 10)
 PAPER_CELLS: Final = (2, 4, 8, 16, 32, 64, 128)
 
 _MOST: Final = 30_000  # unknowns of a mesh
-_BRACKETED: Final = 2_000  # unknowns up to which bounds are computed
 _OUT_OF_REACH: Final = 1e-9  # relative error asked of refine, so that it goes on to its limit of unknowns
 _MOST_REFINED: Final = 3_000
 
@@ -200,7 +168,7 @@ Record = dict[str, Any]
 
 def study(quick: bool) -> Study:
     """The study, or coarse meshes and few degrees of it."""
-    return Study("convergence-mesh", 4, "comparisons.convergence.mesh:run", [*_cases(quick)])
+    return Study("convergence-mesh", 5, "comparisons.convergence.mesh:run", [*_cases(quick)])
 
 
 def _cases(quick: bool) -> Iterator[Record]:
@@ -232,9 +200,7 @@ def run(case: Mapping[str, Any]) -> Record:
     Returns
     -------
     dict
-        "meshes", a list of records: status, message, unknowns, cells (their number), h (the shortest edge over the
-        body's width), force, energy (−J*), seconds of the solve; and where bounds were computed lower, upper, strain,
-        guaranteed and force_bounds
+        "meshes", a list of records: status, message, unknowns, cells (their number), force, seconds of the solve
 
     """
     problem = PROBLEMS[case["problem"]]
@@ -245,35 +211,19 @@ def run(case: Mapping[str, Any]) -> Record:
     stated = problem.equal(case["size"]) if case["sequence"] == EQUAL else problem.graded(case["size"])
     began = time.perf_counter()
     result = solve(stated, degree=case["degree"], tolerance=TOLERANCE)
-    found = _answer(problem, result, time.perf_counter() - began)
-    return {"meshes": [found | _bounds(problem, result)]}
+    return {"meshes": [_answer(problem, result, time.perf_counter() - began)]}
 
 
 def _answer(problem: Problem, result: ContactResult, seconds: float) -> Record:
     solved = result.status is Status.SOLVED
-    mesh = result.problem.mesh
-    shortest, _ = mesh.cell_range
     found: Record = {
         "status": result.status.value, "message": "" if solved else result.message, "seconds": seconds,
-        "unknowns": int(result.discretization.qvi.n), "cells": len(mesh.cells), "h": shortest / problem.size[0],
+        "unknowns": int(result.discretization.qvi.n), "cells": result.problem.mesh.cell_count,
         "accuracy": float(result.certificate.accuracy),
     }  # fmt: skip
     if solved:
-        force = float(getattr(result.contacts[problem.contact], problem.force))
-        found |= {"force": abs(force), "energy": -result.energies.complementary}
+        found["force"] = abs(float(getattr(result.contacts[problem.contact], problem.force)))
     return found
-
-
-def _bounds(problem: Problem, result: ContactResult) -> Record:
-    if result.status is not Status.SOLVED or result.discretization.qvi.n > _BRACKETED:
-        return {}
-    found = bracket(result)
-    force = found.forces.get(f"{problem.contact}.{problem.force}")
-    kept: Record = json_ready({  # bounds that are infinite are none
-        "lower": found.lower, "upper": found.upper, "strain": found.strain, "guaranteed": not found.reasons,
-        "force_bounds": None if force is None else [force.lower, force.upper],
-    })  # fmt: skip
-    return kept
 
 
 def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
@@ -283,14 +233,14 @@ def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
 
     def keep(done: RefinementRound) -> None:
         records.append({
-            "status": Status.SOLVED.value, "message": "", "seconds": time.perf_counter() - began, "h": None,
-            "unknowns": done.unknowns, "cells": done.cells, "force": abs(done.value), "estimate": done.estimate,
+            "status": Status.SOLVED.value, "message": "", "seconds": time.perf_counter() - began,
+            "unknowns": done.unknowns, "cells": done.cells, "force": abs(done.value),
         })  # fmt: skip
 
     quantity = f"{problem.contact}.{problem.force}"
     refine(problem.equal(1), None, _OUT_OF_REACH, quantity, degree=degree, max_unknowns=most, callback=keep,
            tolerance=TOLERANCE)  # fmt: skip
-    return list(json_ready(records))
+    return records
 
 
 def _by_the_paper(friction: float, cells: int) -> Record:
@@ -301,7 +251,7 @@ def _by_the_paper(friction: float, cells: int) -> Record:
     solved = solution.status is Status.SOLVED
     found: Record = {
         "status": solution.status.value, "message": "" if solved else solution.message, "unknowns": plate.qvi.n,
-        "seconds": time.perf_counter() - began, "cells": cells**2, "h": 1.0 / cells,
+        "seconds": time.perf_counter() - began, "cells": cells**2,
         "accuracy": float(solution.certificate.accuracy),
     }  # fmt: skip
     return found | ({"force": plate.force(solution.z)} if solved else {})
@@ -317,31 +267,30 @@ TARGET: Final = 1e-5
 """That of which sentences tell."""
 
 _USUAL: Final = 4  # the degree that `solve` takes
-_NUMBERS: Final = ("force", "energy", "unknowns", "cells", "h", "seconds", "lower", "upper", "strain", "estimate")
+_NUMBERS: Final = ("force", "unknowns", "cells", "seconds")
 _CASE: Final = ("problem", "sequence", "degree", "size")
 _REFERENCE_DEGREE: Final = 8
-_ROUNDING: Final = 1e-9  # relative, of bounds beside a reference
 
 
 def meshes_of(rows: Sequence[Row]) -> DataFrame:
     """One line a mesh, in the order of the rows.
 
     The columns are those of the case and of the record, see `run`, and solved, error (relative, of the force),
-    least (what the reference's uncertainty and the solves leave), meant, whether the error is above that.
+    least (what the reference's uncertainty and the solves leave).
     """
     lines = [
         {**{name: row.case[name] for name in _CASE}, **record}
         for row in rows
         for record in (row.result["meshes"] if row.status == DONE else [{"status": row.status, "message": row.reason}])
     ]
-    meshes = DataFrame(lines, columns=[*_CASE, "status", "message", "guaranteed", "force_bounds", *_NUMBERS])
+    meshes = DataFrame(lines, columns=[*_CASE, "status", "message", *_NUMBERS])
     meshes[list(_NUMBERS)] = meshes[list(_NUMBERS)].apply(to_numeric)
     meshes["solved"] = meshes.status == "solved"
     known = references_of(meshes).set_index("problem")
     value, uncertainty = meshes.problem.map(known.value), meshes.problem.map(known.uncertainty)
     error = (meshes.force / value - 1.0).abs()
     least = (uncertainty / value).clip(lower=FLOOR)
-    return meshes.assign(error=error, least=least, meant=error > least)
+    return meshes.assign(error=error, least=least)
 
 
 def references_of(meshes: DataFrame) -> DataFrame:
@@ -378,25 +327,10 @@ def cost(points: DataFrame, target: float) -> float:
     return found
 
 
-def fitted_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
-    """Slope of log e over log h by least squares over the last three meshes whose error is not NaN.
-
-    NaN with fewer: two meshes make a straight line of anything.
-    """
-    pairs = np.array([sizes, errors], dtype=float)
-    h, e = np.log(pairs[:, ~np.isnan(pairs[1])][:, -3:])
-    return float(np.polynomial.polynomial.polyfit(h - h.mean(), e, 1)[1]) if len(h) == 3 else float("nan")
-
-
-def _curves(meshes: DataFrame) -> dict[tuple[str, str, int], DataFrame]:
-    """Solved meshes with an error by problem, sequence and degree."""
-    shown = meshes[meshes.solved & meshes.error.notna()]
-    return dict(list(shown.groupby(["problem", "sequence", "degree"], sort=False)))
-
-
 def costs_of(meshes: DataFrame) -> DataFrame:
     """One line a problem and target that its reference can tell: unknowns by sequence, and the degree that is best."""
-    curves, lines = _curves(meshes), []
+    shown, lines = meshes[meshes.solved & meshes.error.notna()], []
+    curves = dict(list(shown.groupby(["problem", "sequence", "degree"], sort=False)))
     for problem, found in meshes.groupby("problem", sort=False):
         for target in TARGETS:
             if not target >= found.least.max():
@@ -415,44 +349,12 @@ def costs_of(meshes: DataFrame) -> DataFrame:
     return DataFrame(lines, columns=[*named, *degrees]).astype(dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), float))
 
 
-def orders_of(meshes: DataFrame) -> DataFrame:
-    """One line a problem and kind of equal cells: the observed order of the force, and the expected one."""
-    lines = [
-        {"problem": problem, "sequence": sequence, "degree": degree,
-         "expected": PROBLEMS[problem].order if sequence == PAPER or PROBLEMS[problem].sticks else None,
-         "fitted": fitted_order(curve.h, curve.error.where(curve.meant))}
-        for (problem, sequence, degree), curve in _curves(meshes).items() if sequence in (EQUAL, PAPER)
-    ]  # fmt: skip
-    return DataFrame(lines, columns=["problem", "sequence", "degree", "fitted", "expected"]).astype({"expected": float})
-
-
-def brackets_of(meshes: DataFrame) -> DataFrame:
-    """One line a problem: brackets of the energy, how many are guaranteed, the closest gap, and bounds of the force.
-
-    Of those with bounds of the force it is told how many enclose the reference from elsewhere.
-    """
-    tried = meshes[meshes.solved & meshes.lower.notna() & meshes.upper.notna()]
-    known, lines = references_of(meshes).set_index("problem"), []
-    for problem, found in tried.groupby("problem", sort=False):
-        gap = (found.upper - found.lower) / found.strain
-        bounded = found[found.force_bounds.notna()]
-        value, slack = known.value[problem], known.uncertainty[problem] + _ROUNDING * known.value[problem]
-        inside = [
-            low - slack <= value <= high + slack
-            for low, high in (sorted(map(abs, each)) for each in bounded.force_bounds)
-        ]
-        lines.append((problem, len(found), int((found.guaranteed == True).sum()), gap.min(), len(inside), sum(inside)))  # noqa: E712
-    return DataFrame(lines, columns=["problem", "number", "guaranteed", "gap", "bounded", "inside"])
-
-
 def values_of(meshes: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    costs, orders, brackets = costs_of(meshes), orders_of(meshes), brackets_of(meshes)
+    costs = costs_of(meshes)
     chosen = costs[costs.target == TARGET]
     plates = chosen[chosen[PAPER].notna()]
     missed = plates[plates[PAPER] == np.inf]
-    known = orders[orders.expected.notna() & orders.fitted.notna()]
-    usual = known[(known.sequence == EQUAL)]
     by_degree = {name: chosen[name].replace(np.inf, np.nan) for name in chosen if name.startswith("degree ")}
     reached = {name: int(found.notna().sum()) for name, found in by_degree.items()}
     return {
@@ -461,13 +363,8 @@ def values_of(meshes: DataFrame) -> dict[str, Any]:
         "plate_graded": span(plates[GRADED]), "equal_missed": int((chosen[EQUAL] == np.inf).sum()),
         "graded": span(chosen[GRADED]), "graded_missed": int((chosen[GRADED] == np.inf).sum()),
         "adaptive": span(chosen[ADAPTIVE]), "adaptive_missed": int((chosen[ADAPTIVE] == np.inf).sum()),
-        "orders": span(usual.fitted), "expected": span(usual.expected), "usual": _USUAL,
-        "paper_orders": span(known.fitted[known.sequence == PAPER]),
-        "paper_expected": span(known.expected[known.sequence == PAPER]),
-        "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()), "tolerance": TOLERANCE,
-        "brackets": int(brackets.number.sum()), "guaranteed": int(brackets.guaranteed.sum()),
-        "bounded": int(brackets.bounded.sum()), "inside": int(brackets.inside.sum()),
-        "closest": brackets.gap[brackets.gap > _ROUNDING].min(), "sequences": SEQUENCES,
+        "usual": _USUAL, "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()),
+        "sequences": SEQUENCES, "tolerance": TOLERANCE,
     }  # fmt: skip
 
 
@@ -484,9 +381,9 @@ _NINE: Final = _known(partial(significant, digits=10))
 FORMS: Final[dict[str, Form]] = {
     "target": partial(scientific, digits=1), **dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), _known(_cost)),
     **dict.fromkeys((f"degree {degree}" for degree in range(3, 13)), _known(_cost)),
-    **dict.fromkeys(("fitted", "expected"), _known("{:.2f}".format)), "degree": _known(fixed(".0f")),
+    "degree": _known(fixed(".0f")),
     **dict.fromkeys(("unknowns", "cells"), fixed(".0f")), "seconds": seconds, "error": _known(scientific),
-    **dict.fromkeys(("force", "lower", "upper", "value"), _NINE), "gap": scientific, "uncertainty": scientific,
+    **dict.fromkeys(("force", "value"), _NINE), "uncertainty": scientific,
 }  # fmt: skip
 """Column of a table → how its values read."""
 
@@ -530,8 +427,8 @@ def report(rows: Sequence[Row]) -> Report:
     meshes = meshes_of(rows)
     costs = costs_of(meshes)
     tables = {
-        "costs": costs, "degrees": costs, "orders": orders_of(meshes), "brackets": brackets_of(meshes),
-        "references": references_of(meshes), "failures": meshes[~meshes.solved], "meshes": meshes,
+        "costs": costs, "degrees": costs, "references": references_of(meshes), "failures": meshes[~meshes.solved],
+        "meshes": meshes,
     }  # fmt: skip
     figures = {"errors": drawn("errors", partial(_picture, meshes))}
     return render("comparisons.convergence", "convergence-mesh", values_of(meshes), tables, figures, rows,

@@ -1,14 +1,14 @@
-"""The report of the plate: its runs as one frame, what an error costs each code, guaranteed intervals, pictures."""
+"""The report of the plate: its runs as one frame, what an error costs each code, guaranteed intervals, a picture."""
 
 import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from pandas import DataFrame, concat, factorize, to_numeric
 
-from comparisons.lab.drawing import drawn, grid, legend_below
+from comparisons.lab.drawing import drawn, grid, legend_below, panelled, plain_ticks
 from comparisons.lab.numbers import (
     NOTHING,
     count,
@@ -23,15 +23,12 @@ from comparisons.lab.numbers import (
 )  # fmt: skip
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import DONE, Row
-from comparisons.peers.codes.own import COULOMB
 from comparisons.peers.meshes import FAMILIES, ratio
 from comparisons.peers.study import BRACKET, CODES, MODELS, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
 from qvi_contact.plots import BLUE, GREEN, GREY, VERMILLION
-from qvi_contact.plots.style import new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 INVERTED: Final = "inverted"
@@ -57,19 +54,6 @@ NUMBERS: Final = ("half_force", "unknowns", "iterations", "residual", "before", 
 
 BOUNDS: Final = ("lower", "upper", "width", "strain_error")
 """The same of a bracket, see `codes.own`."""
-
-
-class Reference(NamedTuple):
-    """P/2 at one μ lies within value ± uncertainty [N/mm], by this source."""
-
-    value: float
-    uncertainty: float
-    source: str
-
-    @property
-    def floor(self) -> float:
-        """The same uncertainty, relative: errors below it are not resolved."""
-        return self.uncertainty / abs(self.value)
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
@@ -112,10 +96,11 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     runs["bounded"] = runs.solved & runs.low.notna()
     runs["first"] = factorize(runs.friction)[0]
     runs = runs.sort_values(["first", "order", "number"], kind="stable", ignore_index=True)
-    known = known_of(runs)
-    runs["floor"] = runs.friction.map({friction: each.floor for friction, each in known.items()})
-    value = runs.friction.map({friction: each.value for friction, each in known.items()})
-    runs["error"] = (runs.half_force / value - 1.0).abs().where(runs.solved)
+    known = {friction: reference(float(friction)) for friction in runs.friction.unique()}
+    value, uncertainty = (
+        runs.friction.map({mu: each[place] for mu, each in known.items() if each}) for place in (0, 1)
+    )
+    runs["floor"], runs["error"] = uncertainty / value, (runs.half_force / value - 1.0).abs().where(runs.solved)
     curves = runs[::-1].groupby(["first", "order"])  # numbers fall
     runs["lasting"] = curves.error.cummax()
     finest = runs.number.where(runs.error.notna()).groupby([runs["first"], runs.order]).transform("max")
@@ -150,123 +135,63 @@ def intervals_of(runs: DataFrame) -> DataFrame:
     "5 of 88".
     """
     lines = []
-    for _, here in _by_friction(runs):
-        sure = guaranteed(here)
-        if sure.empty or contradictory(here):
-            continue
-        best = sure.iloc[0]
-        forces = {key: here[(here.code == key) & here.solved].half_force for key in OTHERS}
+    for friction, sure in runs[runs.bounded].groupby("friction", sort=False):
+        best, here = sure.loc[(sure.high - sure.low).idxmin()], runs[(runs.friction == friction) & runs.solved]
+        forces = {key: here[here.code == key].half_force for key in OTHERS}
         outside = {key: int((~each.between(best.low, best.high)).sum()) for key, each in forces.items()}
         lines.append({**best, **{key: f"{outside[key]} of {len(each)}" for key, each in forces.items()}})
     return DataFrame(lines, columns=[*runs, *OTHERS])
 
 
 def contradictory(runs: DataFrame) -> bool:
-    """Whether no value of P/2 is inside all guaranteed bounds of these runs at one μ, so that some are wrong."""
-    sure = runs[runs.bounded]
-    return bool(sure.low.max() > sure.high.min())
+    """Whether at some μ no value of P/2 is inside all guaranteed bounds of these runs, so that some are wrong."""
+    sure = runs[runs.bounded].groupby("friction")
+    return bool((sure.low.max() > sure.high.min()).any())
 
 
-def known_of(runs: DataFrame) -> dict[float, Reference]:
-    """μ → the value that errors are relative to, where one is known."""
-    found = {float(friction): reference(here, float(friction)) for friction, here in _by_friction(runs)}
-    return {friction: each for friction, each in found.items() if each is not None}
-
-
-def _by_friction(runs: DataFrame) -> list[tuple[Any, DataFrame]]:
-    """μ → its runs, in the order of the study."""
-    return list(runs.groupby("friction", sort=False))
-
-
-def reference(here: DataFrame, friction: float) -> Reference | None:
-    """The limit or value that is known from elsewhere, or the narrowest guaranteed bounds of these runs if narrower.
-
-    Bounds that contradict each other are not taken.
-    """
-    known, at = [], 1.0 if friction >= STICKING else friction
+def reference(friction: float) -> tuple[float, float, str] | None:
+    """P/2, its uncertainty either way [N/mm], and the source, where it is known from elsewhere."""
+    at = 1.0 if friction >= STICKING else friction
     if at in LIMITS:
-        known.append(Reference(*LIMITS[at], LIMITS_SOURCE))
-    elif at in SETTLED:
-        known.append(Reference(SETTLED[at], UNCERTAINTY, SOURCE))
-    for run in [] if contradictory(here) else guaranteed(here).itertuples():
-        source = f"the guaranteed bounds of {run.run}"
-        known.append(Reference((run.low + run.high) / 2.0, (run.high - run.low) / 2.0, source))
-    return min(known, key=lambda each: each.uncertainty, default=None)
+        return (*LIMITS[at], LIMITS_SOURCE)
+    return (SETTLED[at], UNCERTAINTY, SOURCE) if at in SETTLED else None
 
 
 def costs_of(runs: DataFrame) -> DataFrame:
     """What each code needs for an error: a line for each μ, target and code that reaches it.
 
     A target is reached by runs whose lasting error is within it, and the uncertainty of the reference counts against
-    them. The columns are friction, target, code, quickest (run), seconds, smallest (run with the fewest unknowns),
-    unknowns, sure (the quickest is confirmed) and sure_smallest; time_ratio and unknowns_ratio are over triangles. Runs
-    that a finer mesh confirms come before all others.
+    them. The columns are friction, target, code, run (the quickest), seconds, unknowns, sure (whether a finer mesh
+    confirms it: such runs come before all others), and time_ratio, over triangles.
     """
     key = ["friction", "target", "code"]
     reach = runs.lasting + runs.floor
     found = concat([runs[reach <= target].assign(target=target) for target in TARGETS])
     quick = found.sort_values(["confirmed", "seconds"], ascending=[False, True]).drop_duplicates(key)
-    small = found.sort_values(["confirmed", "unknowns", "seconds"], ascending=[False, True, True]).drop_duplicates(key)
     quick = quick.sort_values(["first", "target", "rank"], ascending=[True, False, True])
-    quick = quick.rename(columns={"run": "quickest", "confirmed": "sure"})[[*key, "quickest", "seconds", "sure"]]
-    small = small.rename(columns={"run": "smallest", "confirmed": "sure_smallest"})
-    costs = quick.merge(small[[*key, "smallest", "unknowns", "sure_smallest"]], on=key)
-    own = costs[costs.code == TRIANGLES][["friction", "target", "seconds", "unknowns"]]
-    costs = costs.merge(own, on=["friction", "target"], how="left", suffixes=("", "_own"))
-    return costs.assign(
-        time_ratio=costs.seconds / costs.seconds_own, unknowns_ratio=costs.unknowns / costs.unknowns_own
-    )
+    costs = quick.rename(columns={"confirmed": "sure"})[[*key, "run", "seconds", "unknowns", "sure"]]
+    own = costs[costs.code == TRIANGLES][[*key[:2], "seconds", "unknowns"]]
+    costs = costs.merge(own, on=key[:2], how="left", suffixes=("", "_own"))
+    return costs.assign(time_ratio=costs.seconds / costs.seconds_own)
 
 
 def compared_of(costs: DataFrame) -> DataFrame:
-    """Triangles beside the best of the other codes: a line for each μ and target that both reach.
-
-    The quickest other code (code, seconds) and the one with the fewest unknowns (smallest_code, unknowns) may be two.
-    """
-    key = ["friction", "target"]
+    """Triangles beside the quickest of the other codes: a line for each μ and target that both reach."""
     others = costs[costs.code.isin(OTHERS) & costs.seconds_own.notna()]
-    small = others.sort_values("unknowns", kind="stable").drop_duplicates(key).rename(columns={"code": "smallest_code"})
-    quick = others.sort_values("seconds", kind="stable").drop_duplicates(key).sort_index()
-    return quick[[*key, "seconds_own", "seconds", "code", "time_ratio"]].merge(
-        small[[*key, "unknowns_own", "unknowns", "smallest_code", "unknowns_ratio"]], on=key
-    )
-
-
-def least_of(runs: DataFrame) -> DataFrame:
-    """The run of each code at each μ with the smallest lasting error that a finer mesh confirms."""
-    sure = runs[runs.confirmed & runs.lasting.notna()].sort_values("lasting", kind="stable")
-    return sure.drop_duplicates(["first", "code"]).sort_values(["first", "rank"])
-
-
-def _at_most(error: float, floor: float) -> float:
-    """What an error is at most, as far as is known: one that is not resolved has the uncertainty of the reference."""
-    return error if error > floor else error + floor
-
-
-def _slug(friction: float) -> str:
-    """μ inside the name of a table or figure."""
-    return f"mu-{friction:g}".replace(".", "_")
+    return others.sort_values("seconds", kind="stable").drop_duplicates(["friction", "target"]).sort_index()
 
 
 def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences, with what errors cost, see `costs_of`."""
-    compared, least = compared_of(costs), least_of(runs)
-    triangles = least[least.code == TRIANGLES]
-    reached = [_at_most(run.lasting, run.floor) for run in triangles.itertuples()]
-    failed = runs[~runs.solved]
-    sure = {friction: guaranteed(here) for friction, here in _by_friction(runs)}
-    doubtful = [friction for friction, here in _by_friction(runs) if contradictory(here)]
+    compared, failed = compared_of(costs), runs[~runs.solved]
     return {
         "fine": _compared(compared, compared.target.min()),
         "coarse": _compared(compared, COARSE if compared.target.min() < COARSE else math.nan),
-        "triangles": max(reached, default=None),
-        "bounds": [{"friction": friction, "name": _slug(friction), **found.iloc[0]} for friction, found in sure.items()
-                   if len(found) and friction not in doubtful],
-        "doubtful": [{"friction": friction, "count": len(sure[friction])} for friction in doubtful],
+        "bounds": intervals_of(runs).to_dict("records"), "doubtful": contradictory(runs),
         "runs": len(runs), "solved": int(runs.solved.sum()),
         "failing": listing([f"{number} of {CODES[code].name}" for code, number in failed.code.value_counts().items()]),
         "missing": [key for key in CODES if key not in set(runs.code)],
-        "chance": sorted({*costs[~costs.sure].quickest, *costs[~costs.sure_smallest].smallest}),
+        "chance": sorted({*costs[~costs.sure].run}),
     }  # fmt: skip
 
 
@@ -275,7 +200,6 @@ def _compared(compared: DataFrame, target: float) -> dict[str, Any] | None:
     found = compared[compared.target == target]
     return None if found.empty else {
         "target": target, "own": span(found.seconds_own, seconds), "ratios": span(found.time_ratio, _factor),
-        "unknowns": span(found.unknowns_ratio, _factor),
     }  # fmt: skip
 
 
@@ -284,66 +208,45 @@ def _factor(value: float) -> str:
     return significant(value, 2)
 
 
-KINDS: Final = {
-    "PROBLEM": "the problem itself",
-    COULOMB: "the problem itself, under Coulomb's law",
-    "ONE_SENSE": "the problem itself, if it slips in one sense",
-    "STICKING": "the tied problem",
-    "GIVEN_BOUND": "the problem with the friction bound of the computed state held fixed",
-}
-"""Name of a `BracketKind`, or `COULOMB` → what is bracketed; two are of rows that earlier versions made."""
-
-
 def _code(key: str) -> str:
     return CODES[key].name
 
 
 _force, _first = fixed(".7f"), partial(scientific, digits=1)
 FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
-    "friction": "{:g}".format, "target": _first, "code": _code, "smallest_code": _code, "seconds_own": seconds,
-    "seconds": seconds, "setup": lambda times: seconds(min(times, default=None)), "time_ratio": _factor,
-    "unknowns_own": count, "unknowns": count, "unknowns_ratio": _factor, "half_force": _force, "spread": percent,
+    "friction": "{:g}".format, "target": _first, "code": _code, "seconds_own": seconds, "seconds": seconds,
+    "setup": lambda times: seconds(min(times, default=None)), "time_ratio": _factor, "unknowns_own": count,
+    "unknowns": count, "half_force": _force, "spread": percent,
     "peak": memory, "residual": _first, "low": _force, "high": _force, "lower": _force, "upper": _force,
-    "half": scientific, "width": scientific, "strain_error": scientific, "sure": lambda sure: "yes" if sure else "no",
-    "kind": lambda kind: KINDS.get(kind, NOTHING), "message": lambda text: text or NOTHING,
+    "half": scientific, "width": scientific, "strain_error": scientific, "error": scientific,
+    "sure": lambda sure: "yes" if sure else "no",
+    "message": lambda text: text or NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
 
 
 def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name; `costs` is that of `costs_of`."""
-
-    def told(error: float, floor: float) -> str:
-        """An error; one that is not resolved as what it is at most."""
-        return f"{'' if error != error or error > floor else '≤ '}{scientific(_at_most(error, floor))}"
-
     shown = runs.assign(
-        shown=list(map(told, runs.error, runs.floor)), half=0.5 * (runs.high - runs.low) / runs.low,
+        half=0.5 * (runs.high - runs.low) / runs.low,
         sure=runs.guaranteed & runs.solved, lower=runs.lower.where(runs.guaranteed),
         upper=runs.upper.where(runs.guaranteed),
     )  # fmt: skip
-    least, absent = least_of(shown), [key for key in CODES if key not in set(runs.code)]
+    absent = [key for key in CODES if key not in set(runs.code)]
     remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
-    tables = {
-        "costs": compared_of(costs), "least": least.assign(shown=list(map(told, least.lasting, least.floor))),
-        "intervals": intervals_of(shown), "failures": shown[~shown.solved],
-        "missing": remedies,
+    bracket = shown.code == BRACKET
+    return {
+        "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved],
+        "missing": remedies, "costs": costs,
+        "brackets": shown[bracket], "rows": shown[~bracket],
     }  # fmt: skip
-    for friction, here in _by_friction(shown):
-        name, bracket = _slug(friction), here.code == BRACKET
-        tables[f"costs-{name}"] = costs[costs.friction == friction]
-        tables[f"brackets-{name}"] = here[bracket]
-        tables[f"rows-{name}"] = here[~bracket]
-    return tables
 
 
-def _settings(runs: DataFrame, known: Mapping[float, Reference]) -> dict[str, DataFrame]:
+def _settings(runs: DataFrame) -> dict[str, DataFrame]:
     """Values that errors are relative to, models with the memory of their processes before a case, and meshes."""
-    references = [
-        {"μ": f"{friction:g}", "P/2 [N/mm]": _force(each.value), "±": scientific(each.uncertainty),
-         "smallest error resolved": scientific(each.floor), "from": each.source}
-        for friction, each in known.items()
-    ]  # fmt: skip
+    known = {mu: found for mu in runs.friction.unique() if (found := reference(float(mu)))}
+    references = [{"μ": f"{mu:g}", "P/2 [N/mm]": _force(value), "±": scientific(uncertainty), "from": source}
+                  for mu, (value, uncertainty, source) in known.items()]  # fmt: skip
     models = []
     for name, found in runs.sort_values("order", kind="stable").groupby("model", sort=False):
         model, said = MODELS[str(name)], sorted(set(found.version.dropna()) - {""})
@@ -366,16 +269,7 @@ def _settings(runs: DataFrame, known: Mapping[float, Reference]) -> dict[str, Da
 def report(rows: Sequence[Row]) -> Report:
     """The report of these rows; the same rows give the same report."""
     runs = runs_of(rows)
-    known, costs, pictures, places = known_of(runs), costs_of(runs), {}, []
-    for name, draw in figures_of(runs, known).items():
-        pictures[name] = drawn(name, draw)
-    for friction, here in _by_friction(runs):
-        name = _slug(friction)
-        places.append({
-            "friction": friction, "name": name, "known": known.get(friction),
-            "errors": f"best-time-{name}" in pictures, "intervals": f"intervals-{name}" in pictures,
-            "slips": not {COULOMB, "ONE_SENSE"}.isdisjoint(here.kind),
-        })  # fmt: skip
+    costs = costs_of(runs)
     # the command that measures the same, without the place of its files and of other Pythons
     counted = runs.mesh.isin([name for name, family in FAMILIES.items() if family.counted])
     words = ["python -m comparisons peers --friction", *(f"{friction:g}" for friction in runs.friction.unique())]
@@ -384,90 +278,32 @@ def report(rows: Sequence[Row]) -> Report:
     words += [f"--repeat {rows[0].case['repetitions']}"]
     values = {
         **values_of(runs, costs), "resolution": RESOLUTION, "codes": CODES, "command": " ".join(words),
-        "places": places,
+        "floor": runs.floor.max(),
     }  # fmt: skip
-    tables, settings = tables_of(runs, costs), _settings(runs, known)
-    return render("comparisons.peers", "peers", values, tables, pictures, rows, settings, forms=FORMS)
+    figures = {"best": drawn("best", partial(_fronts, runs)) if runs.error.notna().any() else ""}
+    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows, _settings(runs),
+                  forms=FORMS, failed=contradictory(runs))  # fmt: skip
 
 
-# pictures
-
-COSTS: Final = {"unknowns": "unknowns [-]", "seconds": "processor time of set-up and solve [s]"}
-"""What an error is drawn against: column of the runs → label."""
-
-_COLOURS: Final = {TRIANGLES: BLUE, BRACKET: "#000000", "ngsolve": VERMILLION, "getfem": GREEN}
-_MARGIN: Final = 2.0  # factor between the outermost marks and the frame
-_NARROW: Final = 30.0  # largest over smallest cost, below which powers of ten are too few to label an axis
+_COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfem": GREEN}
 
 
-def figures_of(runs: DataFrame, known: Mapping[float, Reference]) -> "dict[str, Callable[[], Figure]]":
-    """Name of a picture → what draws it.
-
-    For each μ at which P/2 is known, and some error, the best error that each code has over all its models and meshes,
-    against unknowns and against time; for each with guaranteed bounds, these intervals beside the forces of all codes.
-    """
-    found: dict[str, Callable[[], Figure]] = {}
-    for friction, here in _by_friction(runs):
-        name, value = _slug(friction), known.get(friction)
-        if here.error.notna().any():
-            found[f"best-unknowns-{name}"] = partial(_panel, partial(_fronts, here, "unknowns"))
-            found[f"best-time-{name}"] = partial(_panel, partial(_fronts, here, "seconds"))
-        if value is not None and here.bounded.any():
-            found[f"intervals-{name}"] = partial(_panel, partial(_intervals, here, value))
-    return found
-
-
-def _panel(draw: "Callable[[Axes], None]") -> "Figure":
-    """A picture with its legend below."""
-    figure = new_figure(5.2, 3.6)
-    axes = figure.subplots()
-    draw(axes)
-    grid(axes)
-    axes.set_axisbelow(True)
-    legend_below(figure, 2, 7)
+def _fronts(runs: DataFrame) -> "Figure":
+    """A panel for each μ: the best error that each code has over all its models and meshes, against time."""
+    groups = list(runs[runs.error.notna()].groupby("friction", sort=False))
+    figure, panels = panelled(len(groups), 8.0, 2.9, 0.6)
+    for axes, (friction, known) in zip(panels, groups, strict=True):
+        for code, about in CODES.items():
+            here = known[(known.code == code) & (known.seconds > 0.0)]
+            here = here.assign(height=here.lasting.clip(lower=here.floor)).sort_values(["seconds", "height"])
+            front = here[here.height < here.height.cummin().shift(fill_value=math.inf)]
+            if len(front):
+                axes.plot(front.seconds, front.height, color=_COLOURS[code], marker=about.marker, linewidth=1.2,
+                          markersize=5, label=about.name)  # fmt: skip
+        axes.set(xscale="log", yscale="log", xlabel="processor time of set-up and solve [s]",
+                 ylabel="relative error of P/2 [-]", title=f"μ = {friction:g}")  # fmt: skip
+        plain_ticks(axes.xaxis)
+        grid(axes)
+        axes.set_axisbelow(True)
+    legend_below(figure)
     return figure
-
-
-def _fronts(runs: DataFrame, cost: str, axes: "Axes") -> None:
-    """For each code its costs in ascending order, where the error falls."""
-    from matplotlib.ticker import LogLocator, StrMethodFormatter
-
-    known = runs[runs.error.notna()]
-    for code, about in CODES.items():
-        here = known[(known.code == code) & (known[cost] > 0.0)]
-        here = here.assign(height=here.lasting.clip(lower=here.floor)).sort_values([cost, "height"])
-        front = here[here.height < here.height.cummin().shift(fill_value=math.inf)]
-        if len(front):
-            axes.plot(front[cost], front.height, color=_COLOURS[code], marker=about.marker, linewidth=1.2, markersize=5,
-                      label=about.name)  # fmt: skip
-    axes.set(xscale="log", yscale="log", xlabel=COSTS[cost], ylabel="relative error of P/2 [-]")
-    if len(known) and max(known[cost]) < _NARROW * min(known[cost]):  # labels at 1, 2, 5 times powers of ten
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-
-
-def _intervals(runs: DataFrame, known: Reference, axes: "Axes") -> None:
-    """Guaranteed intervals, each narrower than those of fewer unknowns, and the forces of all models of all codes."""
-    axes.set_xscale("log")
-    axes.set_yscale("symlog", linthresh=known.floor)
-    axes.axhspan(-known.floor, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
-    for code in (*OTHERS, TRIANGLES):
-        about, here = CODES[code], runs[(runs.code == code) & runs.solved]
-        if len(here):
-            axes.plot(here.unknowns, here.half_force / known.value - 1.0, color=_COLOURS[code], marker=about.marker,
-                      linestyle="none", markersize=4, markerfacecolor="none", label=about.name)  # fmt: skip
-    sure = runs[runs.bounded].sort_values("unknowns")
-    sure = sure[sure.width < sure.width.cummin().shift(fill_value=math.inf)]
-    ends = [sure.low / known.value - 1.0, sure.high / known.value - 1.0]
-    axes.vlines(sure.unknowns, *ends, color=_COLOURS[BRACKET], linewidth=3, alpha=0.6, label="guaranteed interval")
-    # all bars and marks are inside the frame, and so is the grey band; labels do not meet in it
-    bounded = runs[runs.bounded]
-    places = [*bounded.lower, *bounded.upper, *runs.half_force[runs.solved].dropna()]
-    heights = [place / known.value - 1.0 for place in places]
-    bottom, top = _MARGIN * min(-known.floor, *heights), _MARGIN * max(known.floor, *heights)
-    powers = range(math.ceil(math.log10(3.0 * known.floor)), math.floor(math.log10(max(top, -bottom))) + 1)
-    ticks = [0.0, *(10.0**power for power in powers), *(-(10.0**power) for power in powers)]
-    axes.set_ylim(bottom, top)
-    axes.set_yticks([each for each in ticks if bottom <= each <= top])
-    axes.set_yticks([], minor=True)
-    axes.set(xlabel=COSTS["unknowns"], ylabel="P/2, relative difference [-]")

@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
@@ -40,7 +40,6 @@ from qvi_contact.plots import (
     Shape,
     beside,
     block_outlines,
-    bracket_figure,
     contact_tractions,
     draw_body,
     draw_contours,
@@ -320,6 +319,20 @@ class TestBody:
         expected = companion.cell_displacement([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]).reshape(-1, 2)
         assert shape.at(cells, corners) == pytest.approx(expected, abs=0.03 * np.abs(expected).max())
 
+    @pytest.mark.parametrize("law", ["tied", "unilateral"])
+    def test_springs_give_way(self, law):
+        """Under p = 20 and q = 3 a bed of k_N = 400 and k_T = 100 gives way by 0.05 and 0.03; ε_xx = 0."""
+        result = uniform_result(xx=-6.0, yy=-20.0, xy=3.0)
+        bed = replace(
+            Contact("bottom", 0.0 if law == "tied" else 0.5, law=law),
+            normal_stiffness=400.0,
+            tangential_stiffness=100.0,
+        )
+        kept = [each for each in result.problem.conditions if each.edges != "bottom"]
+        shape = Shape.of(solve(replace(result.problem, conditions=[*kept, bed])))
+        moved = shape.along(result.problem.mesh.edges("bottom"), np.array([0.0, 0.5, 1.0]))
+        assert moved == pytest.approx(np.broadcast_to([0.03, -0.05], moved.shape), abs=1e-7)
+
     def test_pressure_stands_on_the_contact_and_its_area_is_the_normal_force(self):
         result, axes = slanted_result(), new_axes()
         drawn = draw_body(axes, result, units=Units("mm", "MPa"))
@@ -403,22 +416,6 @@ class TestBody:
         assert beside([98100.2, -3.0]) == ["98100", "0"]
         assert beside([2e6, -1.40546e6]) == ["2 · 10⁶", "−1.405 · 10⁶"]
         assert beside([8.7129e-4], 3) == ["0.000871"]
-
-
-class TestBounds:
-    """Pictures of a bracket and its displacements."""
-
-    @pytest.fixture
-    def bracket(self):
-        return slanted_result().bracket
-
-    def test_the_gap_of_each_cell_is_drawn(self, bracket):
-        (drawn,) = (c for c in bracket_figure(bracket).axes[0].collections if isinstance(c, PolyCollection))
-        corners = bracket.result.problem.mesh.corners
-        density = 2.0 * bracket.cell_gaps / np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
-        assert np.asarray(drawn.get_array()) == pytest.approx(np.maximum(density, 1e-6 * density.max()))
-        for path, wanted in zip(drawn.get_paths(), corners, strict=True):
-            assert path.vertices[:3] == pytest.approx(wanted)
 
 
 NOTHING = ({}, [])
