@@ -16,7 +16,7 @@ from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
 from qvi_contact.limit.linear import CERTIFIED, Carried, carried_by_contacts, with_signs
-from qvi_contact.limit.proof import KEPT_BACK, Statement, carried, exceeded, proof_of
+from qvi_contact.limit.proof import Proof, carried, exceeded, exceeded_by_blocks, proof_of
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
@@ -39,6 +39,7 @@ _FARTHEST: Final = 1e4  # factors of strength beyond count as infinite, and belo
 _STEP: Final = 2.0  # between the first of them that are tried
 
 
+@dataclass(eq=False, repr=False)
 class LimitLoad(float):
     """Result of a limit analysis: a number, the load factor that the mesh carries, and what is known besides.
 
@@ -74,22 +75,11 @@ class LimitLoad(float):
     mechanism: Mechanism | None
     bound: float
     violation: float
-    collapse: Collapse | None
+    collapse: Collapse | None = None
 
-    def __new__(
-        cls,
-        lower: float,
-        upper: float,
-        mechanism: Mechanism | None,
-        bound: float,
-        violation: float,
-        collapse: Collapse | None = None,
-    ) -> LimitLoad:
-        """The number `lower` with its bounds."""
-        made = super().__new__(cls, lower)
-        made.lower, made.upper, made.mechanism = float(lower), float(upper), mechanism
-        made.bound, made.violation, made.collapse = float(bound), float(violation), collapse
-        return made
+    def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
+        """The number `lower`, to which the fields are added."""
+        return super().__new__(cls, lower)
 
     def to_frame(self) -> DataFrame:
         """One row as a pandas table: "lower", "upper", "bound", "violation", and which contacts slide or open.
@@ -102,12 +92,6 @@ class LimitLoad(float):
         slides = ", ".join(name for name, motion in moved.items() if motion.slides)
         opens = ", ".join(name for name, motion in moved.items() if motion.opens)
         return frame({**numbers, "slides": [slides], "opens": [opens]})
-
-    def __getnewargs__(  # type: ignore[override]
-        self,
-    ) -> tuple[float, float, Mechanism | None, float, float, Collapse | None]:
-        """For copies and pickles."""
-        return self.lower, self.upper, self.mechanism, self.bound, self.violation, self.collapse
 
     def __repr__(self) -> str:
         return f"LimitLoad(lower={self.lower:.9g}, upper={self.upper:.9g})"
@@ -234,25 +218,16 @@ def limit_proof(
     with deadline(time_limit):
         posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
         low, names = posed.low, posed.names
-        program = FlowProgram(problem, names, low.space.traction_degree, low.scales)
+        k = low.space.traction_degree
 
-        def below(stated: Statement) -> dict[str, Any]:
-            return carried(stated, StressProgram(low, posed.high))
+        def of_blocks() -> Mechanism | None:
+            return upper_bound(problem, names)[1] if names else find_mechanism(problem)
 
-        def by_blocks(stated: Statement) -> dict[str, Any]:
-            mechanism = upper_bound(problem, names)[1] if names else find_mechanism(problem)
-            if mechanism is None:
-                raise SolveError("proof: no motion of rigid blocks bounds the loads")
-            return exceeded(stated, program, mechanism)
-
-        def by_flow(stated: Statement) -> dict[str, Any]:
-            flow = program.solved(KEPT_BACK["upper"])
-            if flow.motion is None:
-                raise SolveError("proof: the loads have no finite bound from above")
-            return exceeded(stated, program, flow)
-
-        upper = [by_flow, by_blocks] if names and problem.yields else [by_blocks]
-        return proof_of(problem, names, program.k, {"lower": [below] if names else [], "upper": upper})
+        lower: list[Proof] = [lambda stated: carried(stated, StressProgram(low, posed.high))] if names else []
+        upper: list[Proof] = [lambda stated: exceeded_by_blocks(stated, of_blocks())]
+        if names and problem.yields:
+            upper = [lambda stated: exceeded(stated, FlowProgram(problem, names, k, low.scales)), *upper]
+        return proof_of(problem, names, k, {"lower": lower, "upper": upper})
 
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
@@ -518,31 +493,31 @@ def _between(factors: tuple[float, float], shares: tuple[float, float], stale: i
 def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:
     """The problem with strengths of what is chosen over the factor; regions without a name count as the body."""
 
-    def flatter(phi: Field) -> Field:
-        if callable(phi):
-            return lambda x, y: np.arctan(np.tan(phi(x, y)) / factor)
-        return math.atan(math.tan(phi) / factor)
+    def weaker(owner: Any, names: Sequence[str]) -> Any:
+        """A contact or a strength with these of its fields over the factor; of an angle of friction the tangent is."""
+        less: dict[str, Any] = {}
+        for name, value in ((name, getattr(owner, name)) for name in names):
+            if name == "phi" and callable(value):
+                less[name] = lambda x, y, phi=value: np.arctan(np.tan(phi(x, y)) / factor)
+            elif value is not None:
+                less[name] = math.atan(math.tan(value) / factor) if name == "phi" else times(value, 1.0 / factor)
+        return replace(owner, **less)
 
-    def weaker(material: Material) -> Material:
+    def weakened(material: Material) -> Material:
         strength = material.strength
-        given = {} if strength is None else {each.name: getattr(strength, each.name) for each in fields(strength)}
-        less: dict[str, Any] = {name: times(value, 1.0 / factor) for name, value in given.items() if value is not None}
-        if "phi" in less:
-            less["phi"] = flatter(given["phi"])
-        return material if strength is None else replace(material, strength=replace(strength, **less))
-
-    def slipperier(contact: Contact) -> Contact:
-        laws = {name: getattr(contact, name) for name in ("friction", "cohesion", "shear_limit")}
-        less: dict[str, Any] = {name: times(law, 1.0 / factor) for name, law in laws.items() if law is not None}
-        return replace(contact, **less)
+        if strength is None:
+            return material
+        return replace(material, strength=weaker(strength, [each.name for each in fields(strength)]))
 
     regions = [
-        replace(region, material=weaker(region.material)) if (region.name or BODY) in chosen else region
+        replace(region, material=weakened(region.material)) if (region.name or BODY) in chosen else region
         for region in problem.regions
     ]
     conditions = [
-        slipperier(each) if isinstance(each, Contact) and each.name in chosen and each.law != "tied" else each
+        weaker(each, ("friction", "cohesion", "shear_limit"))
+        if isinstance(each, Contact) and each.name in chosen and each.law != "tied"
+        else each
         for each in problem.conditions
     ]
-    material = weaker(problem.material) if BODY in chosen else problem.material
+    material = weakened(problem.material) if BODY in chosen else problem.material
     return replace(problem, material=material, regions=regions, conditions=conditions)

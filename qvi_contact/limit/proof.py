@@ -52,8 +52,11 @@ from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import Mises, MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
 
-KEPT_BACK: Final = {"lower": 1e-6, "upper": 1e-9}
-"""Share of the way to a state inside that a proof keeps back for rounding; a flow inside may dissipate much more."""
+Proof: TypeAlias = Callable[["Statement"], dict[str, Any]]
+"""A way to prove a side."""
+
+_KEPT_BACK: Final = 1e-6  # share of the way to a state inside that a proof keeps back for rounding
+_KEPT_BACK_ABOVE: Final = 1e-9  # the same of flows: those inside may dissipate much more
 
 _STRAIGHT: Final = "proof files are for bodies of straight triangles without holes that carry forces"
 _AFFINE: Final = 1e-10  # misfit of an affine potential, and parts of it, relative, that are rounding
@@ -66,7 +69,7 @@ def proof_of(
     problem: ContactProblem,
     names: Sequence[str],
     degree: int,
-    sides: Mapping[str, Sequence[Callable[[Statement], dict[str, Any]]]],
+    sides: Mapping[str, Sequence[Proof]],
 ) -> dict[str, Any]:
     """A proof as `check_proof.check` reads it, of the sides that can be proved; "missing" says why others are not.
 
@@ -246,7 +249,7 @@ class Statement:
 
 def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     """The part of a proof that says what stresses of the program carry."""
-    found = program.carried(KEPT_BACK["lower"])
+    found = program.carried(_KEPT_BACK)
     if found.unknowns is None:
         raise SolveError("proof: this mesh carries no largest multiple of the loads: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)
@@ -325,10 +328,34 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     return np.asarray(ordinates * low.scales.airy)
 
 
-def exceeded(stated: Statement, program: FlowProgram, flow: Flow | Mechanism) -> dict[str, Any]:
-    """The part of a proof that says what no stress carries, from velocities of blocks or of the program."""
-    if isinstance(flow, Mechanism):
-        return {"flow": {"degree": 1, "velocities": list(_of_blocks(stated, flow)), "shares": {}}}
+def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[str, Any]:
+    """The part of a proof that says what no stress carries, from velocities of rigid blocks.
+
+    Contacts that are at their limit stay there exactly.
+    """
+    if mechanism is None:
+        raise SolveError("proof: no motion of rigid blocks bounds the loads")
+    blocks, motions = mechanism.blocks, list[Fraction]()
+    for block in mechanism.motions:
+        x, y = block.centre
+        motions += map(Fraction, (block.x + block.rotation * y, block.y - block.rotation * x, block.rotation))
+    rows = [_rigid_row(int(blocks[cell]), d, stated.points[end])
+            for cell, pair, directions in _held(stated) for d in directions for end in pair]  # fmt: skip
+    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
+        rows += _at_limits(stated, contact, known, blocks, motions)
+    motions = solved([(row, ZERO) for row in rows], motions)
+    velocities = []
+    for cell, block in zip(stated.about["triangles"], blocks.tolist(), strict=True):
+        points, motion = [stated.points[v] for v in cell], motions[3 * block : 3 * block + 3]
+        velocities.append([[_rigid(motion, at) for at in (points[a], points[b], middle(points))] for a, b in EDGES])
+    return {"flow": {"degree": 1, "velocities": velocities, "shares": {}}}
+
+
+def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
+    """The same from velocities of the program."""
+    flow = program.solved(_KEPT_BACK_ABOVE)
+    if flow.motion is None:
+        raise SolveError("proof: the loads have no finite bound from above")
     cones, keeps = program.cones, ~program.cones.strong
     changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
     keeps[cones.cell[changes]] = False
@@ -370,23 +397,6 @@ def _rigid_row(body: int, d: Vector, at: Vector, sign: int = 1) -> dict[int, Fra
     """± d·v at a place as a row on the motions of bodies; without a body an empty one."""
     parts = (d[0], d[1], d[1] * at[0] - d[0] * at[1])
     return {3 * body + i: sign * part for i, part in enumerate(parts) if part != 0} if body >= 0 else {}
-
-
-def _of_blocks(stated: Statement, mechanism: Mechanism) -> Iterator[list[list[Vector]]]:
-    """Velocities of rigid blocks, for which contacts that are at their limit stay there exactly."""
-    blocks, motions = mechanism.blocks, list[Fraction]()
-    for block in mechanism.motions:
-        x, y = block.centre
-        motions += map(Fraction, (block.x + block.rotation * y, block.y - block.rotation * x, block.rotation))
-    rows = [_rigid_row(int(blocks[cell]), d, stated.points[end])
-            for cell, pair, directions in _held(stated) for d in directions for end in pair]  # fmt: skip
-    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
-        rows += _at_limits(stated, contact, known, blocks, motions)
-    motions = solved([(row, ZERO) for row in rows], motions)
-    for cell, block in zip(stated.about["triangles"], blocks.tolist(), strict=True):
-        points = [stated.points[v] for v in cell]
-        yield [[_rigid(motions[3 * block : 3 * block + 3], at) for at in (points[a], points[b], middle(points))]
-               for a, b in EDGES]  # fmt: skip
 
 
 def _at_limits(
