@@ -196,7 +196,8 @@ def limit_proof(
     Parameters
     ----------
     problem : ContactProblem
-        The problem: straight triangles; friction, strengths and caps that are numbers; no plates and pins.
+        The problem: straight triangles; friction, strengths and caps that are numbers; no plates and pins that
+        forces move.
     loads : sequence of str
         Names of the loads to multiply, see `limit_load_factor`.
     degree, time_limit

@@ -28,7 +28,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
-from qvi_contact.limit.flow import Flow, FlowProgram, Velocities
+from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.rational import (
     ONE,
     ZERO,
@@ -145,8 +145,8 @@ class Statement:
         if self.mesh.curved.any():
             raise InputError("proof", "arcs", _STRAIGHT)
         for contact in problem.contacts:
-            if contact.plate is not None:
-                raise InputError("Contact", contact.name, "proof files hold no plates and pins")
+            if contact.plate is not None and contact.plate.driven:
+                raise InputError("Contact", contact.name, "proof files hold no plates and pins that forces move")
         self.points: list[Vector] = [(Fraction(x), Fraction(y)) for x, y in self.mesh.vertices.tolist()]
         self.outward: dict[_Edge, int] = {}
         dead, live = [ZERO] * 3, [ZERO] * 3
@@ -329,26 +329,15 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
 
 
 def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[str, Any]:
-    """The part of a proof that says what no stress carries, from velocities of rigid blocks.
-
-    Contacts that are at their limit stay there exactly.
-    """
+    """The part of a proof that says what no stress carries, from velocities of rigid blocks."""
     if mechanism is None:
         raise SolveError("proof: no motion of rigid blocks bounds the loads")
-    blocks, motions = mechanism.blocks, list[Fraction]()
-    for block in mechanism.motions:
-        x, y = block.centre
-        motions += map(Fraction, (block.x + block.rotation * y, block.y - block.rotation * x, block.rotation))
-    rows = [_rigid_row(int(blocks[cell]), d, stated.points[end])
-            for cell, pair, directions in _held(stated) for d in directions for end in pair]  # fmt: skip
-    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
-        rows += _at_limits(stated, contact, known, blocks, motions)
-    motions = solved([(row, ZERO) for row in rows], motions)
-    velocities = []
-    for cell, block in zip(stated.about["triangles"], blocks.tolist(), strict=True):
-        points, motion = [stated.points[v] for v in cell], motions[3 * block : 3 * block + 3]
-        velocities.append([[_rigid(motion, at) for at in (points[a], points[b], middle(points))] for a, b in EDGES])
-    return {"flow": {"degree": 1, "velocities": velocities, "shares": {}}}
+    strong, parts = np.ones(len(mechanism.blocks), dtype=bool), [mechanism.motions[n] for n in mechanism.blocks]
+    space = Velocities(stated.problem, 1, strong)
+    x, y, turn, *centre = np.array([(each.x, each.y, each.rotation, *each.centre) for each in parts]).T[..., None]
+    arms = space.nodes.places @ stated.mesh.corners
+    rough = np.stack([x - turn * (arms[..., 1] - centre[1]), y + turn * (arms[..., 0] - centre[0])], axis=-1)
+    return {"flow": {"degree": 1, "velocities": list(_of_nodes(stated, space, rough, strong, ~strong)), "shares": {}}}
 
 
 def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
@@ -359,7 +348,7 @@ def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
     cones, keeps = program.cones, ~program.cones.strong
     changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
     keeps[cones.cell[changes]] = False
-    velocities = list(_of_nodes(stated, program.space, flow, cones.strong, keeps))
+    velocities = list(_of_nodes(stated, program.space, flow.motion.velocities, cones.strong, keeps))
     # what each of several cones has of a strain rate, by its number; the first that may change volume has the rest
     assert flow.shares is not None
     strain, shares = flow.shares / stated.mesh.length, dict[str, Any]()
@@ -408,6 +397,8 @@ def _at_limits(
     dilates = contact.law == "unilateral" and cap is None and mu > 0
     for n, pair in enumerate(known["edges"]):
         first, second = int(blocks[edges.cells[n, 0]]), int(blocks[edges.cells[n, 1]]) if joint else -1
+        if first < 0 or (joint and second < 0):  # beside a body that flows
+            continue
         e = stated.edge(pair)
         out = 1 if dot((e[1], -e[0]), [Fraction(x) for x in edges.normal[n].tolist()]) > 0 else -1
         small = _ACTIVE * float(dot(e, e)) ** 0.5
@@ -427,7 +418,7 @@ def _at_limits(
 
 
 def _of_nodes(
-    stated: Statement, space: Velocities, flow: Flow, strong: BoolArray, keeps: BoolArray
+    stated: Statement, space: Velocities, velocities: FloatArray, strong: BoolArray, keeps: BoolArray
 ) -> Iterator[list[list[Vector]]]:
     """Velocities by numbers at nodes, in the directions that are free.
 
@@ -435,17 +426,16 @@ def _of_nodes(
     """
     if np.intersect1d(space.global_[strong], space.global_[keeps]).size:
         raise SolveError("proof: no part of a body may keep its volume beside one that is rigid")
-    assert flow.motion is not None
     edges, held = _held(stated), dict[int, list[Vector]]()
     for cell, pair, directions in edges:
         opposite = int(np.flatnonzero(~np.isin(stated.mesh.cells[cell], pair))[0])
         for n in space.global_[cell, space.nodes.of_sides[opposite]].tolist():
             held.setdefault(n, []).extend(directions)
     rounded, found = np.zeros((space.count, 2)), dict[int, Vector]()
-    rounded[space.global_] = flow.motion.velocities
+    rounded[space.global_] = velocities
     found |= _rigid_nodes(stated, space, rounded, strong, held)
     if keeps.any():
-        found |= _streams(stated, space, flow.motion.velocities, keeps, edges)
+        found |= _streams(stated, space, velocities, keeps, edges)
     for n, (x, y) in enumerate(rounded.tolist()):
         if n not in found:
             v = (Fraction(x), Fraction(y))
@@ -459,23 +449,31 @@ def _of_nodes(
 def _rigid_nodes(
     stated: Statement, space: Velocities, rounded: FloatArray, strong: BoolArray, held: Mapping[int, list[Vector]]
 ) -> dict[int, Vector]:
-    """The velocities of nodes of rigid parts, of motions near those in floating point that keep what is held."""
-    places, found = dict[int, Vector](), dict[int, Vector]()
+    """The velocities of nodes of rigid parts.
+
+    Their motions are near those in floating point, and keep what is held; contacts between them that are at their limit
+    stay there exactly.
+    """
+    places = dict[int, Vector]()
     for cell in np.flatnonzero(strong).tolist():
         corners = [stated.points[v] for v in stated.about["triangles"][cell]]
         for n, (*weights, centre) in zip(space.global_[cell].tolist(), space.nodes.keys.tolist(), strict=True):
             shares = [Fraction(3 * weight + centre, 3 * space.degree) for weight in weights]
             places[n] = middle(corners, shares)
+    nodes, motions = np.array(list(places), dtype=np.int64), list[Fraction]()
+    of_nodes = space.rigid.tolist()
     for part in range(int(space.rigid.max(initial=-1)) + 1):
-        own = [n for n in places if space.rigid[n] == part]
-        x, y = np.array([places[n] for n in own], dtype=float).T
+        own = nodes[space.rigid[nodes] == part]
+        x, y = np.array([places[n] for n in own.tolist()], dtype=float).T
         one, none = np.ones(len(own)), np.zeros(len(own))
         A = np.concatenate([np.column_stack([one, none, -y]), np.column_stack([none, one, x])])
-        near = np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0]
-        rows = [(_rigid_row(0, d, places[n]), ZERO) for n in own for d in held.get(n, [])]
-        moved = solved(rows, [Fraction(each) for each in near.tolist()])
-        found |= {n: _rigid(moved, places[n]) for n in own}
-    return found
+        motions += map(Fraction, np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0].tolist())
+    rows = [_rigid_row(of_nodes[n], d, at) for n, at in places.items() for d in held.get(n, [])]
+    blocks = np.where(strong, space.rigid[space.global_[:, 0]], -1)
+    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
+        rows += _at_limits(stated, contact, known, blocks, motions)
+    motions = solved([(row, ZERO) for row in rows], motions)
+    return {n: _rigid(motions[3 * of_nodes[n] :], at) for n, at in places.items()}
 
 
 def _streams(
