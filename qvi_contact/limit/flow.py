@@ -278,10 +278,9 @@ class FlowProgram:
 
         The first cone of a coefficient has the r that the later ones leave.
         """
-        cones, slips, n, rows = self.cones, self._slips.values(), len(live), len(self.cones.coefficient)
+        cones, slips, n, rows = self.cones, self._slips, len(live), len(self.cones.coefficient)
         later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
-        costs = np.concatenate([np.zeros(0), *(part.costs for part in slips)])
-        ends = np.cumsum([0, n, rows, len(later), len(later), len(mean), len(costs)])
+        ends = np.cumsum([0, n, rows, len(later), len(later), len(mean), len(slips.costs)])
         unknowns = sparse.eye_array(ends[-1], format="csr")
         Q, S, R1, R2, RHO, Y = (unknowns[a:b] for a, b in pairwise(ends))
         at, number = np.unique(cones.coefficient, return_inverse=True)  # coefficients that yield
@@ -300,14 +299,13 @@ class FlowProgram:
         parts += [-(mean_ones @ RHO)] if len(mean) else []
         tied = [rows @ self.space.basis for contact in self.space.plates if contact.law == "tied"
                 for rows in self.space.jumps(contact)]  # fmt: skip
-        E = sparse.vstack([xx + yy - traces, sparse.csr_array(live[None]) @ Q,
-                           *(part @ Q for part in (*tied, *(each.E for each in slips)))])  # fmt: skip
+        E = sparse.vstack(
+            [xx + yy - traces, sparse.csr_array(live[None]) @ Q, *(part @ Q for part in (*tied, slips.E))]
+        )
         e = np.zeros(E.shape[0])
         e[len(at)] = 1.0
-        L = sparse.csr_array((0, ends[-1]))
-        if slips:
-            L = sparse.vstack([part.L for part in slips]) @ Q + sparse.block_diag([part.own for part in slips]) @ Y
-        q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(ends[-2] - ends[2]), costs])
+        L = slips.L @ Q + slips.own @ Y
+        q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(ends[-2] - ends[2]), slips.costs])
         zeros = [(part, np.zeros(rows)) for part in parts]
         return ConicProgram.of(q, (E, e), (L, np.zeros(L.shape[0])), zeros, dependent=True)
 
@@ -369,58 +367,59 @@ class FlowProgram:
         return row
 
     @cached_property
-    def _slips(self) -> dict[str, _Slips]:
+    def _slips(self) -> _Slips:
         """Jumps, rows and costs of the contacts that limit tractions.
 
         |[v]_T| ≤ d + u with the slip d that dilates, w ≥ μ d, at the price of c, and u that does not, at that of t_max.
         """
-        found, mesh, p = {}, self.space.mesh, self.space.degree + 1
-        for contact in self.problem.contacts:
-            if contact.law == "tied":
-                continue
-            opening, slip = (sparse.csr_array(rows @ self.space.basis) for rows in self.space.jumps(contact))
-            edges, laws = mesh.edges(contact.edges), list[FloatArray]()
+        mesh, space, p = self.space.mesh, self.space, self.space.degree + 1
+        contacts = [contact for contact in self.problem.contacts if contact.law != "tied"]
+        jumps, numbers = [[sparse.csr_array((0, space.size))] * 2], [np.zeros((5, 0))]
+        for contact in contacts:
+            edges, places = mesh.edges(contact.edges), mesh.points_along(mesh.edges(contact.edges), ALONG)
+            laws = [
+                edges.length / (mesh.length * p * self.scales.stress),
+                np.full(len(edges), contact.law == "unilateral"),
+            ]
             for name in ("friction", "cohesion", "shear_limit"):  # the largest value along each edge
-                field, places = getattr(contact, name), mesh.points_along(edges, ALONG)
-                largest = np.full(len(edges), np.inf)
-                if field is not None:
-                    largest = evaluate(f"Contact.{name}", field, *places, minimum=0.0).max(axis=1)
-                laws.append(np.repeat(largest, p))
-            mu, c, cap = laws
-            weight = np.repeat(edges.length / (mesh.length * p * self.scales.stress), p)
-            count, rough, capped = len(weight), mu > 0.0, np.isfinite(cap)
-            price, more, equal = np.minimum(c, cap), np.zeros(0, dtype=np.int64), opening[:0]
-            if contact.law == "unilateral":
-                more = np.flatnonzero(rough & capped)
-            else:  # any shear is carried up to the cap
-                price = np.where(rough & capped, cap, price)
-                equal = sparse.csr_array(sparse.vstack([opening, slip[rough & ~capped]]))
-            both = sparse.hstack([sparse.eye_array(count), sparse.eye_array(count, format="csr")[:, more]])
-            size = both.shape[1]
-            L, own = [slip, -slip, sparse.csr_array((size, slip.shape[1]))], [-both, -both, -sparse.eye_array(size)]
-            if contact.law == "unilateral":
-                L.append(-opening)
-                own.append(sparse.diags_array(mu, shape=(count, size)))
-            costs = np.concatenate([weight * price, (weight * cap)[more]])
-            at = np.concatenate([np.arange(count), more]) // p
-            found[contact.name] = _Slips(opening, slip, sparse.vstack(L), sparse.vstack(own), equal, costs, at)
-        return found
+                field = getattr(contact, name)
+                values = np.inf if field is None else evaluate(f"Contact.{name}", field, *places, minimum=0.0)
+                laws.append(np.broadcast_to(values, places[0].shape).max(axis=1))
+            numbers.append(np.repeat(laws, p, axis=1))
+            jumps.append(list(space.jumps(contact)))
+        weight, one_sided, mu, c, cap = np.concatenate(numbers, axis=1)
+        opening, slip = (sparse.csr_array(sparse.vstack(rows) @ space.basis) for rows in zip(*jumps, strict=True))
+        unilateral, rough, capped, count = one_sided > 0.0, mu > 0.0, np.isfinite(cap), len(mu)
+        more = np.flatnonzero(unilateral & rough & capped)
+        price = np.where(~unilateral & rough & capped, cap, np.minimum(c, cap))  # these carry any shear up to the cap
+        every = sparse.eye_array(count, format="csr")
+        both = sparse.hstack([every, every[:, more]])
+        size = both.shape[1]
+        L = sparse.vstack([slip, -slip, sparse.csr_array((size, slip.shape[1])), -opening[unilateral]])
+        dilates = sparse.csr_array(sparse.diags_array(mu, shape=(count, size)))[unilateral]
+        own = sparse.vstack([-both, -both, -sparse.eye_array(size), dilates])
+        equal = sparse.vstack([opening[~unilateral], slip[~unilateral & rough & ~capped]])
+        costs, at = np.append(weight * price, (weight * cap)[more]), np.append(np.arange(count), more)
+        lengths = {contact.name: len(mesh.edges(contact.edges)) for contact in contacts}
+        return _Slips(lengths, opening, slip, L, own, equal, costs, at)
 
     def _motion(self, x: FloatArray) -> BodyMotion:
         """In the form of a result."""
-        space, cones = self.space, self.cones
+        space, cones, slips, p = self.space, self.cones, self._slips, self.space.degree + 1
         n, rows = space.basis.shape[1], len(cones.coefficient)
         v = space.basis @ x[:n]
         velocities = np.stack([v[2 * space.global_], v[2 * space.global_ + 1]], axis=-1)
         strain = (self._strain @ v).reshape(-1, 3, cones.count, 3)
         spent = x[n : n + rows] * cones.limit / self.scales.stress
         dissipation = np.asarray(np.bincount(cones.cell, spent, space.mesh.cell_count), dtype=np.float64)
-        found, start = {}, len(x) - sum(len(part.costs) for part in self._slips.values())
-        for name, part in self._slips.items():
-            cost = part.costs * x[start : start + len(part.costs)]
-            start += len(part.costs)
-            opening, slip = ((rows @ x[:n]).reshape(-1, space.degree + 1) for rows in (part.opening, part.slip))
-            found[name] = ContactFlow(opening, slip, np.asarray(np.bincount(part.edge, cost, len(opening)), float))
+        opening, slip = slips.opening @ x[:n], slips.slip @ x[:n]
+        paid = slips.costs * x[len(x) - len(slips.at) :]
+        cost = np.asarray(np.bincount(slips.at, paid, len(opening)), dtype=np.float64)
+        found, start = {}, 0
+        for name, count in slips.lengths.items():
+            w, t, paid = (np.asarray(part[start : start + count * p]).reshape(-1, p) for part in (opening, slip, cost))
+            found[name] = ContactFlow(w, t, paid.sum(axis=1))
+            start += count * p
         return BodyMotion(velocities, space.nodes.places, strain, dissipation, found)
 
     def gap_in_cells(self, discretization: Discretization, carried: Carried, motion: BodyMotion) -> FloatArray:
@@ -445,15 +444,16 @@ class FlowProgram:
 
 
 class _Slips(NamedTuple):
-    """A contact: jumps as rows on q, L q + own y ≤ 0 and E q = 0 with slips y, their costs, and the edge of each."""
+    """Contacts: jumps as rows on q, L q + own y ≤ 0 and E q = 0 with slips y, and their costs, at which jumps."""
 
+    lengths: dict[str, int]  # how many edges each has
     opening: sparse.csr_array
     slip: sparse.csr_array
     L: Any
     own: Any
-    E: sparse.csr_array
+    E: Any
     costs: FloatArray
-    edge: IntArray
+    at: IntArray
 
 
 def _products(first: int, second: int) -> FloatArray:

@@ -46,13 +46,12 @@ class LimitLoad(float):
     Attributes
     ----------
     lower : float
-        The largest multiple for which the mesh has stresses that keep the contact laws on whole edges; the value of the
-        number itself. Infinity if any multiple can be carried, minus infinity if none can. Stresses exist up to here;
-        whether Coulomb's law, whose slip is not associated, has a solution with them only `solve` can tell.
+        The largest multiple for which the mesh has stresses that keep contact laws and strengths; the value of the
+        number itself. Infinity if any multiple can be carried, minus infinity if none can.
     upper : float
-        No stress of the body carries a larger multiple, whatever the mesh: the bound of `mechanism`. Infinity if the
-        loads can grow without limit, that is if they can do no work on mechanisms but 1e-7 of what they could do on
-        other motions; minus infinity if no multiple can be carried.
+        No stress of the body carries a larger multiple, whatever the mesh. Infinity if the loads can grow without
+        limit, that is if they can do no work on mechanisms but 1e-7 of what they could do on other motions; minus
+        infinity if no multiple can be carried.
     mechanism : Mechanism or None
         The motion of the blocks that proves `upper`; None where that is infinite.
     bound : float
@@ -117,19 +116,14 @@ def limit_load_factor(
 
     Where parts of the body have a `Material.strength`, both sides are second-order cone programs: stresses whose
     Bernstein coefficients lie in the yield cones, and velocities with jumps on the contacts. Each number is computed
-    from the stresses or velocities found, not taken from the solver.
+    from the stresses or velocities found, not taken from the solver. Where no part has one, bodies are infinitely
+    strong: `lower` is a linear program in the Airy coefficients, with the law on whole edges, and `upper` the work of
+    the loads on rigid motions of the blocks, see `Mechanism`, the limit itself on any mesh.
 
-    Where no part has one, bodies are infinitely strong:
-
-    *From below*, `lower`: a linear program in the Airy coefficients, with the law on whole edges. The stresses of the
-    mesh carry that much, and a finer mesh more (a shear prescribed beside a contact is met in the resultants, as
-    `solve` does where friction cannot carry it in the corner).
-
-    *From above*, `upper`: the work of the loads on rigid motions of the blocks, see `Mechanism`; the limit itself, on
-    any mesh. Every solution lies in the set above, so beyond `upper` there is none. For Coulomb's law, whose slip is
-    not associated, the converse does not hold in general: a solution below may, but need not exist, which only `solve`
-    can tell. Displacements, gaps and elastic constants do not enter, and bilateral contacts with friction count as able
-    to carry any shear up to their cap.
+    Every solution lies in the set above, so beyond `upper` there is none. For Coulomb's law, whose slip is not
+    associated, the converse does not hold in general: below a solution may, but need not exist, which only `solve` can
+    tell. Displacements, gaps and elastic constants do not enter, and bilateral contacts with friction count as able to
+    carry any shear up to their cap.
 
     Parameters
     ----------
@@ -187,11 +181,10 @@ def limit_proof(
 ) -> dict[str, Any]:
     """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
 
-    It holds loads, strengths and contact laws; the Bernstein ordinates of an Airy function whose stresses carry the
-    named loads times a factor just below `LimitLoad.lower`; and velocities which show that no stress carries more than
-    a factor just above `LimitLoad.upper`. Without names of loads it has only velocities, of rigid blocks, which show
-    that no stress carries all loads as they are. `qvi_contact/limit/check_proof.py`, a script that needs nothing but
-    Python's standard library, checks it in exact arithmetic.
+    It holds loads, strengths and laws; an Airy function whose stresses carry the named loads times a factor just below
+    `LimitLoad.lower`; and velocities which show that none carries more than a factor just above `LimitLoad.upper`.
+    Without names of loads it has only velocities, of rigid blocks, which show that no stress carries all loads as they
+    are. `qvi_contact/limit/check_proof.py`, a script that needs Python's standard library alone, checks it exactly.
 
     Parameters
     ----------
