@@ -313,18 +313,13 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     if len(space.cuts):
         raise InputError("proof", f"{len(space.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
-    change = high.particular - low.particular
-    u = low.basis @ unknowns[:n] + low.particular + (unknowns[-1] - 1.0) * change
-    affine, w = space.differences.apply(u)
-    frames, first = space.frames, space.mesh.cells[:, 0]
-    if frames.several:
-        affine = affine + (frames.affine(first) @ u[frames.columns(first)][:, :, None])[:, :, 0]
-    B = element.transformations(space.triangles)[:, 3:, 3:]
-    factors = np.hstack([(B @ w[:, :, None])[:, :, 0], unknowns[n:-1].reshape(len(w), -1)])
-    ordinates = np.einsum("scd,nd->nsc", element.coefficients[:, :, 3:], factors)
-    arms = lattice(element.degree) @ part_corners(space.triangles.corners)
-    arms = arms - space.triangles.corners[:, None, None, 0]
-    ordinates = ordinates + affine[:, None, None, 0] + np.einsum("npcx,nx->npc", arms, affine[:, 1:])
+    u = low.basis @ unknowns[:n] + low.particular + (unknowns[-1] - 1.0) * (high.particular - low.particular)
+    factors = low.root.stiffness.energy.coefficients(u, None)
+    factors[:, element.shared :] = unknowns[n:-1].reshape(len(factors), -1)
+    corners = space.triangles.corners
+    arms = lattice(element.degree) @ part_corners(corners) - corners[:, None, None, 0]
+    ordinates = np.einsum("scd,nd->nsc", element.coefficients[:, :, 3:], factors[:, 3:])
+    ordinates += factors[:, None, None, 0] + np.einsum("npcx,nx->npc", arms, factors[:, 1:3])
     return np.asarray(ordinates * low.scales.airy)
 
 
