@@ -156,29 +156,20 @@ class Velocities:
         at = np.repeat(np.arange(len(nodes)), 2)
         return sparse.csr_array((direction.ravel(), (at, columns.ravel())), shape=(len(nodes), self.size))
 
-    def _plate_rows(self, contact: Contact, points: FloatArray, direction: FloatArray) -> sparse.csr_array:
-        """d·v of the plate behind a contact at points (r, 2); zero without one driven by force."""
-        if contact.plate is None or contact not in self.plates:
-            return sparse.csr_array((len(points), self.size))
-        arm = points - (np.array(contact.plate.pivot) - self.mesh.origin) / self.mesh.length
-        turn = arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0]
-        start = 2 * self.count + 3 * self.plates.index(contact)
-        at, columns = np.repeat(np.arange(len(points)), 3), np.tile(start + np.arange(3), len(points))
-        values = np.column_stack([direction, turn]).ravel()
-        return sparse.csr_array((values, (at, columns)), shape=(len(points), self.size))
-
     def jumps(self, contact: Contact) -> tuple[sparse.csr_array, sparse.csr_array]:
         """W = −[v]_N and [v]_T at the coefficients of all edges of a contact as rows on coefficients and plates."""
         edges, found = self.mesh.edges(contact.edges), []
         first = self.along(edges).ravel()
         for vector in (-edges.normal, edges.tangent):
             along = np.repeat(vector, self.degree + 1, axis=0)
-            other = (
-                self.rows(self.along(edges, 1).ravel(), along)
-                if contact in self.problem.joints
-                else self._plate_rows(contact, self.points[first], along)
-            )
-            found.append(self.rows(first, along) - other)
+            rows = self.rows(first, along)
+            if contact in self.problem.joints:
+                rows = rows - self.rows(self.along(edges, 1).ravel(), along)
+            elif contact.plate is not None and contact in self.plates:
+                arm = self.points[first] - (np.array(contact.plate.pivot) - self.mesh.origin) / self.mesh.length
+                turned = _rigid_rows(np.full(len(first), self.plates.index(contact)), arm, along, len(self.plates))
+                rows = rows - sparse.hstack([sparse.csr_array((len(first), 2 * self.count)), turned])
+            found.append(sparse.csr_array(rows))
         return found[0], found[1]
 
     def _basis(self) -> sparse.csr_array:
@@ -202,10 +193,8 @@ class Velocities:
             part, parts = rigid[stiff], int(rigid.max()) + 1
             sums = np.stack([np.bincount(part, self.points[stiff, i]) for i in (0, 1)], axis=1)
             arm = self.points[stiff] - (sums / np.bincount(part)[:, None])[part]
-            ones, at = np.ones(len(stiff)), np.concatenate([2 * stiff, 2 * stiff + 1])
-            data = np.concatenate([ones, ones, -arm[:, 1], arm[:, 0]])
-            columns = np.concatenate([3 * part, 3 * part + 1, 3 * part + 2, 3 * part + 2])
-            motions = sparse.csr_array((data, (np.tile(at, 2), columns)), shape=(self.size, 3 * parts))
+            axes = [np.tile(axis, (len(stiff), 1)) for axis in np.eye(2)]
+            motions = sum(self.rows(stiff, axis).T @ _rigid_rows(part, arm, axis, parts) for axis in axes)
             C = [np.zeros((3 * parts, 3 * parts))]
             for nodes, direction in held:
                 chosen = rigid[nodes] >= 0
@@ -217,6 +206,14 @@ class Velocities:
             moves = 2 * self.count + 3 * index + np.flatnonzero([part is not None for part in forces])
             blocks.append(sparse.eye_array(self.size, format="csc")[:, moves])
         return sparse.csr_array(sparse.hstack(blocks))
+
+
+def _rigid_rows(body: IntArray, arm: FloatArray, direction: FloatArray, bodies: int) -> sparse.csr_array:
+    """d·v at points (r, 2), from the centres of bodies (r,), along d (r, 2), as rows on motions (a, b, θ) of these."""
+    turn = arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0]
+    at, columns = np.repeat(np.arange(len(body)), 3), 3 * body[:, None] + np.arange(3)
+    values = np.column_stack([direction, turn]).ravel()
+    return sparse.csr_array((values, (at, columns.ravel())), shape=(len(body), 3 * bodies))
 
 
 class FlowProgram:
