@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_force, physical, potential_at
@@ -30,7 +29,6 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.problem import ContactProblem
-from solvers.inequality.rows import checked_matrix
 
 COMPONENTS = ("force_x", "force_y", "moment")
 
@@ -147,7 +145,7 @@ class Resultants:
     kept: list[int]  # rows that those before them do not determine
     # the others as combinations of the kept ones before them
     combinations: dict[int, FloatArray]
-    A: sparse.csc_array  # (p, n) sparse: the kept rows on the unknowns
+    A: FloatArray  # (p, n): the kept rows on the unknowns
 
     @classmethod
     def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, driven: Sequence[_Driven]) -> Resultants:
@@ -172,7 +170,7 @@ class Resultants:
                     independent.append(index)
                 else:
                     combinations[index] = combination
-            return cls(full, independent, combinations, checked_matrix("A", A[independent]))
+            return cls(full, independent, combinations, A[independent])
 
         return problem.mesh.kept(cls, key, made)
 

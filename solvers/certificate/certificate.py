@@ -429,16 +429,16 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
     S, E, E_b = scales["stress"], scales["energy"], scales["body_energy"]
-    K, N, T, A = qvi.arrays
+    K, N, T, A = qvi.stiffness.K, qvi.contact.N, qvi.contact.T, qvi.contact.A
     residual = gradient + N.T @ m_N + T.T @ m_T + A.T @ nu
     error, outside = qvi.linear_system.solve(residual)
     square, size = float(residual @ error), float(np.sqrt(2.0 * E_b))
     # A z = b: a row is large by b, by a share of what cancels in A z, and by the largest row.
     equality = conjugate = 0.0
     if qvi.p:
-        sizes = np.abs(qvi.b) + _CANCELS * absolute_product(qvi.A, z)
+        sizes = np.abs(qvi.b) + _CANCELS * absolute_product(A, z)
         sizes += _BESIDE * sizes.max(initial=0.0)
-        rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
+        rounding = _ROUNDED * absolute_product(A, np.full(qvi.n, largest(z)))
         missed = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
         equality = largest(missed / np.where(sizes > 0.0, sizes, 1.0))
         conjugate = largest(outside * sizes) / E
@@ -454,7 +454,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     # |ρ|² once m_N is made admissible: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
     if change.any():
-        square += 2.0 * float(change @ (N @ error)) + float(change @ qvi.linear_system.relief(qvi.N)(change))
+        square += 2.0 * float(change @ (N @ error)) + float(change @ qvi.linear_system.relief(N)(change))
     law = law_residuals(qvi, z, m_N, m_T, scales)
     gap = law.work + 0.5 * abs(square)
     measures = {

@@ -43,6 +43,7 @@ from scipy.linalg import eigh, eigvalsh, qr
 
 from solvers.basics.types import Matrix
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import dense
 
 LARGEST = 1200
 """Contact rows 2m up to which the bound is computed, in about a second."""
@@ -129,11 +130,11 @@ def _compliance(qvi: FrictionQVI) -> tuple[Matrix, Matrix]:
     """Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0."""
     system = qvi.condensed_contact.system
     weights = np.sqrt(np.concatenate([qvi.W, qvi.W]))
-    rows = weights[:, None] * qvi.contact_rows[:, system.interface].toarray()
+    rows = weights[:, None] * dense(qvi.condensed_contact.rows_near)
     C = rows @ system.solve_interface(rows.T)[0]
     lengths = np.linalg.norm(rows, axis=0)
     units = np.where(lengths > 0.0, lengths, 1.0)
-    fixed = _row_space(system.A_interface / units)
+    fixed = _row_space(system.A / units)
     scaled = rows / units  # columns of length one or zero
     Q, R, _ = qr(scaled - scaled @ fixed @ fixed.T, mode="economic", pivoting=True)
     return (C + C.T) / 2.0, Q[:, np.abs(np.diag(R)) > _RANK]

@@ -37,9 +37,9 @@ from numpy.linalg import LinAlgError
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.coordinates import DenseCoordinates, SparseCoordinates
+from solvers.condensed.coordinates import Coordinates, DenseCoordinates, SparseCoordinates
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
-from solvers.condensed.systems import Coordinates, Expansion, PathWeights, SystemName
+from solvers.condensed.systems import Expansion, PathWeights
 from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
@@ -69,7 +69,6 @@ _ONE_START = 300  # iterations of one start
 LAST: Final = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)
 """How a start ends that no other follows."""
 
-_FORMS: Final[dict[SystemName, str]] = {"dense": "condensed", "sparse": "full"}  # of the result
 _FITTED = 1e-7  # slack residual from which on friction has its own share, see `InteriorPoint.settle`
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
@@ -400,6 +399,6 @@ class CondensedRun:
         turned = "The central path has a turning point before this solution" if self.turns or self.elsewhere else ""
         return Outcome(
             self.reason, self.space.move(self.base, y), m_N, m_T, nu, self.history, len(self.history), self.message,
-            setup=self.setup, form=_FORMS[self.space.name], corrections=tuple(self.sizes), turned=turned,
+            setup=self.setup, form=self.space.name, corrections=tuple(self.sizes), turned=turned,
             near=self.near,
         )  # fmt: skip
