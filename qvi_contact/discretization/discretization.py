@@ -162,15 +162,8 @@ class Discretization(PicklesFields):
         return tuple(found)
 
     def slipped(self, slip: Sequence[FloatArray]) -> Discretization:
-        """The same problem after earlier slip: the tangential offset w of each contact grows by `slip`, dimensionless.
-
-        Parameters
-        ----------
-        slip : sequence of (m,) arrays
-            One array for each of `contacts`, at its points.
-
-        """
-        contacts = tuple(rows.with_offset(rows.offset + more) for rows, more in zip(self.contacts, slip, strict=True))
+        """The same problem after earlier slip (m,) at the points of each contact, dimensionless: w grows by it."""
+        contacts = tuple(replace(rows, slip=more) for rows, more in zip(self.contacts, slip, strict=True))
         change = [
             rows.rule.multipliers_of_rows(rows.points.weights * more)
             for rows, more in zip(contacts, slip, strict=True)
@@ -189,7 +182,7 @@ class Discretization(PicklesFields):
     def with_far_obstacles(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
         fresh = _discretized(self.problem, self.space, self.rule, replace(self.scales, reach=np.inf))
-        return fresh.slipped([old.offset - new.offset for old, new in zip(self.contacts, fresh.contacts, strict=True)])
+        return fresh.slipped([rows.slip for rows in self.contacts])
 
     def with_data(self, problem: ContactProblem, scales: Scales | None = None) -> Discretization:
         """Another problem on the same mesh, by the same element and rows of contacts.
@@ -229,10 +222,6 @@ class Discretization(PicklesFields):
         if not _NOISE < size < _TOO_SMALL:
             return self
         return _discretized(self.problem, self.space, self.rule, replace(self.scales, stress=self.scales.stress * size))
-
-    def offsets(self) -> list[FloatArray]:
-        """The tangential offset w that the problem prescribes at the points of each contact, without earlier slip."""
-        return [rows.offset for rows in contact_rows(self.problem, self.space, self.rule, self.scales)]
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""

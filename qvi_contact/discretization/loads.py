@@ -222,7 +222,8 @@ class ContactRows:
     # (2, m): given displacement of a rigid plate at the points, along n and along t, dimensionless; beside gap and
     # offset
     motion: FloatArray
-    reach: float = np.inf  # an obstacle that is farther counts as that far, see `Scales`
+    reach: float  # an obstacle that is farther counts as that far, see `Scales`
+    slip: FloatArray  # (m,): slip in earlier load steps at the points, dimensionless, by which w has grown
 
     @property
     def beyond(self) -> FloatArray:
@@ -254,10 +255,6 @@ class ContactRows:
         """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
         weights, (across, along) = self.points.weights, self.motion
         return self.points.load(weights * (self.gap - self.beyond + across), weights * (self.offset + along))
-
-    def with_offset(self, offset: FloatArray) -> "ContactRows":
-        """The same contact at another tangential offset (m,), dimensionless."""
-        return replace(self, offset=offset)
 
 
 def contact_rows(
@@ -304,6 +301,7 @@ def contact_rows(
             misfit / scales.stress,
             motion,
             scales.reach,
+            np.zeros(len(x)),
         )
         found.append(rows)
         start = stop

@@ -364,15 +364,12 @@ def _frame(contact: Contact) -> tuple[str, str, str]:
 
 def _slip_after(result: ContactResult) -> list[FloatArray]:
     """Slip since the beginning at the points of each contact, dimensionless: −λ_T on top of what came before."""
-    discretization, solution = result.discretization, result.solution
-    fresh = discretization.offsets()
     slip = []
-    for rows, offset in zip(discretization.contacts, fresh, strict=True):
-        step = np.zeros(len(offset))
+    for rows in result.discretization.contacts:
+        slip.append(rows.slip)
         if rows.law != "tied":
-            multipliers = rows.rule.multipliers_at_points(solution.tangential_multiplier[rows.rows])
-            step = -multipliers / rows.points.weights
-        slip.append(rows.offset - offset + step)
+            multipliers = rows.rule.multipliers_at_points(result.solution.tangential_multiplier[rows.rows])
+            slip[-1] = rows.slip - multipliers / rows.points.weights
     return slip
 
 
@@ -396,8 +393,7 @@ def _of_obstacle(step: ContactResult, name: str) -> list[tuple[float, float]]:
     across = tangents[:, 0] * tangents[0, 1] - tangents[:, 1] * tangents[0, 0]
     if plate is not None and np.abs(across).max() > _PARALLEL:
         return list(zip(astuple(step.plates[name]), astuple(step.plate_force(name)), strict=True))
-    offset = step.discretization.offsets()[index] * scales.displacement
-    along = float(line.weights @ offset / line.weights.sum())
+    along = float(line.weights @ (rows.offset * scales.displacement) / line.weights.sum())
     if plate is not None:
         motion, (x, y) = step.plates[name], centre_of(problem, scales, rows)
         in_x = motion.x - motion.rotation * (y - plate.pivot[1])

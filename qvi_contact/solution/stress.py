@@ -25,30 +25,10 @@ _COMPONENTS: Final = 3  # of a stress
 
 
 def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Stress (σ_xx, σ_yy, σ_xy) at points of the body.
+    """Stress (σ_xx, σ_yy, σ_xy) (..., 3) [stress] at points x, y (...) [length], of degrees of freedom u (N,) of Φ.
 
     Equation (3.1) with σ_xy = −Φ_xy. On an edge inside the body, where the normal stress along it jumps, and in
-    vertices the mean of the adjacent cells is returned.
-
-    Parameters
-    ----------
-    discretization : Discretization
-        Where the points are looked up.
-    u : (N,) array
-        Degrees of freedom of Φ, see `Discretization.values`.
-    x, y : (...) arrays
-        Coordinates [length], of one shape.
-
-    Returns
-    -------
-    (..., 3) array
-        Stresses [stress], tension positive.
-
-    Raises
-    ------
-    InputError
-        If a point lies outside the body.
-
+    vertices it is the mean of the adjacent cells. `InputError` if a point lies outside the body.
     """
     mesh, space = discretization.problem.mesh, discretization.space
     places = np.column_stack([x.ravel(), y.ravel()])
@@ -100,17 +80,10 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
     cells = np.argsort(space.cell_sizes, kind="stable")[:_MOST_CELLS]
     signs = np.random.default_rng(0).integers(2, size=u.size) * 2.0 - 1.0
     moved = u.ravel() * (1.0 + signs * np.finfo(np.float64).eps)
-    stresses = (
+    first, second = (
         space.stress(discretization.coefficients(values), cells, space.cell_points) for values in (u.ravel(), moved)
     )
-    first, second = stresses
     return float(np.abs(second - first).max(initial=0.0))
-
-
-def cell_weights(discretization: Discretization) -> FloatArray:
-    """Dimensionless weights (cells, g) of the quadrature points."""
-    space = discretization.space
-    return space.cell_measures(space.cell_points, space.cell_weights)
 
 
 def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -163,16 +136,7 @@ class BodySamples:
 
 
 def sample_body(result: ContactResult, parts: int) -> BodySamples:
-    """Samples of the stress all over a body.
-
-    Parameters
-    ----------
-    result : ContactResult
-        The state.
-    parts : int
-        Cells are divided so that about so many parts lie along the body's length; small cells are not divided.
-
-    """
+    """Samples of the stress all over a body: about so many parts along its length; small cells are not divided."""
     mesh, discretization = result.problem.mesh, result.discretization
     sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
     wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
@@ -213,22 +177,9 @@ def held_along_z(problem: ContactProblem, cells: IntArray, x: FloatArray, y: Flo
 
 
 def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0, held: FloatArray | float = 0.0) -> FloatArray:
-    """Von Mises stress √(½[(σ_xx−σ_yy)² + (σ_yy−σ_zz)² + (σ_zz−σ_xx)²] + 3σ_xy²).
+    """Von Mises stress √(½[(σ_xx−σ_yy)² + (σ_yy−σ_zz)² + (σ_zz−σ_xx)²] + 3σ_xy²) (...) of stresses (..., 3).
 
-    Parameters
-    ----------
-    stress : (..., 3) array
-        σ_xx, σ_yy, σ_xy.
-    factor : (...) array
-        f of σ_zz = f (σ_xx + σ_yy) + `held`, see `cell_factors`; 0, plane stress, by default.
-    held : (...) array
-        What initial strains add to σ_zz, see `held_along_z`.
-
-    Returns
-    -------
-    (...) array
-        In the unit of `stress`.
-
+    σ_zz = factor (σ_xx + σ_yy) + held (...), see `cell_factors` and `held_along_z`; 0, plane stress, by default.
     """
     xx, yy, xy = np.moveaxis(real_array("stress", stress), -1, 0)
     zz = factor * (xx + yy) + held
@@ -238,14 +189,7 @@ def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0, held: FloatA
 def stress_component(
     stress: FloatArray, component: str, factor: FloatArray | float = 0.0, held: FloatArray | float = 0.0
 ) -> FloatArray:
-    """One of the `COMPONENTS` of stresses (..., 3); `factor` and `held` as in `von_mises`.
-
-    Raises
-    ------
-    InputError
-        If there is no such component.
-
-    """
+    """One of the `COMPONENTS` of stresses (..., 3), else `InputError`; `factor` and `held` as in `von_mises`."""
     one_of("component", component, COMPONENTS)
     if component == "von_mises":
         return von_mises(stress, factor, held)

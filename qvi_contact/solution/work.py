@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import (
     LOAD_POINTS,
@@ -23,8 +23,6 @@ from qvi_contact.discretization.loads import (
 )
 from qvi_contact.element import legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
-from qvi_contact.mesh.edges import Edges
-from qvi_contact.problem.conditions import Contact
 from qvi_contact.solution.stress import stress_rounding
 
 _MISFIT: Final = 1e-9  # prescribed tractions missed beyond rounding, relative to the unit of stress, that count
@@ -45,12 +43,17 @@ def support_work(discretization: Discretization, u: FloatArray) -> float:
 
 def obstacle_work(discretization: Discretization, u: FloatArray) -> float:
     """∫_{Γ_μ} (g τ_N + w τ_T) ds [stress × length²] of u, g and w as the problem prescribes them, plates moved."""
-    problem, scales = discretization.problem, discretization.scales
-    work = 0.0
+    problem, scales, total = discretization.problem, discretization.scales, 0.0
     for contact in problem.contacts:
         points = EdgePoints(discretization.space, problem.mesh.edges(contact.edges), LOAD_POINTS)
-        work += scales.length * float(points.weights @ _contact_work(discretization, u, contact, points))
-    return work
+        x, y = physical(problem, scales, points.coordinates)
+        normal, shear = normal_and_shear(discretization, u, points)
+        gap, offset = evaluate("Contact.gap", contact.gap, x, y), evaluate("Contact.offset", contact.offset, x, y)
+        work = scales.stress * (gap * normal + offset * shear)
+        if contact.plate is not None:
+            work += (contact.plate.displacement(x, y) * traction(discretization, u, points)).sum(axis=0)
+        total += scales.length * float(points.weights @ work)
+    return total
 
 
 def fluid_work(discretization: Discretization) -> float:
@@ -67,18 +70,6 @@ def fluid_work(discretization: Discretization) -> float:
                 gap = gap + component(contact.plate.displacement(x, y), points.normals)
             work += scales.length * float(points.weights @ (pressure * gap))
     return work
-
-
-def _contact_work(discretization: Discretization, u: FloatArray, contact: Contact, points: EdgePoints) -> FloatArray:
-    """G τ_N + w τ_T at points of a contact [stress × length]."""
-    scales = discretization.scales
-    x, y = physical(discretization.problem, scales, points.coordinates)
-    normal, shear = normal_and_shear(discretization, u, points)
-    gap, offset = evaluate("Contact.gap", contact.gap, x, y), evaluate("Contact.offset", contact.offset, x, y)
-    work = scales.stress * (gap * normal + offset * shear)
-    if contact.plate is not None:
-        work += (contact.plate.displacement(x, y) * traction(discretization, u, points)).sum(axis=0)
-    return np.asarray(work)
 
 
 def normal_and_shear(
@@ -160,27 +151,17 @@ def loads_followed(discretization: Discretization) -> bool:
 
 def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
     """Largest difference between σn of degrees of freedom u and their tractions at points of arcs [stress]."""
-    mesh, largest = discretization.problem.mesh, 0.0
+    mesh, space, largest = discretization.problem.mesh, discretization.space, 0.0
     coefficients = discretization.coefficients(u)
-    for edges in (mesh.boundary, mesh.interior):
-        if edges.curved:
-            arcs = edges.take(edges.bent)
-            for cells in arcs.cells.T:
-                if (cells >= 0).all():
-                    largest = max(largest, _difference(discretization, coefficients, u, arcs, cells))
+    for arcs in (edges.take(edges.bent) for edges in (mesh.boundary, mesh.interior) if edges.curved):
+        points = EdgePoints(space, arcs, _POINTS)
+        places = np.stack(mesh.points_along(arcs, points.reference), axis=-1).reshape(-1, 2)
+        (nx, ny), (tx, ty) = points.normals.T, points.tangents.T
+        normal, shear = points.tractions(u)
+        for cells in arcs.cells.T:
+            if (cells >= 0).all():  # beside the arcs, on one side of them
+                cell = np.repeat(cells, _POINTS)
+                xx, yy, xy = space.stress(coefficients, cell, mesh.reference(cell, places)[:, None])[:, 0].T
+                x, y = xx * nx + xy * ny, xy * nx + yy * ny
+                largest = max(largest, float(np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear).max()))
     return discretization.scales.stress * largest
-
-
-def _difference(
-    discretization: Discretization, coefficients: FloatArray, u: FloatArray, arcs: Edges, cells: IntArray
-) -> float:
-    """The largest difference in the cells (n,) beside the arcs, dimensionless."""
-    mesh, points = discretization.problem.mesh, EdgePoints(discretization.space, arcs, _POINTS)
-    cell = np.repeat(cells, _POINTS)
-    places = np.stack(mesh.points_along(arcs, points.reference), axis=-1).reshape(-1, 2)
-    t = mesh.reference(cell, places)[:, None]
-    xx, yy, xy = discretization.space.stress(coefficients, cell, t)[:, 0].T
-    (nx, ny), (tx, ty) = points.normals.T, points.tangents.T
-    x, y = xx * nx + xy * ny, xy * nx + yy * ny
-    normal, shear = points.tractions(u)
-    return float(np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear).max())

@@ -69,7 +69,7 @@ def rediscretized(result: ContactResult) -> Discretization:
         law_on=known.rule.law_on,
         scales=known.scales,
     )
-    slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]
+    slip = [rows.slip for rows in known.contacts]
     return fresh.slipped(slip) if any(part.any() for part in slip) else fresh
 
 
