@@ -13,7 +13,7 @@ from qvi_contact.problem.fields import Polynomial
 from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
 
-Opening: TypeAlias = tuple[int, int, int, int]
+Opening: TypeAlias = Sequence[int]
 """Half blocks left of it, courses below it, its width in half blocks, and its height in courses."""
 
 DOOR_AND_WINDOW: Final[tuple[Opening, ...]] = ((3, 0, 2, 4), (8, 2, 3, 3))
