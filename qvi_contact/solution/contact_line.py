@@ -372,9 +372,7 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
     parts = [values.reshape(-1, rows.points.count) for values in fields]
     both, excess, pull = rows.law != "unilateral", 0.0, 0.0
     general = np.ones(len(parts[0]), dtype=bool)
-    if (
-        rows.rule.law_on == "edges"
-    ):  # what Bernstein coefficients obey, a law that is constant along the edge, tractions do
+    if rows.rule.law_on == "edges":  # of laws that are constant along an edge, where coefficients obey them
         n, tau = (rows.rule.at_rows(part.ravel()).reshape(part.shape) for part in parts[:2])
         mu, cohesion, cap = parts[2:]
         scale = _ROUNDING * max(float(np.abs(n).max(initial=0.0)), float(np.abs(tau).max(initial=0.0)))
@@ -386,16 +384,19 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
     t = rows.points.reference
     for edge in np.flatnonzero(general):  # polynomials through the points
         values = [part[edge] for part in parts]
-        n, tau, mu, cohesion, cap = (
+        normal_part, shear, friction, own, limit = (
             Polynomial.fit(t, np.where(np.isinf(part), 0.0, part), len(t) - 1, domain=[0.0, 1.0]) for part in values
         )
-        own = 0.0
-        for start, stop in pairwise([0.0, *_roots(n).tolist(), 1.0]):
-            sign = 1.0 if n(0.5 * (start + stop)) <= 0.0 else -1.0 if both else 0.0
-            bounds = [cohesion - sign * mu * n] + ([] if np.isinf(values[-1]).all() else [cap])
-            own = max([own, *(_maximum(side - bound, start, stop) for side in (tau, -tau) for bound in bounds)])
-        shear = max(_maximum(tau, 0.0, 1.0), _maximum(-tau, 0.0, 1.0))  # no bound is negative, though a cubic may be
-        excess, pull = max(excess, min(own, shear)), pull if both else max(pull, _maximum(n, 0.0, 1.0))
+        largest = 0.0
+        for start, stop in pairwise([0.0, *_roots(normal_part).tolist(), 1.0]):
+            sign = 1.0 if normal_part(0.5 * (start + stop)) <= 0.0 else -1.0 if both else 0.0
+            bounds = [own - sign * friction * normal_part] + ([] if np.isinf(values[-1]).all() else [limit])
+            largest = max(
+                [largest, *(_maximum(side - bound, start, stop) for side in (shear, -shear) for bound in bounds)]
+            )
+        most = max(_maximum(shear, 0.0, 1.0), _maximum(-shear, 0.0, 1.0))  # no bound is negative, though a cubic may be
+        excess = max(excess, min(largest, most))
+        pull = pull if both else max(pull, _maximum(normal_part, 0.0, 1.0))
     return excess, pull
 
 

@@ -260,12 +260,12 @@ def solve_sweep(
     settings = Settings.of(settings, changes)
     with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
         task = SweepTask.of(problem, parameter, of, settings, warm_start=warm_start)
-        given = real_array("values", values, "give a list of at least one number")
-        if given.ndim != 1 or not len(given) or not np.isfinite(given).all():
+        asked = real_array("values", values, "give a list of at least one number")
+        if asked.ndim != 1 or not len(asked) or not np.isfinite(asked).all():
             raise InputError("values", values, "give a list of at least one finite number")
-        if parameter == "friction" and given.min() < 0.0:
-            raise InputError("values", float(given.min()), "give coefficients of friction ≥ 0")
-        numbers = tuple(given.tolist())
+        if parameter == "friction" and asked.min() < 0.0:
+            raise InputError("values", float(asked.min()), "give coefficients of friction ≥ 0")
+        numbers = tuple(asked.tolist())
         log.begin({"values": len(numbers), "parameter": parameter, "cells": task.problem.mesh.cell_count})
 
         def told(number: int, found: ContactResult | SweepRow, accuracy: float) -> None:
@@ -282,8 +282,8 @@ def solve_sweep(
             sweep = Sweep(parameter, numbers, tuple(steps))
         else:
             kept = load("qvi_contact.files.stores")
-            asked = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
-            fingerprint = run_digest([task.problem], {**settings.stated, **asked})
+            data = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
+            fingerprint = run_digest([task.problem], {**settings.stated, **data})
             with (
                 kept.writing(store, fingerprint, parameter, numbers) as opened,
                 closing(_rows(task, opened.pending(), shared)) as found,
