@@ -24,6 +24,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, contact_named, joined, scaled_stress_at_rest
+from qvi_contact.discretization.space import split_points
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.material import is_strained
@@ -190,7 +191,7 @@ class CellFields:
     def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
         """From degrees of freedom u of Φ, for integrals exact beside displacements of a degree and body potentials."""
         largest = max(discretization.space.degree - 2, degree - 1, _POTENTIAL)
-        scales, (t, w) = discretization.scales, discretization.space.cell_rule(2 * largest + 1)
+        scales, (t, w) = discretization.scales, split_points(2 * largest + 1)
         weights = discretization.space.cell_measures(t, w)
         points, stress = cell_stresses(discretization, u, t)
         at_rest, cells = np.zeros_like(stress), np.arange(len(stress))

@@ -13,7 +13,7 @@ __getattr__ = front(
         "loads": ("physical",),
         "plates": ("misplaced_pins", "pressed_pins"),
         "scaling": ("REACH", "Scales"),
-        "space": ("Rows", "StressSpace", "edge_rule"),
+        "space": ("Rows", "StressSpace", "edge_rule", "split_points"),
         "supports": ("Elimination", "PrescribedTraction", "Supports", "walk"),
     },
 )

@@ -185,22 +185,10 @@ class Discretization(PicklesFields):
         return fresh.slipped([rows.slip for rows in self.contacts])
 
     def with_data(self, problem: ContactProblem, scales: Scales | None = None) -> Discretization:
-        """Another problem on the same mesh, by the same element and rows of contacts.
+        """Another problem, in units `scales` or its own, on the same mesh, by the same element and rows of contacts.
 
         Where it differs in loads and in data of contacts only, it has the same matrices, and the same factorisation.
-
-        Parameters
-        ----------
-        problem : ContactProblem
-            The problem; its mesh is the same, up to the names of edge sets.
-        scales : Scales, optional
-            Units of the dimensionless problem; those of the problem by default.
-
-        Raises
-        ------
-        InputError
-            If the problem is on another mesh.
-
+        `InputError` if its mesh is another, but for the names of edge sets.
         """
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")

@@ -69,14 +69,7 @@ def plate_rows(
     supports: Supports,
     particular: FloatArray,
 ) -> PlateRows:
-    """Rows of all plates, those that follow from the rest of the problem left out.
-
-    Raises
-    ------
-    InputError
-        If a prescribed resultant contradicts equilibrium with the other loads.
-
-    """
+    """Rows of all plates, but those that follow from the rest of the problem; `InputError` if they contradict it."""
     rows, values, driven = list[PlateRow](), list[float](), list[_Driven]()
     for contact, condition in zip(contacts, problem.contacts, strict=True):
         plate = condition.plate

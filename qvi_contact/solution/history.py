@@ -27,7 +27,7 @@ from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.conditions import Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
@@ -110,22 +110,11 @@ class History:
         return np.cumsum([step.contacts[contact].slip for step in states], axis=0)
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
-        """One row for each step and contact as a pandas table; needs the extra ``frame`` (pandas).
+        """One row for each step and contact as a pandas table, with units and errors as `ContactResult.to_frame`.
 
         Columns are "step" (from 1), "status", "contact", and those of `ContactResult.forces_frame`, in which slip is
         that of the step, and "dissipated", the energy lost in friction on all contacts in the step. Steps without a
         state have no rows.
-
-        Parameters
-        ----------
-        units : Units, optional
-            If given, names of columns end in their unit, as in "largest_slip [mm]".
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
         """
         rows = [
             {"step": number, "status": str(step.status), "contact": name, **numbers, "dissipated": lost}
@@ -149,12 +138,8 @@ class History:
         cycle it is the work that obstacles and supports have done, the area of their loops. It tends to `dissipated` as
         the steps shrink, and equals it if friction is used up at both ends of every step in which a point slips.
         """
-        work: list[float] = []
-        last: ContactResult | None = None
-        for now in self._states:
-            work.append(0.5 * (_friction_work(now, now) + _friction_work(now, last)))
-            last = now
-        return np.array(work)
+        pairs = zip(self._states, [None, *self._states], strict=False)
+        return np.array([0.5 * (_friction_work(now, now) + _friction_work(now, last)) for now, last in pairs])
 
     def loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """Displacement of what drives the body, and the force on the body in its direction, in each step.
@@ -229,13 +214,7 @@ class History:
 def loop_area(displacement: FloatArray, force: FloatArray) -> float:
     """∮ F dw of a polygon of steps, the work done on the body [force × length]; positive where energy is lost.
 
-    Steps are joined by straight lines, the last one not with the first.
-
-    Raises
-    ------
-    InputError
-        If they are not two arrays of one length.
-
+    Steps are joined by straight lines, the last one not with the first. `InputError` for arrays of other shapes.
     """
     displacement, force = real_array("displacement", displacement), real_array("force", force)
     if displacement.ndim != 1:
@@ -349,17 +328,13 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
             raise InputError(f"problems[{number}]", problem, "give a ContactProblem for each load step")
         if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
-        if [_frame(contact) for contact in problem.contacts] != [_frame(contact) for contact in first.contacts]:
+        kept_same = ([(each.name, each.edges, each.law) for each in one.contacts] for one in (first, problem))
+        if next(kept_same) != next(kept_same):
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
         known.append(Scales.of(problem))
         vary = vary or laws_vary(problem)
     return steps, max(known, key=lambda scales: (scales.loaded, scales.stress)), vary
-
-
-def _frame(contact: Contact) -> tuple[str, str, str]:
-    """What must not change in a contact."""
-    return contact.name, contact.edges, contact.law
 
 
 def _slip_after(result: ContactResult) -> list[FloatArray]:

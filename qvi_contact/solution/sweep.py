@@ -135,21 +135,10 @@ class Sweep:
         return outcome_of(self.parameter, failures, len(done), len(self.values))
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
-        """One row for each value and contact as a pandas table; needs the extra ``frame`` (pandas).
+        """One row for each value and contact as a pandas table, with units and errors as `ContactResult.to_frame`.
 
         Columns are the parameter, "status", "iterations", "contact", and those of `ContactResult.forces_frame`. Values
         without a state have no rows.
-
-        Parameters
-        ----------
-        units : Units, optional
-            If given, names of columns end in their unit, as in "largest_slip [mm]".
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
         """
         done = enumerate(zip(self.values, self.steps, strict=False), 1)
         rows = (SweepRow.of(number, value, step) for number, (value, step) in done)
