@@ -31,7 +31,7 @@ from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
-from qvi_contact.solution.solver import discretized, solved
+from qvi_contact.solution.solver import discretized, fitted, solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none
@@ -364,10 +364,12 @@ class _Run:
             if count >= at_least and deadline.over:
                 return
             began, task = time.perf_counter(), self._task
-            if self._before is None or task.parameter != "friction":
-                self._before = discretized(task.changed(value), task.settings, before=self._before)
-            else:
+            if self._before is None:
+                self._before = discretized(task.changed(value), task.settings)
+            elif task.parameter == "friction":
                 self._before = self._before.with_law(task.changed(value))
+            else:
+                self._before = fitted(self._before.with_data(task.changed(value)), task.settings)
             begins = task.warm and self._state is not None and not self._left
             found = solved(self._before, task.settings, self._state if begins else None)
             near = found.solution.near

@@ -227,31 +227,11 @@ def test_of_one_kind_the_latest_few_are_kept():
 def test_a_problem_on_another_mesh_is_refused():
     finer = replace(block(), mesh=TriangleMesh.rectangle((4, 2), 2.0, 1.0))
     with pytest.raises(InputError) as caught:
-        discretized(finer, before=discretized(block()))
-    assert caught.value.field == "ContactProblem.mesh"
-    with pytest.raises(InputError) as caught:
         discretize(block()).with_data(finer)
     assert caught.value.field == "ContactProblem.mesh"
-
-
-@pytest.mark.parametrize("options", [{"degree": 5}, {"degree": 4.5}, {"law_on": "points"}, {"method": "uzawa"}])
-def test_another_degree_and_other_rows_than_before_are_refused(options):
-    before = discretized(block(), degree=4)
-    with pytest.raises(InputError) as caught:
-        discretized(block(), before=before, **options)
-    assert caught.value.field == ("degree" if "degree" in options else "law_on")
-
-
-def test_a_law_that_varies_does_not_follow_one_held_by_coefficients():
-    before = discretized(block())
-    rough = replace(block().conditions[0], friction=lambda x, y: 0.3 + 0.1 * x + 0.0 * y)
-    varying = replace(block(), conditions=[rough, *block().conditions[1:]])
-    with pytest.raises(InputError, match=r"^law_on: 'points'"):
-        discretized(varying, before=before)
-    assert discretized(varying, before=discretized(varying)).rule.law_on == "points"
 
 
 @pytest.mark.parametrize("options", [{}, {"degree": 5}, {"law_on": "points"}])
 def test_the_same_options_again_share_all_matrices(options):
     before = discretized(block(), **options)
-    assert discretized(block(push=-2.0), before=before, **options).qvi.K is before.qvi.K
+    assert before.with_data(block(push=-2.0)).qvi.K is before.qvi.K
