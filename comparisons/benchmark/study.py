@@ -247,26 +247,15 @@ _DEPTH: Final = 0.01
 
 
 class Chain(NamedTuple):
-    """A sequence.
+    """A sequence."""
 
-    Attributes
-    ----------
-    title : what it is called in tables
-    problem : the problem by numbers of cells
-    cells, coarse : numbers of cells, and those of a quick run
-    parameter : what changes
-    values : its values; a quick run takes every fifth
-    history : whether slip accumulates from one to the next
-
-    """
-
-    title: str
-    problem: Callable[[tuple[int, int]], ContactProblem]
+    title: str  # what it is called in tables
+    problem: Callable[[tuple[int, int]], ContactProblem]  # by numbers of cells
     cells: tuple[int, int]
-    coarse: tuple[int, int]
-    parameter: Parameter
-    values: tuple[float, ...]
-    history: bool = False
+    coarse: tuple[int, int]  # of a quick run
+    parameter: Parameter  # what changes
+    values: tuple[float, ...]  # a quick run takes every fifth
+    history: bool = False  # whether slip accumulates from one to the next
 
 
 _PUNCH: Final = Polynomial([[2.0 * _DEPTH], [-4.0 * _DEPTH], [2.0 * _DEPTH]])
@@ -316,14 +305,9 @@ EVERY: Final = 4
 def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
     """Solve a sequence in all ways, one after the other in this process.
 
-    The problems of a history are solved by themselves without the slip before them, for their time alone.
-
-    Returns
-    -------
-    dict
-        for each way: seconds of processor time, iterations, status, accuracy, and normal and tangential force on the
-        contact, a list of one number for each problem, of single solves for every fourth
-
+    The problems of a history are solved by themselves without the slip before them, for their time alone. Of each way:
+    seconds of processor time, iterations, status, accuracy, and normal and tangential force on the contact, one number
+    for each problem, of single solves for every fourth.
     """
     chain, every = CHAINS[case["sequence"]], 5 if case["quick"] else 1
     base, values = chain.problem(chain.coarse if case["quick"] else chain.cells), chain.values[::every]

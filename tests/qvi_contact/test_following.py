@@ -161,12 +161,12 @@ def test_tractions_are_eliminated_once():
 def test_the_rough_stress_is_that_of_the_problem():
     """Problems with other loads, or with stresses that no degree of freedom changes, have one of their own."""
     first = discretize(block(weight=0.0))
-    rough = first.qvi.rough_stress()
+    rough = first.qvi.bonded_state.rough_stress
     for change in ({"friction": 0.5}, {"push": -1.1}, {"weight": 0.3}, {"gap": -1e-3}, {"force": -2.5}):
         problem = discretize(block(**change)).problem
         after, alone = first.with_data(problem, first.scales), discretize(problem, scales=first.scales)
-        assert after.qvi.rough_stress() == pytest.approx(alone.qvi.rough_stress(), rel=1e-9)
-        assert (after.qvi.rough_stress() == rough) is (change == {"friction": 0.5})
+        assert after.qvi.bonded_state.rough_stress == pytest.approx(alone.qvi.bonded_state.rough_stress, rel=1e-9)
+        assert (after.qvi.bonded_state.rough_stress == rough) is (change == {"friction": 0.5})
 
 
 def test_other_bodies_share_nothing():
@@ -212,9 +212,9 @@ def test_factors_of_a_mesh_that_is_gone_are_freed():
 
 def test_what_problems_share_cannot_be_written_to():
     qvi = discretize(block()).qvi
-    for matrix in (qvi.K, qvi.N, qvi.T):
+    for matrix in (qvi.stiffness.K, qvi.contact.N, qvi.contact.T):
         with pytest.raises(ValueError, match="read-only"):
-            matrix.data[0] = 1.0
+            matrix[0, 0] = 1.0
 
 
 def test_of_one_kind_the_latest_few_are_kept():
