@@ -88,8 +88,8 @@ class EdgeTractions:
         normal = joined([normal + rows.pore_pressure for (normal, _), rows in zip(pairs, limited, strict=True)])
         shear = joined([shear for _, shear in pairs])
         (cohesion, exact), (cap, cap_exact) = (
-            _polynomials(discretization, joined([getattr(rows, name) for rows in limited]))
-            for name in ("cohesion", "shear_limit")
+            _polynomials(discretization, joined([getattr(rows.limits, name) for rows in limited]))
+            for name in ("cohesion", "cap")
         )
         pressure = qvi.law.pressed(discretization.rule.at_rows(normal))
         law = cohesion + (qvi.mu * pressure).reshape(cohesion.shape)

@@ -24,6 +24,7 @@ from qvi_contact.discretization.loads import (
     has_body_force,
     joined,
     laws_vary,
+    limits_of,
     potential_at,
     prescribed_tractions,
 )
@@ -176,7 +177,12 @@ class Discretization(PicklesFields):
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
-        contacts = contact_rows(problem, self.space, self.rule, self.scales)
+        pairs = zip(self.contacts, problem.contacts, strict=True)
+        laws = [limits_of(problem, contact, self.scales, self.rule, rows.points) for rows, contact in pairs]
+        contacts = tuple(
+            replace(rows, row_limits=on_rows, limits=at_points)
+            for rows, (on_rows, at_points) in zip(self.contacts, laws, strict=True)
+        )
         return replace(self, problem=problem, contacts=contacts, qvi=replace(self.qvi, law=law_of(contacts)))
 
     def with_far_obstacles(self) -> Discretization:

@@ -342,7 +342,7 @@ def contact_line(
         x=x,
         y=y,
         weights=points.weights * scales.length,
-        friction=rows.friction,
+        friction=rows.limits.friction,
         friction_bound=bound * scales.stress,
         normal_stress=(effective - rows.pore_pressure) * scales.stress,
         tangential_stress=tangential * scales.stress,
@@ -368,7 +368,8 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
     """
     if rows.law == "tied":
         return 0.0, 0.0
-    fields = (normal, tangential, rows.friction, rows.cohesion, rows.shear_limit)
+    limits = rows.limits
+    fields = (normal, tangential, limits.friction, limits.cohesion, limits.cap)
     parts = [values.reshape(-1, rows.points.count) for values in fields]
     both, excess, pull = rows.law != "unilateral", 0.0, 0.0
     general = np.ones(len(parts[0]), dtype=bool)
