@@ -28,8 +28,7 @@ from qvi_contact.discretization.space import split_points
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.material import is_strained
-from qvi_contact.solution.stress import cell_stresses
-from qvi_contact.solution.work import normal_and_shear
+from qvi_contact.solution.stress import cell_stresses, normal_and_shear
 
 _BELOW_ZERO = 1e-10  # of a field's values: a coefficient below zero that is none
 

@@ -31,7 +31,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.reference_solution import at_contacts
 from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError, bulk
-from qvi_contact.solution.work import loads_followed
+from qvi_contact.solution.stress import loads_followed
 
 _SPACE: Final = ("degree", "law_on")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors

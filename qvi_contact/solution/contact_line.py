@@ -31,7 +31,7 @@ from qvi_contact.discretization.loads import ContactRows, physical
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, chains, cross
 from qvi_contact.problem.conditions import is_frictionless
-from qvi_contact.solution.work import normal_and_shear
+from qvi_contact.solution.stress import normal_and_shear
 from solvers import QVISolution
 from solvers.basics.frames import frame, pandas
 from solvers.basics.types import load

@@ -26,8 +26,14 @@ from qvi_contact.problem.conditions import DRIVES, RigidPlate
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
-from qvi_contact.solution.stress import cell_stresses, stress_at, stress_rounding
-from qvi_contact.solution.work import misfit_of_tractions, support_work, traction
+from qvi_contact.solution.stress import (
+    cell_stresses,
+    misfit_of_tractions,
+    stress_at,
+    stress_rounding,
+    support_work,
+    traction,
+)
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.frames import frame, pandas
 from solvers.basics.names import Named, known_name

@@ -18,7 +18,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.export import field_arrays
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import prescribed_and_computed
+from qvi_contact.solution.stress import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
