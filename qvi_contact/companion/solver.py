@@ -253,28 +253,13 @@ def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BodyAtRest:
-    """Displacements v that vanish where displacements are prescribed, and motions of plates that forces drive.
+    """Displacements v that vanish where displacements are prescribed, and motions of plates that forces drive."""
 
-    Attributes
-    ----------
-    contacts : Contacts
-        The contacts, n coefficients.
-    body : CondensedBody
-        The body.
-    B : (2 n, k + q) array
-        c, what the body moves beyond the plates, normal ones first, from w_Γ and the motions.
-    S : (k + q, k + q) array
-        The energy of both, ½ wᵀS w.
-    live : (2 n,) bool array
-        Where c can change.
-
-    """
-
-    contacts: Contacts
+    contacts: Contacts  # the contacts, n coefficients
     body: CondensedBody
-    B: FloatArray
-    S: FloatArray
-    live: BoolArray
+    B: FloatArray  # (2 n, k + q): c, what the body moves beyond the plates, normal ones first, from w_Γ and the motions
+    S: FloatArray  # (k + q, k + q): the energy of both, ½ wᵀS w
+    live: BoolArray  # (2 n,): where c can change
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int | None = None) -> BodyAtRest:

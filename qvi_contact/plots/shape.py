@@ -1,7 +1,8 @@
 """How a stress state deforms the body: the displacement whose strains are nearest to those of the stresses.
 
-The stress model has no displacement inside the body. On contacts, obstacles and supports it has: u_N = g − gap and
-u_T = w + slip. The displacement v of degree 2 that is drawn makes
+The stress model has no displacement inside the body. On contacts, obstacles and supports it has:
+u_N = g − gap − σ_N'/k_N and u_T = w + slip − σ_T/k_T, the last terms of springs. The displacement v of
+degree 2 that is drawn makes
 
     ∫ |ε(v) − c σ − ε⁰|² dx  +  α Σ w |v·d − known|²
 
@@ -126,18 +127,24 @@ def _known(result: ContactResult, space: DisplacementSpace) -> tuple[sparse.csr_
 def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:
     """Displacements (m, 2) of the body at the points of a contact, and where the obstacle stands beside them [length].
 
-    Those of the body follow from gap and slip, with the motion of a plate; of a joint they are the jump. An obstacle
-    stands at its gap g, and where its plate moves it; w along it is left out, which changes nothing of what it looks
-    like. In a load history slip counts from its beginning.
+    Those of the body follow from gap, slip and what springs stretch by, with the motion of a plate; of a joint they are
+    the jump. An obstacle stands at its gap g, and where its plate moves it; w along it is left out, which changes
+    nothing of what it looks like. In a load history slip counts from its beginning.
     """
     discretization, line = result.discretization, result.contacts[name]
     index = next(i for i, rows in enumerate(discretization.contacts) if rows.name == name)
     rows, unit = discretization.contacts[index], discretization.scales.displacement
     normal, along = rows.points.normals, rows.points.tangents
-    gap = unit * rows.gap
-    body = (gap - line.gap)[:, None] * normal + (unit * rows.offset + line.slip)[:, None] * along  # earlier slip in w
-    obstacle = gap[:, None] * normal
-    plate = next(contact.plate for contact in result.problem.contacts if contact.name == name)
+    contact, gap = result.problem.contacts[index], unit * rows.gap
+    outwards, sideways = gap - line.gap, unit * rows.offset + line.slip  # earlier slip in w
+    if contact.normal_stiffness is not None:
+        stiffness = evaluate("Contact.normal_stiffness", contact.normal_stiffness, line.x, line.y)
+        outwards -= line.effective_normal_stress / stiffness
+    if contact.tangential_stiffness is not None:
+        stiffness = evaluate("Contact.tangential_stiffness", contact.tangential_stiffness, line.x, line.y)
+        sideways -= line.tangential_stress / stiffness
+    body, obstacle = outwards[:, None] * normal + sideways[:, None] * along, gap[:, None] * normal
+    plate = contact.plate
     if plate is not None and name in result.plates:  # one that is driven by force
         motion, x, y = result.plates[name], line.x - plate.pivot[0], line.y - plate.pivot[1]
         moved = np.column_stack([motion.x - motion.rotation * y, motion.y + motion.rotation * x])

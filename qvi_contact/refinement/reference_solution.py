@@ -19,8 +19,9 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.basics.units import Certainty
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
@@ -161,17 +162,43 @@ def at_contacts(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh,
 def energies_between(
     answer: ContactResult, reference: ContactResult, mesh: TriangleMesh, fine: TriangleMesh
 ) -> FloatArray:
-    """½ ∫ c(σ − τ):(σ − τ) over each triangle of the answer's mesh, τ of the reference solution [stress × length²]."""
-    space, scales = reference.discretization.space, reference.discretization.scales
-    cells, t = np.arange(len(fine.cells)), space.cell_points
-    parents = fine.parents(mesh)
-    points = fine.corners.swapaxes(1, 2)[:, None] @ fine.placed(cells, t)[..., None]
-    flat = mesh.reference(np.repeat(parents, len(t)), points.reshape(-1, 2)).reshape(len(cells), len(t), 3)
-    own, other = (  # without body potential
-        each.discretization.scales.stress
-        * each.discretization.space.stress(each.discretization.coefficients(each.dofs), within, at)
-        for each, within, at in ((reference, cells, t), (answer, parents, flat))
-    )
-    work = (((own - other) @ reference.problem.compliances) * (own - other)).sum(axis=2)
-    work = work * space.cell_measures(t, space.cell_weights)
-    return np.asarray(np.bincount(parents, 0.5 * scales.length**2 * work.sum(axis=1), len(mesh.cells)), float)
+    """½ ∫ c(σ − τ):(σ − τ) over each triangle of the answer's mesh, τ of the reference solution [stress × length²].
+
+    Those at contacts with springs have ½ ∫ (σ_N − τ_N)²/k_N + (σ_T − τ_T)²/k_T ds, too.
+    """
+    space, problem, parents = reference.discretization.space, reference.problem, fine.parents(mesh)
+
+    def located(within: TriangleMesh, numbers: IntArray, points: FloatArray) -> FloatArray:
+        flat = within.reference(np.repeat(numbers, points.shape[1]), points.reshape(-1, 2))
+        return flat.reshape(*points.shape[:2], 3)
+
+    def missed(cells: IntArray, at: FloatArray, points: FloatArray) -> FloatArray:
+        """The difference of the stresses at points (n, g, 2), reference points `at` of triangles of the finer mesh."""
+        own, other = (
+            each.discretization.scales.stress
+            * each.discretization.space.stress(each.discretization.coefficients(each.dofs), within, t)
+            for each, within, t in (
+                (reference, cells, at), (answer, parents[cells], located(mesh, parents[cells], points)),
+            )
+        )  # fmt: skip
+        return np.asarray(own - other)  # without body potential
+
+    cells, t = np.arange(fine.cell_count), space.cell_points
+    inside = missed(cells, t, (fine.corners.swapaxes(1, 2)[:, None] @ fine.placed(cells, t)[..., None])[..., 0])
+    measures = reference.discretization.scales.length**2 * space.cell_measures(t, space.cell_weights)
+    work = (((inside @ problem.compliances) * inside).sum(axis=2) * measures).sum(axis=1)
+    t, weights = gauss_legendre(space.degree)
+    for contact in filter(lambda each: each.has_springs, problem.contacts):
+        edges = fine.edges(contact.edges)
+        x, y = fine.points_along(edges, t)
+        own, points = edges.cells[:, 0], np.stack([x, y], axis=-1)
+        xx, yy, xy = np.moveaxis(missed(own, located(fine, own, points), points), -1, 0)
+        normals, tangents = frames_along(edges, t)
+        force = np.stack([xx * normals[..., 0] + xy * normals[..., 1], xy * normals[..., 0] + yy * normals[..., 1]], -1)
+        for name, along in (("normal_stiffness", normals), ("tangential_stiffness", tangents)):
+            field = getattr(contact, name)
+            if field is not None:
+                stiffness = evaluate(f"Contact.{name}", field, x, y)
+                parts = edges.length[:, None] * weights * (force * along).sum(axis=-1) ** 2 / stiffness
+                np.add.at(work, own, parts.sum(axis=1))
+    return np.asarray(np.bincount(parents, 0.5 * work, mesh.cell_count), float)

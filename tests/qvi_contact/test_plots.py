@@ -320,6 +320,20 @@ class TestBody:
         expected = companion.cell_displacement([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]).reshape(-1, 2)
         assert shape.at(cells, corners) == pytest.approx(expected, abs=0.03 * np.abs(expected).max())
 
+    @pytest.mark.parametrize("law", ["tied", "unilateral"])
+    def test_springs_give_way(self, law):
+        """Under p = 20 and q = 3 a bed of k_N = 400 and k_T = 100 gives way by 0.05 and 0.03; ε_xx = 0."""
+        result = uniform_result(xx=-6.0, yy=-20.0, xy=3.0)
+        bed = replace(
+            Contact("bottom", 0.0 if law == "tied" else 0.5, law=law),
+            normal_stiffness=400.0,
+            tangential_stiffness=100.0,
+        )
+        kept = [each for each in result.problem.conditions if each.edges != "bottom"]
+        shape = Shape.of(solve(replace(result.problem, conditions=[*kept, bed])))
+        moved = shape.along(result.problem.mesh.edges("bottom"), np.array([0.0, 0.5, 1.0]))
+        assert moved == pytest.approx(np.broadcast_to([0.03, -0.05], moved.shape), abs=1e-7)
+
     def test_pressure_stands_on_the_contact_and_its_area_is_the_normal_force(self):
         result, axes = slanted_result(), new_axes()
         drawn = draw_body(axes, result, units=Units("mm", "MPa"))
