@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from solvers.basics.frames import columns_of, frame
 from solvers.basics.progress import deadline
 from solvers.basics.status import Status
-from solvers.basics.types import Vector
+from solvers.basics.types import Vector, columns_of, frame
 from solvers.certificate.certificate import Certificate, certify
 from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound

@@ -31,8 +31,7 @@ from qvi_contact.discretization.loads import ContactRows, physical
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, chains, cross
 from qvi_contact.problem.conditions import is_frictionless
-from solvers.basics.frames import frame, pandas
-from solvers.basics.types import load
+from solvers.basics.types import frame, load, pandas
 
 if TYPE_CHECKING:
     from pandas import DataFrame

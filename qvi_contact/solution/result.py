@@ -31,9 +31,8 @@ from qvi_contact.solution.contact_line import ContactLine, contact_line, summary
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
-from solvers.basics.frames import columns_of, frame, pandas
 from solvers.basics.names import Named, known_name
-from solvers.basics.types import PicklesFields, load
+from solvers.basics.types import PicklesFields, columns_of, frame, load, pandas
 from solvers.certificate.feasibility import AdmissibleRows
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError, Reason
-from solvers.factorisation.mkl import thread_count
+from solvers.factorisation.pardiso import thread_count
 from solvers.factorisation.superlu import (
     Refactorisation,
     RefactorisedBySuperLU,

@@ -15,7 +15,7 @@ from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.choice import Request, condensing_pays, factorise, refactorisation
-from solvers.factorisation.mkl import limited_blas
+from solvers.factorisation.pardiso import limited_blas
 from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import (
