@@ -6,20 +6,17 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from solvers.basics.progress import deadline
 from solvers.basics.status import Status
-from solvers.basics.types import Vector, columns_of, frame
+from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate, certify
 from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
 from solvers.inequality.problem import FrictionQVI
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 class Iteration(NamedTuple):
@@ -118,18 +115,6 @@ class QVISolution:
     remarks: tuple[str, ...] = ()
     near: bool | None = None
     attempts: tuple[Attempt, ...] = ()
-
-    def to_frame(self) -> DataFrame:
-        """One row for each `Iteration` as a pandas table, with its fields as columns; needs the extra ``frame``.
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
-        """
-        rows = [entry._asdict() for entry in self.history]
-        return frame(columns_of(rows))
 
     @property
     def solved(self) -> bool:

@@ -20,7 +20,7 @@ from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError
 from solvers.factorisation import FactorisationError
 from solvers.fixed_point import CONDENSED_LIMIT, initial_pressure, solve_fixed_point
-from solvers.inequality.loads import SLOW_CONTRACTION
+from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting import affordable, another_solution, solve_pivoting

@@ -47,7 +47,7 @@ from qvi_contact.element.triangle import AffineTriangles
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import PicklesFields
-from solvers.inequality.stiffness import Stiffness
+from solvers.inequality.body import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 _LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stresses, lose too many digits

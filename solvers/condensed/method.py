@@ -40,7 +40,7 @@ from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import Coordinates, DenseCoordinates, SparseCoordinates
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
 from solvers.condensed.systems import Expansion, PathWeights
-from solvers.inequality.loads import SLOW_CONTRACTION
+from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
 from solvers.settings import CondensedOptions
