@@ -323,7 +323,7 @@ class _Loop:
             result.iterations, time.perf_counter() - began,
         )  # fmt: skip
         self.history.append(entry)
-        report(Progress("fixed-point", entry), self.options.callback)
+        report(Progress("fixed-point", entry))
 
     def _check_progress(self, residual: float, number: int) -> None:
         """Cycle or stagnation, see the table of this module."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from itertools import chain
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from solvers.basics.progress import Log, Progress, deadline, report
+from solvers.basics.progress import Log, Progress, deadline, listening, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
@@ -206,20 +207,13 @@ def _linear(qvi: FrictionQVI, method: str) -> Tries:
 
 
 class Way(NamedTuple):
-    """One entry of `ATTEMPTS`.
+    """One entry of `ATTEMPTS`."""
 
-    Attributes
-    ----------
-    method : to which it belongs; one that is asked for has its own entries alone
-    tries : what it tries, one by one as they are asked for; nothing where the ways before leave nothing to do
-    subject : of a sentence that says what the method found
-    serves : for which problems it is tried where no method is asked for
-
-    """
-
-    method: str
+    method: str  # to which it belongs; one that is asked for has its own entries alone
+    # what it tries, one by one as they are asked for; nothing where the ways before leave nothing to do
     tries: Callable[[Search], Tries]
-    subject: str = ""
+    subject: str = ""  # of a sentence that says what the method found
+    # for which problems it is tried where no method is asked for
     serves: Callable[[FrictionQVI], bool] = lambda _: True
 
 
@@ -252,7 +246,7 @@ class Search:
         self.best: Outcome | None = None
         self.run: CondensedRun | None = None
         self._began = time.perf_counter()
-        self._given = {"callback": settings.callback, **settings.options}
+        self._given = dict(settings.options)
         self._pressure: Vector | None = None
         if initial is not None and settings.takes_state:
             start = Start.of(initial) if isinstance(initial, QVISolution) else initial
@@ -333,10 +327,9 @@ class Search:
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
         self.inner, last, subject = DEFAULT_INNER, first, ""
         for way in later:
-            self._given = {"callback": self.settings.callback}
-            if way.method in STARTED:
-                self._given |= {"initial": self._pressure}
-                self._given |= {} if limit is None else {"max_iterations": limit - first.iterations}
+            self._given = {"initial": self._pressure} if way.method in STARTED else {}
+            if limit is not None and way.method in STARTED:
+                self._given["max_iterations"] = limit - first.iterations
             report(Progress(way.method, remark=tried))
             with deadline(seconds):
                 last, subject = self.by(way.method, tried), way.subject
@@ -358,7 +351,13 @@ class Search:
 
 def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVISolution:
     """Solve from a start: by the method of the settings, where it was not asked for by the other `ATTEMPTS` too."""
-    with qvi.stiffness.using(settings.factorisation, settings.threads):
+    callback = settings.callback
+
+    def hear(progress: Progress) -> None:
+        if callback is not None and progress.iteration is not None:
+            callback(progress.iteration)
+
+    with qvi.stiffness.using(settings.factorisation, settings.threads), listening(hear) if callback else nullcontext():
         search = Search(qvi, settings, initial)
         solution = search.by(settings.chosen)
         if settings.by_default:

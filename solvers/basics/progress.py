@@ -100,12 +100,10 @@ def listening(listener: Listener) -> Iterator[None]:
         _listeners.reset(token)
 
 
-def report(progress: Progress, callback: "Callable[[Iteration], object] | None" = None) -> None:
-    """Tell all listeners, and the callback of an iteration."""
+def report(progress: Progress) -> None:
+    """Tell all listeners."""
     for listener in _listeners.get():
         listener(progress)
-    if callback is not None and progress.iteration is not None:
-        callback(progress.iteration)
 
 
 def checked_limit(value: object) -> float:

@@ -217,8 +217,6 @@ class Complementarity:
         """
         tractions, rounding = self._tractions(y), self._rounding(y)
         count, points, pairs = self.count, self._points[: self.count], self._sheared
-        residual = np.zeros_like(s)
-        residual[:count] = _beyond(s[:count] + tractions[points], rounding[points])
         above, below = s[self._above], s[self._below]
         pressed, friction = self._pressed_above
         bound = self._fixed[self._above] + friction * s[pressed]
@@ -226,8 +224,11 @@ class Complementarity:
             bound += self.friction_of(size)[self._above]
         sum_ = above + below
         both = 4.0 * _EPSILON * (sum_ + 2.0 * bound)
-        total = _beyond(sum_ - 2.0 * bound, both)
-        half = _beyond(0.5 * (above - below) + tractions[pairs], both + rounding[pairs])
+        values = [s[:count] + tractions[points], sum_ - 2.0 * bound, 0.5 * (above - below) + tractions[pairs]]
+        found = _beyond(np.concatenate(values), np.concatenate([rounding[points], both, both + rounding[pairs]]))
+        total, half = found[count : count + above.size], found[count + above.size :]
+        residual = np.zeros_like(s)
+        residual[:count] = found[:count]
         missed = friction * residual[pressed]
         residual[self._above] = 0.5 * total + half + missed
         residual[self._below] = 0.5 * total - half + missed
@@ -355,21 +356,12 @@ def _beyond(values: Vector, rounding: Vector) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Frictionless:
-    """The equations of points without friction.
+    """The equations of points without friction."""
 
-    Attributes
-    ----------
-    points : (f,) contact points without friction
-    fixed : trace coordinates that they determine
-    equations : (p', k) rows for those that are kept as equations, of the points `kept`
-    kept : (p',) points
-
-    """
-
-    points: IntVector
-    fixed: IntVector
-    equations: Matrix
-    kept: IntVector
+    points: IntVector  # (f,) contact points without friction
+    fixed: IntVector  # trace coordinates that they determine
+    equations: Matrix  # (p', k) rows for those that are kept as equations, of the points `kept`
+    kept: IntVector  # (p',) points
     _rows: Rows  # E_T of the points, by all coordinates
     _weights: Vector
 
@@ -417,21 +409,12 @@ _DEPENDENT = 1e-10  # rows of A, scaled to length one, that are shorter than thi
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The substitution that a set of equations gives.
+    """The substitution that a set of equations gives."""
 
-    Attributes
-    ----------
-    free : coordinates u
-    map : M (k, u)
-    A : (p', k), all equations
-    frictionless : the coordinates and equations that points without friction bring
-
-    """
-
-    free: IntVector
-    map: Rows
-    A: Matrix
-    frictionless: Frictionless
+    free: IntVector  # coordinates u
+    map: Rows  # M (k, u)
+    A: Matrix  # (p', k), all equations
+    frictionless: Frictionless  # the coordinates and equations that points without friction bring
     _pivots: IntVector
     _scale: Vector  # of the rows
     _Q: Matrix

@@ -384,7 +384,7 @@ class CondensedRun:
         )  # fmt: skip
         self.began = now
         self.history.append(entry)
-        report(Progress("condensed", entry), self.options.callback)
+        report(Progress("condensed", entry))
 
     def outcome(self) -> Outcome:
         """The last point in the unknowns of (D2)."""

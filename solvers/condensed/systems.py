@@ -24,19 +24,11 @@ if TYPE_CHECKING:
 
 
 class PathWeights(NamedTuple):
-    """s λ of friction bounds and caps over s λ of normal bounds on a central path, and where it begins.
+    """s λ of friction bounds and caps over s λ of normal bounds on a central path, and where it begins."""
 
-    Attributes
-    ----------
-    early : until slacks fit their tractions
-    late : from there on
-    start : the least multiplier at the start, of the scale of displacement
-
-    """
-
-    early: float
-    late: float
-    start: float = 0.1
+    early: float  # until slacks fit their tractions
+    late: float  # from there on
+    start: float = 0.1  # the least multiplier at the start, of the scale of displacement
 
 
 FRICTION_SHARES = (PathWeights(30.0, 1000.0), PathWeights(100.0, 100.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
@@ -63,32 +55,18 @@ Solve: TypeAlias = Callable[[Vector], Vector]
 
 @dataclass(eq=False)
 class Expansion:
-    """A point about which a problem is posed.
+    """A point about which a problem is posed."""
 
-    Attributes
-    ----------
-    z : (n,)
-    c : (k,) gradient in coordinates
-    equality : (p,) b − A z
-    normal, tangential : (m,) tractions at z
-    reduced : the gradient by the unknowns that are kept, Γ or all
-    strain_energy : at z
-    energy : that of (D2) at y = 0, z with its interior in equilibrium
-    state : of the elimination, what `Factorisation.expand` takes
-    held : multipliers of equations that are coordinates
-
-    """
-
-    z: Vector
-    c: Vector
-    equality: Vector
-    normal: Vector
+    z: Vector  # (n,)
+    c: Vector  # (k,) gradient in coordinates
+    equality: Vector  # (p,) b − A z
+    normal: Vector  # (m,) tractions at z
     tangential: Vector
-    reduced: Vector
-    strain_energy: float
-    energy: float
-    state: State
-    held: Vector
+    reduced: Vector  # the gradient by the unknowns that are kept, Γ or all
+    strain_energy: float  # at z
+    energy: float  # that of (D2) at y = 0, z with its interior in equilibrium
+    state: State  # of the elimination, what `Factorisation.expand` takes
+    held: Vector  # multipliers of equations that are coordinates
 
 
 class DenseSystem:

@@ -59,10 +59,9 @@ class EnergyRoot(Protocol):
 
 @dataclass(eq=False)
 class _Made:
-    """What changes: the request for a factorisation (asked: now), what was made, and the contact condensed by it."""
+    """What changes: the request for a factorisation under way, what was made, and the contact condensed by it."""
 
-    request: Request
-    asked: bool = False
+    request: Request | None = None
     rooted: bool = False
     factor: Factorisation | None = None
     condensed: CondensedContact | None = None
@@ -124,7 +123,7 @@ class Stiffness(PicklesFields):
 
     @cached_property
     def _made(self) -> _Made:
-        return _Made(Request())
+        return _Made()
 
     @property
     def factor(self) -> Factorisation | None:
@@ -165,21 +164,21 @@ class Stiffness(PicklesFields):
 
         """
         made, request = self._made, Request.checked(name, threads)
-        if made.asked and request == made.request:
+        if request == made.request:
             yield
             return
-        before, made.request, made.asked = (made.request, made.asked), request, True
+        before, made.request = made.request, request
         try:
-            if made.factor is not None and not made.request.fits(made.factor):
+            if made.factor is not None and not request.fits(made.factor):
                 self._forget()
             with limited_blas(request.threads or 1):  # on busy machines more are slower by far
                 yield
         finally:
-            made.request, made.asked = before
+            made.request = before
 
     def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
         """For unsymmetric matrices of a symmetric pattern, by the library and on the threads that are asked for."""
-        return refactorisation(starts, columns, *self._made.request, self.places)
+        return refactorisation(starts, columns, *(self._made.request or Request()), self.places)
 
     def _forget(self) -> None:
         self._made.factor = self._made.condensed = None
@@ -196,7 +195,7 @@ class Stiffness(PicklesFields):
         made = self._made
         if not made.rooted:
             try:
-                return factorise(self.K, interface, *made.request, self.places)
+                return factorise(self.K, interface, *(made.request or Request()), self.places)
             except FactorisationError as error:
                 if error.reason != "singular" or self.root is None:
                     raise

@@ -32,24 +32,12 @@ def _none() -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What `linprog` answered, in the form that it promises.
+    """What `linprog` answered, in the form that it promises."""
 
-    Attributes
-    ----------
-    status : int
-        0 if solved, else `TIME_LIMIT`, `INFEASIBLE`, `UNBOUNDED`, or 4: nothing is known.
-    message : str
-        What is said about it.
-    x : (n,) array
-        The solution, finite; empty without one.
-    inequalities, equations : (rows,) array
-        Derivatives of the least cost by b_ub, ≤ 0, and by b_eq; empty without a solution.
-
-    """
-
-    status: int
-    message: str
-    x: Vector = field(default_factory=_none)
+    status: int  # int 0 if solved, else `TIME_LIMIT`, `INFEASIBLE`, `UNBOUNDED`, or 4: nothing is known.
+    message: str  # str What is said about it.
+    x: Vector = field(default_factory=_none)  # (n,) array The solution, finite; empty without one.
+    # (rows,) array Derivatives of the least cost by b_ub, ≤ 0, and by b_eq; empty without a solution.
     inequalities: Vector = field(default_factory=_none)
     equations: Vector = field(default_factory=_none)
 

@@ -161,12 +161,12 @@ def test_tractions_are_eliminated_once():
 def test_the_rough_stress_is_that_of_the_problem():
     """Problems with other loads, or with stresses that no degree of freedom changes, have one of their own."""
     first = discretize(block(weight=0.0))
-    rough = first.qvi.rough_stress()
+    rough = first.qvi.bonded_state.rough_stress
     for change in ({"friction": 0.5}, {"push": -1.1}, {"weight": 0.3}, {"gap": -1e-3}, {"force": -2.5}):
         problem = discretize(block(**change)).problem
         after, alone = first.with_data(problem, first.scales), discretize(problem, scales=first.scales)
-        assert after.qvi.rough_stress() == pytest.approx(alone.qvi.rough_stress(), rel=1e-9)
-        assert (after.qvi.rough_stress() == rough) is (change == {"friction": 0.5})
+        assert after.qvi.bonded_state.rough_stress == pytest.approx(alone.qvi.bonded_state.rough_stress, rel=1e-9)
+        assert (after.qvi.bonded_state.rough_stress == rough) is (change == {"friction": 0.5})
 
 
 def test_other_bodies_share_nothing():
@@ -188,11 +188,11 @@ def test_other_contact_rows_share_no_rows():
 def test_one_factorisation_and_one_schur_complement_serve_the_sequence():
     first = discretize(block())
     solve(first)
-    factor, stiffness = first.qvi.stiffness.factor, first.qvi.condensed_contact.stiffness
+    factor, stiffness = first.qvi.stiffness.factor, first.qvi.condensed_contact.reduced.stiffness
     after = first.with_data(discretize(block(friction=0.6, push=-1.5)).problem)
     shared = solve(after)
     assert after.qvi.stiffness.factor is factor
-    assert after.qvi.condensed_contact.stiffness is stiffness
+    assert after.qvi.condensed_contact.reduced.stiffness is stiffness
     alone = solve(block(friction=0.6, push=-1.5))
     assert shared.contacts["ground"].normal_stress == pytest.approx(alone.contacts["ground"].normal_stress, abs=1e-10)
 
