@@ -229,22 +229,14 @@ ATTEMPTS: Final = (
 
 
 class Search:
-    """What is tried of one problem.
-
-    Attributes
-    ----------
-    attempts : so far
-    best : outcome of the method under way, by its certificate
-    run : last start of the condensed method
-    inner : inner solver of the fixed point
-
-    """
+    """What is tried of one problem."""
 
     def __init__(self, qvi: FrictionQVI, settings: Settings, initial: object) -> None:
-        self.qvi, self.settings, self.inner = qvi, settings, settings.inner or DEFAULT_INNER
-        self.attempts: tuple[Attempt, ...] = ()
-        self.best: Outcome | None = None
-        self.run: CondensedRun | None = None
+        self.qvi, self.settings = qvi, settings
+        self.inner = settings.inner or DEFAULT_INNER  # of the fixed point
+        self.attempts: tuple[Attempt, ...] = ()  # so far
+        self.best: Outcome | None = None  # of the method under way, by its certificate
+        self.run: CondensedRun | None = None  # last start of the condensed method
         self._began = time.perf_counter()
         self._given = dict(settings.options)
         self._pressure: Vector | None = None

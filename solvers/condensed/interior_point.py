@@ -262,7 +262,7 @@ class Newton:
         """Assemble and factorise; `accurate`: as in `Saddle`."""
         slope = (point.pull - point.push) / (point.pull + point.push)
         if accurate:
-            return cls(point, problem, residuals, slope, None, Saddle.at(problem, point.s, point.lam, slope))
+            return cls(point, problem, residuals, slope, None, Saddle(problem, point.s, point.lam, slope))
         return cls(point, problem, residuals, slope, problem.system.factorised(problem, point.lam / point.s, slope))
 
     def step(self, comp: Vector, *, only: bool = False) -> Point:

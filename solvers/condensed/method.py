@@ -75,16 +75,7 @@ _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
 @dataclass(eq=False)
 class CondensedRun:
-    """One start of the method: what it iterates on, and everything that changes.
-
-    Attributes
-    ----------
-    warm : whether it began near the answer to a problem before
-    near : whether the state given was near; None without one
-    setup : seconds before the first iteration
-    reason : how it ended
-
-    """
+    """One start of the method: what it iterates on, and everything that changes."""
 
     qvi: FrictionQVI
     space: Coordinates
@@ -104,9 +95,9 @@ class CondensedRun:
     unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
     before: int = 0  # iterations of earlier starts
     elsewhere: bool = False  # whether the path of an earlier start, with other shares, had to turn
-    warm: bool = False
-    near: bool | None = None
-    setup: float = 0.0
+    warm: bool = False  # whether it began near the answer to a problem before
+    near: bool | None = None  # whether the state given was near; None without one
+    setup: float = 0.0  # seconds before the first iteration
     turns: int = 0
     began: float = 0.0
     scale: float = 0.0  # energy norm of the first step

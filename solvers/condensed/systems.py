@@ -16,7 +16,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
-from solvers.basics.types import IntVector, Matrix, Vector
+from solvers.basics.types import Matrix, Vector
 from solvers.factorisation.base import State
 
 if TYPE_CHECKING:
@@ -151,26 +151,11 @@ _REFINEMENTS = 2
 _STIFFEST = 1e15  # W D |T|² as it is factorised: of dependent rows no pivot vanishes; refinement knows the true one
 
 
-@dataclass(frozen=True, eq=False)
 class Saddle:
     """The factorised matrix for slacks s, multipliers λ and the slope of |σ_N| at bilateral points; stiff tractions."""
 
-    problem: Complementarity
-    s: Vector
-    lam: Vector
-    slope: Vector
-    stiff: IntVector
-    D: Vector  # of all tractions
-    soft: Vector  # W of the tractions that are not stiff, 0 of the others
-    matrix: Matrix
-    left: Vector  # scale of equations
-    right: Vector  # scale of unknowns
-    factor: Matrix
-    pivots: IntVector
-
-    @classmethod
-    def at(cls, problem: Complementarity, s: Vector, lam: Vector, slope: Vector) -> Saddle:
-        """Assemble and factorise."""
+    def __init__(self, problem: Complementarity, s: Vector, lam: Vector, slope: Vector) -> None:
+        self.problem, self.s, self.lam, self.slope = problem, s, lam, slope
         k, W, (T, N, sizes) = problem.S.shape[0], problem.W, problem.dense_rows
         D, e = problem.blocks(lam / s, slope)
         sizes = sizes * D  # W D |T|²
@@ -193,7 +178,9 @@ class Saddle:
         factor, pivots, info = dgetrf(regular, overwrite_a=1)
         if info > 0 or not np.isfinite(factor).all():
             raise LinAlgError("it is singular")
-        return cls(problem, s, lam, slope, stiff, D, soft, matrix, left, right, factor, pivots)
+        self.stiff, self.D, self.soft = stiff, D, soft  # D of all tractions; soft: W, 0 of those that are stiff
+        self.matrix, self.left, self.right = matrix, left, right  # with the scales of equations and of unknowns
+        self.factor, self.pivots = factor, pivots
 
     def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """(dy, ds, dλ) for residuals of y and of the slacks, and the wanted change of s λ."""
