@@ -408,18 +408,14 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
 
 def traction_difference(one: QVISolution, other: QVISolution) -> float:
     """The largest difference of tractions at a contact point, over the largest traction of the first."""
-    difference = float(np.abs(_tractions(one) - _tractions(other)).max(initial=0.0))
-    return difference / one.certificate.scales["stress"]
-
-
-def _tractions(solution: QVISolution) -> Vector:
-    qvi = solution.problem
-    return np.concatenate([qvi.normal(solution.z), qvi.tangential(solution.z)])
+    mine, theirs = ((each.problem.normal(each.z), each.problem.tangential(each.z)) for each in (one, other))
+    return float(np.abs(np.subtract(mine, theirs)).max(initial=0.0)) / one.certificate.scales["stress"]
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:
     """What the ways end at, until the time is over; those that begin at the same friction begin at the same state."""
     begun: dict[float, QVISolution] = {}
+    qvi, tolerance = solution.problem, solution.certificate.tolerance
     for first, count in WAYS:
         state = None
         for factor in np.linspace(first, 1.0, count + 1):
@@ -428,14 +424,8 @@ def _ends(solution: QVISolution) -> Iterator[QVISolution]:
             if factor == first and first in begun:
                 step = begun[first]
             else:
-                step = _at_friction(factor, solution, state)
+                posed = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
+                step = solve_qvi(posed, "condensed", tolerance=tolerance, initial=state)
                 begun.setdefault(first, step)
             state = step if step.solved else state
         yield step
-
-
-def _at_friction(factor: float, solution: QVISolution, start: QVISolution | None) -> QVISolution:
-    """The problem of a solution with so many times its friction, solved from a state."""
-    qvi = solution.problem
-    posed = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
-    return solve_qvi(posed, "condensed", tolerance=solution.certificate.tolerance, initial=start)

@@ -62,7 +62,7 @@ _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
-_FAREXACT = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
+_FAR_ENOUGH = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
 _LONG = 0.5  # of the way that Newton's method asks for
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
@@ -179,7 +179,7 @@ class CondensedRun:
             return
         interior, usual = self.interior, self.interior.point.y
         start_near(interior, self.problem.restricted(self.space.coordinates(start.z)), start)
-        self.near = self.warm = all(self._step_of() >= enough for enough in _FAREXACT)
+        self.near = self.warm = all(self._step_of() >= enough for enough in _FAR_ENOUGH)
         if not self.warm:
             interior.start_at(usual)
 
