@@ -44,7 +44,7 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import PicklesFields
-from solvers.inequality.stiffness import Stiffness
+from solvers.inequality.body import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 _BLOCK: Final = 2**24  # entries of element matrices at a time

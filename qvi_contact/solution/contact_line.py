@@ -33,8 +33,7 @@ from qvi_contact.mesh.edges import Edges, chains, cross
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.solution.stress import normal_and_shear
 from solvers import QVISolution
-from solvers.basics.frames import frame, pandas
-from solvers.basics.types import load
+from solvers.basics.types import frame, load, pandas
 
 if TYPE_CHECKING:
     from pandas import DataFrame

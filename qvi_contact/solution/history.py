@@ -35,10 +35,9 @@ from qvi_contact.solution.solver import solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.frames import frame, pandas
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
-from solvers.basics.types import load
+from solvers.basics.types import frame, load, pandas
 
 if TYPE_CHECKING:
     from pandas import DataFrame

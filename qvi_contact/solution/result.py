@@ -35,9 +35,8 @@ from qvi_contact.solution.stress import (
     traction,
 )
 from solvers import Certificate, Iteration, QVISolution, Status
-from solvers.basics.frames import frame, pandas
 from solvers.basics.names import Named, known_name
-from solvers.basics.types import PicklesFields, load
+from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.certificate.feasibility import AdmissibleRows
 
 if TYPE_CHECKING:
