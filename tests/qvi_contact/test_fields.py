@@ -78,7 +78,7 @@ class TestExpression:
         load = Expression("x * t")
         assert load.uses_time
         assert not Expression("x").uses_time
-        assert load.at_time(3.0)(np.array([2.0]), np.array([0.0])) == [6.0]
+        assert Expression("x * t", t=3.0)(np.array([2.0]), np.array([0.0])) == [6.0]
         assert load(np.array([2.0]), np.array([0.0])) == [0.0]
 
     def test_arguments_are_left_alone(self):

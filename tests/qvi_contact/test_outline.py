@@ -294,7 +294,7 @@ class TestFiles:
             ("{ at = [0.0, 0.2] }, ", "", "mesh.outline.joints[0]"),
             ("regions = [{", f"regions = [{{ {CORE} }}, {{", "mesh.outline.regions[1].name"),
             ("at = [1.5, 0.5], size", "at = [1.5, 1.5], size", "mesh.outline.sizes"),
-            ("[mesh.outline]", '[mesh]\nfile = "a.msh"\n[mesh.outline]', "mesh"),
+            ("[mesh.outline]", '[mesh]\nfile = "a.msh"\n[mesh.outline]', "mesh.outline"),
         ],
     )  # fmt: skip
     def test_what_is_wrong_is_named_by_its_place(self, old, new, field):

@@ -17,7 +17,7 @@ from qvi_contact import (
     load_result,
     solve,
 )
-from qvi_contact.gallery import compressed_plate, sliding_block
+from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 
 MESH = TriangleMesh.rectangle((2, 2))
@@ -89,8 +89,6 @@ def test_unbalanced_loads_are_refused_with_their_size():
     turning = [Traction(side, x=x, y=0) for side, x in (("bottom", 1.0), ("top", -1.0), ("left", 0), ("right", 0))]
     with pytest.raises(InputError, match="out of balance"):
         discretize(ContactProblem(MESH, STEEL, turning))
-    with pytest.raises(InputError, match="translation"):
-        sliding_block(translation=0.0)
 
 
 @pytest.mark.parametrize("name", ["mesh", "material", "body_potential"])
@@ -131,19 +129,6 @@ def test_both_ways_of_stating_are_one_problem():
     assert second.contacts["bottom"].slip == pytest.approx(first.contacts["bottom"].slip, abs=1e-12)
     assert second.traction_misfit == pytest.approx(first.traction_misfit, abs=1e-12)
     assert second.energies.load == pytest.approx(first.energies.load, rel=1e-10)
-
-
-def test_one_component_of_each_kind_makes_a_guided_edge():
-    guided = [
-        problem(Contact("bottom", 0.0), Traction("top", x=0.0, y=-5.0), *left, Symmetry("right"))
-        for left in (
-            [Displacement("left", normal=0.001), Traction("left", tangential=0.0)],
-            [Displacement("left", x=-0.001), Traction("left", y=0.0)],
-        )
-    ]
-    first, second = (solve(stated) for stated in guided)
-    assert first.resultant("left").x == pytest.approx(second.resultant("left").x, rel=1e-10)
-    assert (guided[0].owners == guided[1].owners).all()
 
 
 def test_a_component_that_two_rule_is_refused_whatever_it_is_called():

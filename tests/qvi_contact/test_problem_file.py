@@ -244,7 +244,7 @@ def test_times_and_their_problems():
     assert file.times == (0.0, 0.25, 0.5, 0.75, 1.0)
     assert [p.contacts[0].gap(np.zeros(1), np.zeros(1))[0] for p in file.problems] == [-1e-3 * t for t in file.times]
     assert [p.contacts[0].plate.moment for p in file.problems] == [0.5, 1.0, 1.5, 2.0, 2.5]
-    assert file.problem_at(0.5).mesh is file.problem.mesh
+    assert file.problems[-1].mesh is file.problem.mesh
 
 
 def test_pins_move_in_time_and_are_written_as_gap_and_plate(tmp_path):

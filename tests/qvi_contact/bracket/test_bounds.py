@@ -184,7 +184,7 @@ def test_does_not_depend_on_units_or_place():
     other = with_contact(Contact.tresca("top", 20.0, gap=-U * 1e3), mesh)
     first, second = solve(plate).bracket, solve(other).bracket
     assert (second.lower / 1e6, second.upper / 1e6) == pytest.approx((first.lower, first.upper), rel=1e-9)
-    np.testing.assert_allclose(second.cells / 1e6, first.cells, rtol=1e-4, atol=1e-9 * first.gap)
+    np.testing.assert_allclose(second.cell_gaps / 1e6, first.cell_gaps, rtol=1e-4, atol=1e-9 * first.gap)
 
 
 @pytest.mark.parametrize("law", [{"friction": 0.3}, {"friction": 0.0, "cohesion": 1.0}])

@@ -530,6 +530,18 @@ class TestBlock:
         for name in ("bottom.normal_force", "bottom.tangential_force"):
             assert forces[name] == pytest.approx(known[name], rel=1e-6, abs=1e-9)
 
+    @pytest.mark.parametrize("angle", [0.7, 2.0])
+    def test_a_block_that_sticks_and_is_turned(self, angle):
+        """What it slips is the rounding of directions."""
+        problem, (c, s) = pressed_block(0.8, (4, 2)), (np.cos(angle), np.sin(angle))
+        mesh = replace(problem.mesh, vertices=problem.mesh.vertices @ [[c, s], [-s, c]])
+        held = [
+            Displacement("top", x=0.1 * s, y=-0.1 * c) if each.edges == "top" else each for each in problem.conditions
+        ]
+        forces = solve(replace(problem, mesh=mesh, conditions=held)).bracket.coulomb.forces
+        known = solve(problem).bracket.coulomb.forces
+        assert forces["bottom.normal_force"] == pytest.approx(known["bottom.normal_force"], rel=1e-6)
+
     def test_a_corner_that_is_halved_often(self):
         problem = pressed_block(0.2, (2, 1))
         mesh = problem.mesh

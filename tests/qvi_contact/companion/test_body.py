@@ -146,7 +146,7 @@ class TestFields:
 
     @pytest.mark.parametrize("place", [(1.5, 0.8), (-0.1, 0.2), (2.0 + 1e-6, 0.1)])
     def test_outside(self, cut, place):
-        with pytest.raises(InputError, match="points of the body"):
+        with pytest.raises(InputError, match="points inside the body"):
             cut.displacement(*place)
 
 
