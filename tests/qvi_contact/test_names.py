@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from qvi_contact import (
-    History,
-    InputError,
-    TriangleMesh,
-    UnknownNameError,
-    limit_load_factor,
-    solve,
-    solve_sweep,
-)
+from qvi_contact import History, InputError, TriangleMesh, UnknownNameError, limit_load_factor, solve, solve_sweep
 from qvi_contact.export import write_contacts_vtu, write_vtu
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import history_figure, problem_figure, result_figure

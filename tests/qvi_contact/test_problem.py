@@ -8,15 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qvi_contact import (
-    InputError,
-    TriangleMesh,
-    discretize,
-    limit_load_factor,
-    load_problem,
-    load_result,
-    solve,
-)
+from qvi_contact import InputError, TriangleMesh, discretize, limit_load_factor, load_problem, load_result, solve
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 
