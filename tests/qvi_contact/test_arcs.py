@@ -8,20 +8,11 @@ from scipy import integrate
 
 from comparisons.verification import stress_deviation
 from comparisons.verification.chapters import lame, lame_energy
-from qvi_contact import Corner, InputError, TriangleMesh, solve, verify_result
+from qvi_contact import Corner, Expression, InputError, TriangleMesh, solve, verify_result
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import Rigid, find_mechanism
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
-)
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import places
 from qvi_contact.solution import turning_senses
 from tests.qvi_contact.builders import INNER, NU, OUTER, WIDENED, A, polygon, quarter
