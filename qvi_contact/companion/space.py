@@ -52,14 +52,6 @@ _TERMS: Final = 12  # of q beside the coefficients of bends: its digits on an ar
 _STEPS: Final = 8  # of Newton's method for the inverse of the map; each doubles the digits
 
 
-def degree_beside(airy: int) -> int:
-    """The degree that goes with Airy functions of a degree, for bounds of the energy: the same.
-
-    Displacements of one degree less are of the same order, but hold half of the gap.
-    """
-    return min(airy, DEGREES[-1])
-
-
 def triangle(degree: int | None = None) -> "Triangle":
     """The triangle with displacements of a degree, the same again for the same degree; see `DEGREES`.
 
