@@ -93,10 +93,6 @@ class Contacts:
         found[self.sprung] = v[len(v) - len(self.sprung) :]
         return found
 
-    def plates(self, driven: FloatArray) -> FloatArray:
-        """What c of the plates themselves is (2 n,) under motions (q,) that forces drive, and under those given."""
-        return np.asarray(self.motions @ driven + self.moved)
-
     @property
     def count(self) -> int:
         """Number of coefficients n."""
@@ -293,7 +289,7 @@ def admissible(
             break
         held[over] = True
     v = problem.body.expand(values)
-    c = contacts.rows @ v - contacts.plates(plates)
+    c = contacts.rows @ v - contacts.motions @ plates - contacts.moved
     excess = _excess(problem, c)
     worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
     if worst <= _VIOLATED:

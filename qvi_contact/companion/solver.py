@@ -257,7 +257,7 @@ class BodyAtRest:
     live: BoolArray  # (2 n,): where c can change
 
     @classmethod
-    def of(cls, problem: ContactProblem, degree: int | None = None) -> BodyAtRest:
+    def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
         """Displacements of a degree on the mesh of a problem.
 
         Raises

@@ -231,11 +231,6 @@ class CurvedCells:
         """Places in `which` of the cells whose side of this number is an arc: mostly one of three is."""
         return np.flatnonzero(self.bends[which, side].any(axis=1))
 
-    def own(self, mesh: TriangleMesh, which: IntArray, t: FloatArray) -> FloatArray:
-        """Reference points t (k, q, 2) of this map from those (k, q, 2) of the mesh."""
-        placed = mesh.placed(self.numbers[which], _barycentric(t, len(which)))
-        return self.reference(which, placed @ self.corners[which])
-
     def reference(self, which: IntArray, points: FloatArray) -> FloatArray:
         """Reference points t (k, q, 2) of points (k, q, 2) in some of the cells (k,)."""
         corners = self.corners[which]
@@ -335,7 +330,8 @@ class DisplacementSpace:
         if not len(at):
             return t
         found = np.array(np.broadcast_to(t, (len(np.arange(len(self.table))[cells]), *np.shape(t)[-2:])))
-        found[at] = self.curved.own(self.mesh, which, found[at])
+        placed = self.mesh.placed(self.curved.numbers[which], barycentric(found[at]))
+        found[at] = self.curved.reference(which, placed @ self.curved.corners[which])
         return found
 
     def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
