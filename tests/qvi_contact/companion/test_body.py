@@ -6,19 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import factorial
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    InputError,
-    Material,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    exact,
-)
+from qvi_contact import InputError, TriangleMesh, exact
 from qvi_contact.companion import (
     DisplacementSpace,
     Elasticity,
@@ -30,6 +18,7 @@ from qvi_contact.companion import (
 )
 from qvi_contact.discretization import Scales
 from qvi_contact.gallery import compressed_plate, sliding_block
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.cases import every_pair
 from tests.qvi_contact.builders import bernstein

@@ -7,22 +7,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactState,
-    Displacement,
-    InputError,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    exact,
-    solve,
-)
+from qvi_contact import ContactState, InputError, TriangleMesh, exact, solve
 from qvi_contact.companion import DualProblem, solve_companion, solve_companions
 from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.cases import every_pair, thinned
 from tests.qvi_contact.builders import bernstein
