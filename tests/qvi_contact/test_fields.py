@@ -7,18 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Expression,
-    InputError,
-    Material,
-    Polynomial,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    solve,
-)
+from qvi_contact import InputError, TriangleMesh, solve
+from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Polynomial, Symmetry, Traction
 
 POINTS = np.random.default_rng(0).uniform(0.1, 2.0, (2, 3, 4))
 

@@ -11,11 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qvi_contact import (
+from qvi_contact import InputError, TriangleMesh, load_problem, save_problem, solve
+from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import (
     Contact,
     Displacement,
     Expression,
-    InputError,
     Material,
     Mises,
     MohrCoulomb,
@@ -26,13 +28,7 @@ from qvi_contact import (
     Symmetry,
     Traction,
     Tresca,
-    TriangleMesh,
-    load_problem,
-    save_problem,
-    solve,
 )
-from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from tests.cases import examples
 from tests.qvi_contact.builders import PRINTED, RICH

@@ -7,21 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    InputError,
-    Material,
-    Region,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    load_problem,
-    save_problem,
-    solve,
-)
+from qvi_contact import InputError, TriangleMesh, load_problem, save_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 from tests.cases import examples
 from tests.qvi_contact.builders import PROBLEMS, RICH, TRIANGLES
 from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4, med_file
