@@ -136,7 +136,7 @@ class HistoryTable:
     """Load steps: the values that t takes."""
 
     times: Annotated[tuple[float, ...], Values("time")]
-    """Values that t takes, a list or a range; friction remembers from step to step: `times = { stop = 6.3, steps = 20 }`."""
+    """Values that t takes, a list or a range; friction remembers from step to step: `times = [0.0, 0.5, 1.0]`."""
 
 
 @dataclass(frozen=True)
