@@ -106,8 +106,7 @@ class Displacement(_ByComponents):
         Name of an edge set of the mesh: `edges = "top"`.
     x, y : float or function of (x, y), optional
         Cartesian component of the displacement [length]; without it another condition has to give the component:
-        `x = "-1e-3 *
-        t"`.
+        `x = "-1e-3 * t"`.
     normal, tangential : float or function of (x, y), optional
         Component u_N or u_T instead [length]: `normal = 0.0`.
 
