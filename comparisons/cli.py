@@ -104,11 +104,10 @@ def benchmark_wall(blocks: tuple[int, ...], load: tuple[float, ...]) -> Plan:
 
 @click.command(cls=ListCommand)
 @click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for Markdown, HTML page and picture.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the summary.")
 @click.option("--only", metavar="NAME…", multiple=True, help="Chapters or problems to run, such as ssnv128.")
 @click.option("--quick", is_flag=True, help="Coarse meshes and few cases of every problem.")
 @click.option("-v", "--verbose", is_flag=True, help="The table of the chapters too.")
-def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, verbose: bool) -> int:
+def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) -> int:
     """The verification manual: problems whose answer is known otherwise, row by row.
 
     Closed forms, equilibrium, printed numbers, other codes, and methods against each other. The exit status is 0 if
@@ -128,15 +127,10 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     # drawn first, so that a picture that fails costs no rows
     drawings = manual.drawings([name for problems in chapters.values() for name in problems]) if folder else {}
     with progress("verify", sum(map(len, chapters.values()))) as advance:
-        document = manual.run(chapters, quick, advance, only)
-    if as_json:
-        click.echo(manual.as_json(document))
-    if folder or not as_json:
-        report = manual.report(document, drawings)
-        written = report.write(folder) if folder else []
-        if not as_json:
-            report.show(written, tables=verbose)
-    return 0 if document["passed"] else 1
+        done = manual.run(chapters, quick, advance)
+    report = manual.report(done, drawings, quick, only)
+    report.show(report.write(folder) if folder else [], tables=verbose)
+    return int(report.failed)
 
 
 @experiment(timeout=30.0, memory=4096, short_help="Solvers of quadratic and conic programs compared.")
