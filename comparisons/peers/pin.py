@@ -52,19 +52,7 @@ def pin_study(friction: Sequence[float], sectors: Sequence[int], missing: Sequen
 
 
 def run_pin(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Solve a case of the study, see `codes.process.repeated`.
-
-    Parameters
-    ----------
-    case : Mapping
-        "friction", "sectors", "model" (a name of `MODELS`).
-
-    Raises
-    ------
-    ProcessError
-        If the process fails; the message has its last words.
-
-    """
+    """Solve a case of the study, by "friction", "sectors" and "model", see `codes.process.repeated`."""
     code, options = MODELS_OF_PIN[case["model"]]
     order = {
         "module": CODES[code].module, "problem": "pin", "options": dict(options), "repetitions": 1,
@@ -74,16 +62,10 @@ def run_pin(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def plain_pin(friction: float, sectors: int) -> dict[str, Any]:
-    """`loaded_pin` as plain data.
+    """`loaded_pin` as plain data, in plane strain.
 
-    Returns
-    -------
-    dict
-        "vertices", coordinates (n, 2); "cells", their vertices (m, 3), counter-clockwise; "pin", for each cell whether
-        it is in the pin; "sides", the edges of "hole", "load", "axis", "wall" and "eye" by their vertices; "arcs",
-        radius by side; "radius" of the hole; "traction" along x on the load and its "force"; "young" by body,
-        "poisson", plane strain; "friction" and "sectors".
-
+    As `meshes.plain_mesh`; "pin" says of each cell whether it is in the pin, "sides" are "hole", "load", "axis", "wall"
+    and "eye", "arcs" the radius by side; "traction" is that along x on the load, "young" by body.
     """
     mesh: Any = loaded_pin(sectors, friction).mesh
     inside = np.zeros(len(mesh.cells), dtype=bool)

@@ -92,13 +92,7 @@ def peers_study(friction: Sequence[float], cells: Sequence[int], repetitions: in
     """Every model whose code is installed, at every coefficient μ, on the meshes of its family.
 
     Those are of so many `cells` a side, or the first `levels`. Codes take turns on meshes of one number, so that what
-    else the machine does meets all of them.
-
-    Raises
-    ------
-    InputError
-        If the Python that should have GetFEM has not.
-
+    else the machine does meets all of them. `InputError` if the Python that should have GetFEM has not.
     """
     missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
     cases = [
@@ -133,19 +127,7 @@ class ProcessError(RuntimeError):
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Solve a case of the study, see `codes.process.repeated`.
-
-    Parameters
-    ----------
-    case : Mapping
-        "friction", "model" (a name of `MODELS`), "number" (of the mesh in the model's family), "repetitions".
-
-    Raises
-    ------
-    ProcessError
-        If the process fails; the message has its last words.
-
-    """
+    """Solve a case of the study: "friction", "model", "number" (of its mesh), "repetitions"; see `codes.process`."""
     model = MODELS[case["model"]]
     order = {
         "module": CODES[model.code].module, "problem": "plate", "options": dict(model.options),

@@ -74,16 +74,7 @@ def read_example(name: str) -> ProblemFile:
 
 
 class Answer:
-    """What the package finds for a problem file, each part computed when it is asked for.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file.
-    degree : int
-        Degree of the triangles; the file's other options hold.
-
-    """
+    """What the package finds for a problem file, each part when it is asked for, by triangles of this degree."""
 
     def __init__(self, name: str, degree: int) -> None:
         self.file = read_example(name)
@@ -130,15 +121,9 @@ Further: TypeAlias = Callable[[Answer, bool], Iterator[Row]]
 
 @dataclass(frozen=True)
 class Known:
-    """One line of the table, see above.
+    """One line of the table, see above; `measure` may be a quantity of `refine` by its name.
 
-    Attributes
-    ----------
-    measure : str or callable
-        A quantity of `refine` by its name, or what measures it.
-    compare : str, optional
-        The comparison of `Check` that it is; by default "relative", or "absolute" where the value is zero.
-
+    The comparison is one of `Check`, by default "relative", or "absolute" where the value is zero.
     """
 
     quantity: str
