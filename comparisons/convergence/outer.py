@@ -15,7 +15,7 @@ from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE
-from solvers.certificate import uniqueness_bound
+from solvers.certificate.uniqueness import uniqueness_bound
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas

@@ -33,7 +33,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
-from solvers.certificate import body_scales
+from solvers.certificate.certificate import body_scales
 from solvers.condensed.coordinates import Coordinates, NewtonSystem
 from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Expansion, PathWeights
 from solvers.inequality.problem import FrictionQVI
@@ -271,10 +271,10 @@ class Complementarity:
 
     @cached_property
     def least_share(self) -> float:
-        """The least weight of a bound, over the sum of those in its contact (`FrictionQVI.contacts`); 1 with none."""
+        """The least weight of a bound over the sum of those in its contact, see `ContactMatrices`; 1 with none."""
         if not len(self.weights):
             return 1.0
-        contact = self._qvi.contacts[self._points]
+        contact = self._qvi.contact.contacts[self._points]
         return float((self.weights / np.bincount(contact, self.weights)[contact]).min())
 
     @cached_property

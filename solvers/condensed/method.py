@@ -216,17 +216,14 @@ class CondensedRun:
             contraction = self.sizes[-1] / self.steps[-1] if self.sizes and self.steps[-1] > 0.0 else 1.0
             step = self.relative(self.space.length(self.problem.full(self.interior.point.y)))
             if gap == final and self.sizes and contraction * step <= EXACT:
-                self.ended = (
-                    Status.SOLVED if self.problem.contradiction() <= _CONTRADICTION else Status.INNER_INFEASIBLE
-                )
+                met = self.problem.contradiction() <= _CONTRADICTION
+                self.ended = Status.SOLVED if met else Status.INNER_INFEASIBLE
                 return
             self._correct(step)
             gap = final
             if len(self.sizes) == 1 and self.sizes[0] > SLOW_CONTRACTION:
-                self.ended, self.message = (
-                    Status.ILL_CONDITIONED,
-                    f"defect corrections shrink by {self.sizes[0]:.0e} only",
-                )
+                self.ended = Status.ILL_CONDITIONED
+                self.message = f"defect corrections shrink by {self.sizes[0]:.0e} only"
                 return
             if self.sizes[-1] > _HOPELESS * max(step, _HALVED * self.sizes[-2] if len(self.sizes) > 1 else 0.0):
                 at_floor = self.sizes[-1] <= _FLOOR
@@ -250,10 +247,6 @@ class CondensedRun:
         self.last_gap = np.inf
         self.path, self.clear, self.force, self.unsettled = None, None, np.inf, np.inf
         self.kept = (np.inf, self.interior.point)
-        self._iterate_to(gap)
-        self.interior.point = self.kept[1] or self.interior.point
-
-    def _iterate_to(self, gap: float) -> None:
         while True:
             residuals = self.interior.residuals()
             measures = self.interior.measures(residuals)
@@ -262,7 +255,7 @@ class CondensedRun:
                 self.kept = (worst, self.interior.point)
             stalled = self.path is None and self._stalled(measures)
             if self._reached(measures, gap, stalled) and (stalled or self._settled(residuals)):
-                return
+                break
             self._prepare(measures)
             if stalled:
                 self._turn(measures)
@@ -270,8 +263,9 @@ class CondensedRun:
             if self.ended is None:
                 self._advance(residuals)
             if self.ended is not None:
-                return
+                break
             self._record(measures)
+        self.interior.point = self.kept[1] or self.interior.point
 
     def _limit(self, measures: Measures) -> Status | None:
         """What ends the iteration whatever its progress."""

@@ -95,7 +95,7 @@ class ContactMatrices(PicklesFields):
                 least = np.where(linked, number, len(felt)).min(axis=1, initial=len(felt))
                 least = np.minimum(least, number)
                 if (least == number).all():
-                    return np.unique(number, return_inverse=True)[1].astype(np.int64)
+                    return number
                 number = least
         from scipy.sparse.csgraph import connected_components  # what only solves need is not loaded at the start
 

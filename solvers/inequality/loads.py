@@ -93,20 +93,20 @@ class Energy:
 
     def state(self, z: Vector) -> tuple[float, Vector]:
         """`strain` and `gradient` at once."""
-        return self._state(z) if z.any() else self.at_zero
-
-    @cached_property
-    def at_zero(self) -> tuple[float, Vector]:
-        """Both at z = 0, where every solve begins, more than once."""
-        strain, gradient = self._state(np.zeros(self.K.shape[0]))
-        gradient.setflags(write=False)
-        return strain, gradient
-
-    def _state(self, z: Vector) -> tuple[float, Vector]:
+        if not z.any():
+            return self.at_zero
         if self.root is None or self.load is None:
             return self.strain(z), self.gradient(z)
         r = self.root.apply(z)
         return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+
+    @cached_property
+    def at_zero(self) -> tuple[float, Vector]:
+        """Both at z = 0, where every solve begins, more than once."""
+        z = np.zeros(self.K.shape[0])
+        strain, gradient = self.strain(z), self.gradient(z)
+        gradient.setflags(write=False)
+        return strain, gradient
 
 
 class BondedState:

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, PicklesFields, Sparse, Vector
+from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
 from solvers.inequality.loads import BondedState, Energy, Loads
@@ -211,11 +211,6 @@ class FrictionQVI(PicklesFields):
         """Number of equality rows."""
         return int(self.contact.A.shape[0])
 
-    @property
-    def contacts(self) -> IntVector:
-        """See `ContactMatrices.contacts`."""
-        return self.contact.contacts
-
     def normal(self, z: Vector) -> Vector:
         """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
         return np.asarray(self.contact.N @ z + self.loads.n0)
@@ -236,16 +231,12 @@ class FrictionQVI(PicklesFields):
         """½ zᵀKz − fᵀz."""
         return self.potential.value(z)
 
-    def strain_energy(self, z: Vector) -> float:
-        """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
-        return self.potential.strain(z)
-
     def gradient(self, z: Vector) -> Vector:
         """Gradient of the energy (n,): Rᵀr(z) − load where there is a root, else K z − f."""
         return self.potential.gradient(z)
 
     def state(self, z: Vector) -> tuple[float, Vector]:
-        """`strain_energy` and `gradient` at once."""
+        """The strain energy, ½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz, and the `gradient`."""
         return self.potential.state(z)
 
     def resultant(self, z: Vector) -> float:
@@ -296,23 +287,6 @@ class FrictionQVI(PicklesFields):
         return self.settled.z
 
     @property
-    def bonded_error(self) -> float:
-        """Error of `bonded` in the energy norm, relative: how far the last defect correction still moved it.
-
-        Where the problem has no root this is not measured, and 0.
-        """
-        return self.settled.error
-
-    @property
-    def bonded_energy(self) -> float:
-        """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
-        return self.settled.strain_energy
-
-    def rough_stress(self) -> float:
-        """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
-        return self.bonded_state.rough_stress
-
-    @property
     def settled(self) -> BondedState:
         """The bonded state by the factorisation that the problem needs: R's where K has lost too much to rounding."""
         found = self.bonded_state
@@ -341,11 +315,6 @@ class Compliance:
         self.bonded = self.tractions(qvi.bonded)
 
     @property
-    def is_dense(self) -> bool:
-        """Whether C is computed rather than applied."""
-        return (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT
-
-    @property
     def dense(self) -> Matrix:
         """C (2m, 2m)."""
         return self._condensed.compliance
@@ -356,7 +325,7 @@ class Compliance:
 
     def relief(self, m: Vector) -> Vector:
         """C m (2m,)."""
-        if self.is_dense:
+        if (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT:
             return np.asarray(self.dense @ m)
         rows = self._condensed.rows_near
         return np.asarray(rows @ self._condensed.system.solve_interface(transposed(rows) @ m)[0])
@@ -368,13 +337,16 @@ class Compliance:
         """
         qvi, system = self._qvi, self._condensed.system
         forces = self._rows.T @ m
-        z = qvi.bonded - system.solve(forces)[0]
-        correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
-        size = np.inf
-        for _ in range(_CORRECTIONS):
-            new = float(np.abs(self._rows @ correction).max(initial=0.0))
-            if not new < 0.5 * size:
-                break
-            z, size = z + correction, new
+        z, size = qvi.bonded - system.solve(forces)[0], np.inf
+        for _ in range(_CORRECTIONS + 1):
             correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
+            before, size = size, float(np.abs(self._rows @ correction).max(initial=0.0))
+            if not size < 0.5 * before:
+                break
+            z = z + correction
         return z, nu
+
+    def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        """`unknowns` with the parts of m: (z, m_N, m_T, ν)."""
+        z, nu = self.unknowns(m)
+        return z, m[: self._qvi.m], m[self._qvi.m :], nu
