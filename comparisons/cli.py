@@ -228,26 +228,6 @@ def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repe
     return Plan([study.peers_study(friction, cells, repeat, levels)], report.report)
 
 
-@experiment(timeout=300.0, short_help="A loaded pin by displacement codes, on the same triangles.")
-@click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.0, 0.1), show_default=True,
-              help="Coefficients of friction; may take several numbers.")  # fmt: skip
-@click.option("--cells", type=COUNT, multiple=True, default=(6, 12), show_default=True,
-              help="Edges of the pin in a quarter; may take several numbers.")  # fmt: skip
-def peers_pin(friction: tuple[float, ...], cells: tuple[int, ...]) -> Plan:
-    """Compare the loaded pin of NAFEMS R0094-4 with displacement codes.
-
-    Displacements and forces on the same triangles by NGSolve and by this package side by side, with small strain
-    and with finite strain.
-
-    \b
-    Example:
-        python -m comparisons peers-pin
-    """  # noqa: D301
-    from comparisons.peers import pin, study
-
-    return Plan([pin.pin_study(friction, cells, study.missing_codes())], pin.pin_report)
-
-
 @experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=95, show_default=True, help="Problems of each family.")
 def bounds(count: int) -> Plan:
@@ -323,6 +303,6 @@ def limits(count: int) -> Plan:
 
 for command in (
     paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    peers_pin, bounds, wild, estimates, limits, export, import_file,
+    bounds, wild, estimates, limits, export, import_file,
 ):  # fmt: skip
     group.add_command(command)

@@ -127,14 +127,26 @@ class ProcessError(RuntimeError):
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Solve a case of the study: "friction", "model", "number" (of its mesh), "repetitions"; see `codes.process`."""
+    """Solve a case, "friction", "model", "number" (of its mesh), "repetitions", on one thread, see `codes.process`."""
     model = MODELS[case["model"]]
     order = {
-        "module": CODES[model.code].module, "problem": "plate", "options": dict(model.options),
-        "repetitions": case["repetitions"], "case": plate(case["friction"], model.mesh, case["number"]),
+        "module": CODES[model.code].module, "options": dict(model.options), "repetitions": case["repetitions"],
+        "case": plate(case["friction"], model.mesh, case["number"]),
         "warm_up": plate(case["friction"], model.mesh, _WARM_UP[model.family.counted]),
     }  # fmt: skip
-    return answer_of(order, model.code)
+    # another Python for GetFEM must not find the packages of this one
+    other = os.environ.get(GETFEM) if model.code == "getfem" else None
+    interpreter, surroundings = other or sys.executable, {**os.environ, **dict.fromkeys(THREADS, "1")}
+    surroundings["PYTHONPATH"] = "" if other else os.pathsep.join(sys.path)
+    script = Path(__file__).with_name("codes") / "process.py"
+    done = subprocess.run(
+        [interpreter, str(script)], input=json.dumps(order).encode(), capture_output=True, env=surroundings, check=False
+    )
+    if done.returncode:
+        words = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
+        raise ProcessError(f"{Path(interpreter).name} ended with status {done.returncode}: {words[-1][-_LAST_WORDS:]}")
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
 
 
 def plate(friction: float, family: str, number: int) -> dict[str, Any]:
@@ -150,22 +162,3 @@ def plate(friction: float, family: str, number: int) -> dict[str, Any]:
         **plain_mesh(family, friction, number), "number": number,
         "young": material.young, "poisson": material.poisson, "displacement": -float(gap), "friction": friction,
     }  # fmt: skip
-
-
-def answer_of(order: Mapping[str, Any], code: str) -> dict[str, Any]:
-    """What a code, a key of `CODES`, says in a process of its own, on one thread.
-
-    Another Python for GetFEM must not find the packages of this one.
-    """
-    other = os.environ.get(GETFEM) if code == "getfem" else None
-    interpreter, surroundings = other or sys.executable, {**os.environ, **dict.fromkeys(THREADS, "1")}
-    surroundings["PYTHONPATH"] = "" if other else os.pathsep.join(sys.path)
-    script = Path(__file__).with_name("codes") / "process.py"
-    done = subprocess.run(
-        [interpreter, str(script)], input=json.dumps(order).encode(), capture_output=True, env=surroundings, check=False
-    )
-    if done.returncode:
-        words = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
-        raise ProcessError(f"{Path(interpreter).name} ended with status {done.returncode}: {words[-1][-_LAST_WORDS:]}")
-    answer: dict[str, Any] = json.loads(done.stdout)
-    return answer

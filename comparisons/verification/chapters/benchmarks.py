@@ -114,7 +114,7 @@ _FIT: Final = 61.8  # pressure of `press_fit` by Lamé [MPa]
 _RINGS: Final = (9.2592593e6, 1.3571791e5)  # pressure between them, mean and amplitude of cos 2θ [Pa]
 
 _BY_NGSOLVE: Final = {0.0: 0.758518, 0.1: 0.738677}
-"""μ → u_x [mm] on the axis at the hole of `loaded_pin`, by NGSolve."""
+"""μ → u_x [mm] on the axis at the hole of `loaded_pin`, by NGSolve: reports/peers/peers-pin.md of commit e714f877."""
 
 _STICK: Final = 4e-4  # of c on triangles of degree 4, on the mesh of `cattaneo`: the shear has a kink there
 _DEPTH: Final = 20  # how often triangles at a corner are halved
