@@ -16,11 +16,10 @@ from qvi_contact import ContactState, InputError, TriangleMesh, solve, solve_his
 from qvi_contact.basics import Rounding
 from qvi_contact.command import (
     Request,
-    contact_rows,
     history_lines,
     result_lines,
     result_page,
-    resultant_rows,
+    result_tables,
     series_tables,
 )
 from qvi_contact.files import problem_from_toml
@@ -338,14 +337,11 @@ def test_tables_of_a_result(squeezed):
     assert squeezed.contacts["wall"].shown_forces == ("0", "0")
     report = "\n".join(line for line in result_lines(squeezed, UNITS) if "certificate" not in line)
     assert "normal [N/mm]" in report
-    rows = [
-        cell
-        for row in (*contact_rows(squeezed.contacts.values(), ["open", "stick", "slip"]), *resultant_rows(squeezed))
-        for cell in row[1:]
-    ]
+    tables = result_tables(squeezed, UNITS)
+    rows = [cell for *_, found in tables for row in found for cell in row[1:]]
     for text in (report, " ".join(rows), html(squeezed.contacts["wall"]), repr(squeezed.contacts["ground"])):
         assert not tiny(text)
-    ground = contact_rows([squeezed.contacts["ground"]], ["open", "stick", "slip"])[0]
+    (ground,) = (row for row in tables[0][2] if row[0] == "ground")
     assert ground[2] == "0"
     assert float(ground[1]) == pytest.approx(squeezed.contacts["ground"].normal_force, rel=1e-4)
 
@@ -388,9 +384,9 @@ def test_what_an_overlap_alone_loads_has_the_pressure_as_its_unit(overlapping):
     assert overlapping.rounding.stress >= 1e-10 * np.abs(line.normal_stress).max()
     assert overlapping.rounding.force < 1e-6 * line.normal_force
     report = [line for line in result_lines(overlapping, UNITS) if "certificate" not in line]
-    rows = [*contact_rows([line], ["open", "closed"]), *resultant_rows(overlapping)]
+    _, (_, _, rows) = result_tables(overlapping, UNITS)
     zero = [overlapping.rounding.force] * 2 + [overlapping.rounding.moment]
-    for name, *cells in rows[1:]:
+    for name, *cells in rows:
         resultant = overlapping.resultant(name)
         for cell, value, least in zip(cells, (resultant.x, resultant.y, resultant.moment), zero, strict=True):
             assert (cell == "0") == (abs(value) <= least)
