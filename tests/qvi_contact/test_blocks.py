@@ -118,5 +118,5 @@ def test_each_bed_is_a_contact():
         mesh.with_joint("b", lambda _, y: np.isclose(y, 2.0)), Material(1e3, 0.2), [*contacts, *loads]
     )
     contacts = discretize(wall).qvi.contact.contacts
-    assert set(np.unique(contacts, return_counts=True)[1]) == {len(contacts) // 3}
+    assert np.unique(contacts, return_counts=True)[1].tolist() == [len(contacts) // 3] * 3
     assert set(discretize(masonry_wall(2, 2, ())).qvi.contact.contacts) == {0}
