@@ -36,22 +36,13 @@ _MET: Final = 1e-9  # of the right-hand side: residual of the dense system beyon
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What a unit step towards other data changes at first.
+    """What a unit step towards other data changes at first."""
 
-    Attributes
-    ----------
-    z : (n,)
-    normal, tangential : (m,), row multipliers
-    equality : (p,)
-    changes_state : whether a point changes its state here, so that the other side has another derivative
-
-    """
-
-    z: Vector
-    normal: Vector
+    z: Vector  # (n,)
+    normal: Vector  # (m,), row multipliers
     tangential: Vector
-    equality: Vector
-    changes_state: bool
+    equality: Vector  # (p,)
+    changes_state: bool  # whether a point changes its state here, so that the other side has another derivative
 
 
 @dataclass(frozen=True, eq=False)

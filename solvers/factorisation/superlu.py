@@ -214,15 +214,9 @@ _THRESHOLD = 1e-3  # a pivot on the diagonal may be so much smaller than the lar
 
 
 class Refactorisation(Protocol):
-    """One matrix after the other.
+    """One matrix after the other."""
 
-    Attributes
-    ----------
-    backend, version : name in `BACKENDS`, and the library with its version
-
-    """
-
-    backend: str
+    backend: str  # name in `BACKENDS`, and the library with its version
     version: str
 
     def factorise(self, values: Vector) -> None:
