@@ -1,7 +1,6 @@
 """The report of the plate: its runs as one frame, what an error costs each code, guaranteed intervals, a picture."""
 
 import math
-import statistics
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -20,6 +19,7 @@ from comparisons.lab.numbers import (
     seconds,
     significant,
     span,
+    spread,
 )  # fmt: skip
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import DONE, Row
@@ -78,13 +78,12 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
         result = row.result if row.status == DONE else {"status": row.status, "message": row.reason}
         times = {name: tuple(result.get(name, ())) for name in ("setup", "solve")}
         whole = [sum(pair) for pair in zip(times["setup"], times["solve"], strict=True)]
-        middle = statistics.median(whole) if len(whole) > 1 else 0.0
         line = {
             "friction": row.case["friction"], "model": row.case["model"], "code": model.code, "mesh": model.mesh,
             "number": number, "label": model.family.label(number), "order": list(MODELS).index(row.case["model"]),
             "rank": list(CODES).index(model.code), "status": result["status"], "message": result["message"],
             **{name: result.get(name) for name in NUMBERS}, **times, "seconds": min(whole, default=None),
-            "spread": (max(whole) - min(whole)) / middle if middle > 0.0 else None, "version": result.get("version"),
+            "spread": spread(whole), "version": result.get("version"),
             **dict.fromkeys((*BOUNDS, "kind", "low", "high")), "guaranteed": False,
         }  # fmt: skip
         lines.append(line | _bounds(result) if model.code == BRACKET and result["status"] == "solved" else line)
