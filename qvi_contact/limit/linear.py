@@ -39,6 +39,8 @@ ALONG: Final = np.linspace(0.0, 1.0, 33)
 CERTIFIED: Final = 1e-7
 """Violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted."""
 
+_COST: Final = 1e4  # of the factor, so that absolute tolerances of multipliers are as much smaller
+
 _AT_LIMIT: Final = (
     "limit load: the loads that are not multiplied are themselves at the limit of what this mesh carries, to within "
     "rounding: whether they are carried cannot be told. Change these loads, or the friction, by a millionth"
@@ -179,6 +181,9 @@ def carried_by_contacts(low: Discretization, high: Discretization, signs: IntArr
     qvi, (first, second) = low.qvi, (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (low, high))
     slope, b_slope = second - first, high.qvi.b - low.qvi.b
     G, A = sparse.csr_array(H @ qvi.contact_rows), sparse.csr_array(qvi.A)
+    columns = np.sqrt(np.asarray(G.multiply(G).sum(axis=0))).ravel()  # the solver's tolerances are for numbers near 1
+    units = sparse.diags_array(1.0 / np.where(columns > 0.0, columns, 1.0))
+    G, A = sparse.csr_array(G @ units), sparse.csr_array(A @ units)
     h, h_slope, b = limit - H @ (first - slope), -(H @ slope), qvi.b - b_slope
 
     def program(cost: FloatArray, relaxed: bool = False) -> Answer:
@@ -190,7 +195,7 @@ def carried_by_contacts(low: Discretization, high: Discretization, signs: IntArr
         bounds = [(None, None)] * (G.shape[1] + 1) + [(0.0, None)] * relaxed
         return solved(cost, A_ub=wide[0], b_ub=h, bounds=bounds, **equations)
 
-    answer = program(np.append(np.zeros(G.shape[1]), -1.0))
+    answer = program(np.append(np.zeros(G.shape[1]), -_COST))
     if answer.status == UNBOUNDED:
         return Carried(np.inf)
     if answer.status == INFEASIBLE:
@@ -206,9 +211,9 @@ def carried_by_contacts(low: Discretization, high: Discretization, signs: IntArr
     size = max(float(np.abs(h).max()), abs(factor) * float(np.abs(h_slope).max()), 1e-300)
     missed = np.abs(A @ z - b - factor * b_slope).max(initial=0.0)
     violation = max(float(np.maximum(G @ z - h - factor * h_slope, 0.0).max()), float(missed)) / size
-    d, nu = np.maximum(-answer.inequalities, 0.0), -answer.equations
+    d, nu = np.maximum(-answer.inequalities, 0.0) / _COST, -answer.equations / _COST
     rate = -float(h_slope @ d + b_slope @ nu)
     rounding = float(np.abs(G.T @ d + A.T @ nu) @ np.abs(z))
     bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
-    tractions = qvi.contact_rows @ z + first - slope + factor * slope
+    tractions = qvi.contact_rows @ (units @ z) + first - slope + factor * slope
     return Carried(factor, violation, np.asarray(tractions), bound, np.asarray(H.T @ d))
