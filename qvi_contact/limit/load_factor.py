@@ -26,9 +26,9 @@ from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
-from solvers.basics.frames import frame
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
+from solvers.basics.types import frame
 
 if TYPE_CHECKING:
     from pandas import DataFrame
