@@ -269,7 +269,8 @@ def discretize(
         or there is no element of that degree, or no such rows.
 
     """
-    refuse_arguments(retired)
+    if retired:
+        refuse_arguments(retired)
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if scales is not None and not isinstance(scales, Scales):

@@ -338,6 +338,8 @@ class StressSpace(PicklesFields):
         values = np.where(self.frames.is_centre & self.frames.several, 1.0, self.sizes)
         at_vertices = np.column_stack([values, np.ones((len(self.sizes), 2))]).ravel()
         on_edges = np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)
+        if not len(self.cuts):
+            return np.concatenate([at_vertices, on_edges])
         of_holes = np.column_stack([self.cuts.holes / self.mesh.length, np.ones((len(self.cuts), 2))]).ravel()
         return np.concatenate([at_vertices, on_edges, of_holes])
 

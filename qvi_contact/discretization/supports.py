@@ -255,11 +255,12 @@ def _on_chords(space: StressSpace, components: Sequence[Component]) -> _Block:
 def _on_arcs(space: StressSpace, components: Sequence[Component]) -> list[_Block]:
     """Conditions on edges that are arcs: of both components where there are two, of one where there is one."""
     bent = [(i, np.flatnonzero(part.edges.bent)) for i, part in enumerate(components) if part.edges.curved]
+    if not bent:
+        return []
     numbers = {i: space.number(components[i].edges.take(index)) for i, index in bent}
     orders = {i: index[np.argsort(numbers[i])] for i, index in bent}
     numbers = {i: np.sort(number) for i, number in numbers.items()}
-    none = np.empty(0, dtype=np.int64)
-    count = np.bincount(np.concatenate([none, *numbers.values()]), minlength=len(space.mesh.topology.ends))
+    count = np.bincount(np.concatenate([*numbers.values()]), minlength=len(space.mesh.topology.ends))
     found = []
     for i, index in orders.items():
         alone = count[numbers[i]] == 1
