@@ -327,10 +327,7 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
 def law_of(contacts: Sequence[ContactRows]) -> Law:
     """The law of contacts one after the other, tied ones left out."""
     limited = [rows for rows in contacts if rows.law != "tied"]
-    limits = [rows.row_limits for rows in limited]
-    return Law(
-        joined([each.friction for each in limits]),
-        joined([each.cohesion for each in limits]),
-        joined([each.cap for each in limits]),
-        joined([rows.bilateral for rows in limited]).astype(bool),
+    friction, cohesion, cap = (
+        joined([getattr(rows.row_limits, name) for rows in limited]) for name in ("friction", "cohesion", "cap")
     )
+    return Law(friction, cohesion, cap, joined([rows.bilateral for rows in limited]).astype(bool))

@@ -39,19 +39,12 @@ from solvers.basics.types import load
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_COLUMNS: Final = (
-    ("x", "x", "length"),
-    ("y", "y", "length"),
-    ("weight", "weights", "length"),
-    ("friction", "friction", ""),
-    ("friction_bound", "friction_bound", "stress"),
-    ("normal_stress", "normal_stress", "stress"),
-    ("pore_pressure", "pore_pressure", "stress"),
-    ("tangential_stress", "tangential_stress", "stress"),
-    ("gap", "gap", "displacement"),
-    ("slip", "slip", "displacement"),
-)
-"""Columns of `ContactLine.to_frame`: name, attribute, which of the `Units` it is in."""
+_COLUMNS: Final = {
+    "x": "length", "y": "length", "weights": "length", "friction": "", "friction_bound": "stress",
+    "normal_stress": "stress", "pore_pressure": "stress", "tangential_stress": "stress", "gap": "displacement",
+    "slip": "displacement",
+}  # fmt: skip
+"""Attributes that are columns of `ContactLine.to_frame`, and which of the `Units` they are in."""
 
 SUMMARY: Final = {
     "normal_force": "engineering_force", "tangential_force": "engineering_force", "largest_pressure": "stress",
@@ -226,8 +219,9 @@ class ContactLine:
         names, path = [state.name.lower() for state in ContactState], self.path
         order = path.points(self.points_per_edge).ravel()
         columns = {"s": path.places(gauss_legendre(self.points_per_edge)[0]).ravel()}
-        columns |= {column: getattr(self, field)[order] for column, field, _ in _COLUMNS}
-        quantities = {"s": "length"} | {column: quantity for column, _, quantity in _COLUMNS if quantity}
+        named = {name.replace("weights", "weight"): (name, unit) for name, unit in _COLUMNS.items()}
+        columns |= {column: getattr(self, name)[order] for column, (name, _) in named.items()}
+        quantities = {"s": "length"} | {column: unit for column, (_, unit) in named.items() if unit}
         labels = Units.labels(units, quantities)
         states = pandas().Categorical.from_codes(self.state[order], names)
         return frame({**columns, "state": states}, labels)
