@@ -314,11 +314,11 @@ def _of_component_on_arcs(space: StressSpace, components: Sequence[Component], i
     edges = part.edges.take(at)
     h = space.lengths(edges)
     scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (degree - 1)])
-    t, w = gauss_legendre(degree + _POINTS)
+    t = gauss_legendre(degree + _POINTS)[0]
     along = np.tile(t, (len(edges), 1))
     direction = vectors_along(edges, part.direction[at], along, turns=part.turns)
     values = legendre.basis(degree, t)
-    project = (2.0 * np.arange(degree + 1)[:, None] + 1.0) * (values * w[:, None]).T
+    project = legendre.from_values(degree, len(t))
     traces = space.traces(edges)
     combined: FloatArray = np.zeros((len(edges), degree + 1, traces.columns.shape[1]))
     halves = np.split(traces.values, 2, axis=1)
