@@ -257,16 +257,14 @@ def contact_states(
     bound: FloatArray,
     gap: FloatArray,
     slip: FloatArray,
-    stress_unit: float,
-    displacement_unit: float,
-    tolerance: float = STATE_TOLERANCE,
+    unit: float,
     *,
     may_open: bool = True,
     frictionless: bool = False,
 ) -> IntArray:
-    """State of each point from tractions and displacements, never from raw multipliers.
+    """`ContactState` of each point (m,) from dimensionless tractions and displacements, never from raw multipliers.
 
-    With p = −σ_N'/S, t = |σ_T|/S, b = bound/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
+    With p = −σ_N'/S, t = |σ_T|/S, b = bound/S and d = gap/S, v = |slip|/S in the unit S the point is
 
     * open if it may and p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
     * else closed if the contact has no friction;
@@ -281,18 +279,12 @@ def contact_states(
     b − t and v is not zero, and the rule says which. Bernstein coefficients obey the law one by one; at the points of
     the edge in which a zone ends both may be positive then, and where one outweighs the other is the better guess of
     that end than the tractions alone: those of the whole edge stay below the bound.
-
-    Returns
-    -------
-    (m,) int array of `ContactState`
-
     """
-    pressure, opening = -effective / stress_unit, gap / displacement_unit
-    left = bound / stress_unit - np.abs(tangential_stress) / stress_unit
-    sliding = np.abs(slip) / displacement_unit
-    moves = sliding > tolerance
-    loaded = np.abs(tangential_stress) > tolerance * stress_unit
-    slips = (left < sliding + tolerance) & (moves | loaded)
+    pressure, opening, tolerance = -effective / unit, gap / unit, STATE_TOLERANCE
+    left = bound / unit - np.abs(tangential_stress) / unit
+    sliding = np.abs(slip) / unit
+    loaded = np.abs(tangential_stress) > tolerance * unit
+    slips = (left < sliding + tolerance) & ((sliding > tolerance) | loaded)
     state = np.where(slips, int(ContactState.SLIP), int(ContactState.STICK))
     if frictionless:
         state = np.full_like(state, int(ContactState.CLOSED))
@@ -343,7 +335,7 @@ def contact_line(
         gap=gap * scales.displacement,
         slip=slip * scales.displacement,
         state=contact_states(
-            effective, tangential, bound, gap, slip, unit, unit, may_open=may_open, frictionless=frictionless
+            effective, tangential, bound, gap, slip, unit, may_open=may_open, frictionless=frictionless
         ),
         ends=np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1),
         pore_pressure=rows.pore_pressure * scales.stress,
