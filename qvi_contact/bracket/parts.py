@@ -23,7 +23,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import ContactRows, contact_named, joined, scaled_stress_at_rest
+from qvi_contact.discretization.loads import ContactRows, joined, scaled_stress_at_rest
 from qvi_contact.discretization.space import split_points
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
@@ -246,7 +246,7 @@ def edge_parts(
     Beside them ∫ (g − v_N) ds and ∫ |v_T − w| ds on each edge (edges,) [length²].
     """
     problem = discretization.problem
-    contact = contact_named(problem, rows.name)
+    contact = next(contact for contact in problem.contacts if contact.name == rows.name)
     edges = problem.mesh.edges(contact.edges)
     lengths = edges.length
     t, weights = gauss_legendre(EDGE_POINTS)

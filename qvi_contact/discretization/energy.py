@@ -186,11 +186,6 @@ class Springs:
     constant: FloatArray  # (r,): s, of body forces and fluids
     places: FloatArray  # (r, 2): where they are
 
-    @property
-    def key(self) -> tuple[bytes, bytes]:
-        """What tells S from that of other springs."""
-        return self.rows.data.tobytes(), self.rows.indices.tobytes()
-
     @classmethod
     def of(
         cls, problem: ContactProblem, space: StressSpace, scales: Scales, contacts: Sequence[ContactRows]
@@ -234,7 +229,8 @@ class BodyStiffness(PicklesFields):
         cls, supports: Supports, materials: IntArray, compliances: FloatArray, springs: Springs | None, kept: Kept
     ) -> BodyStiffness:
         """That of supports, materials and springs, made once."""
-        key = supports, materials.tobytes(), compliances.tobytes(), None if springs is None else springs.key
+        own = None if springs is None else (springs.rows.data.tobytes(), springs.rows.indices.tobytes())
+        key = supports, materials.tobytes(), compliances.tobytes(), own
         return kept(cls, key, lambda: cls(supports, TriangleEnergy(supports.space, materials, compliances), springs))
 
     @cached_property
@@ -248,7 +244,8 @@ class BodyStiffness(PicklesFields):
 
         """
         differences, basis = self.energy.space.differences, self.supports.basis
-        rows, dofs, across = differences.rows(self.energy.roots), differences.dofs, differences.across
+        dofs, across = differences.dofs, differences.across
+        rows = differences.expanded(self.energy.roots) * differences.units[:, None]
         if len(across):
             rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
         K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)

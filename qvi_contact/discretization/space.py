@@ -226,10 +226,6 @@ class Differences:
             full[:, :, 1:3] -= self.arms[triangles, None, corner] * value + slope
         return full
 
-    def rows(self, roots: FloatArray) -> FloatArray:
-        """R, rows (n, k, shared) on the degrees of freedom of each triangle."""
-        return self.expanded(roots) * self.units[:, None, :]
-
     def spread(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> sparse.csr_array:
         """Rows (n, r, shared) on the degrees of freedom of these triangles as rows of the body, (n r, size)."""
         n, r, shared = rows.shape
