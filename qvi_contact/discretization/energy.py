@@ -257,7 +257,7 @@ class BodyStiffness(PicklesFields):
             K = K + (R.T @ R if sparse.issparse(K) else (R.T @ R).toarray())
         if K.diagonal().min(initial=np.inf) <= 0.0:
             remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
-            raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
+            raise InputError("ContactProblem.mesh", float(self.supports.space.sizes.min()), remedy)
         read_only(K)  # sorts it before another thread can see it
         return K
 
@@ -325,10 +325,8 @@ class Root(PicklesFields):
         """(R with RᵀR = K, the centre of each row's triangle or its place); the n rows that are zero left out."""
         space, roots = self.stiffness.energy.space, self.stiffness.energy.roots
         R = space.differences.all_rows(roots, np.arange(len(roots))) @ self.stiffness.supports.basis.matrix
-        places, springs = (
-            np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0),
-            self.stiffness.springs,
-        )
+        places = np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0)
+        springs = self.stiffness.springs
         if springs is not None:
             R = sparse.vstack([R, springs.rows @ self.stiffness.supports.basis.matrix])
             places = np.concatenate([places, springs.places])

@@ -67,18 +67,18 @@ class History:
         One for each load step done: a tuple, or with a store a sequence that reads a step when it is asked for.
     planned : int
         Number of load steps asked for.
-    statuses : tuple of Status
-        The status of each step done.
 
     """
 
     steps: Sequence[ContactResult]
     planned: int
-    statuses: tuple[Status, ...] = ()
 
-    def __post_init__(self) -> None:
-        if len(self.statuses) != len(self.steps):
-            object.__setattr__(self, "statuses", tuple(step.status for step in self.steps))
+    @cached_property
+    def statuses(self) -> tuple[Status, ...]:
+        """The status of each step done."""
+        return tuple(
+            getattr(self.steps, "statuses", None) or (step.status for step in self.steps)
+        )  # a store knows them
 
     @property
     def status(self) -> Status:
@@ -280,8 +280,7 @@ def solve_history(
                 callback(number, result)
             if result.status not in CONTINUES:
                 break
-        statuses = () if store is None else tuple(results.statuses)
-        history = History(tuple(results) if store is None else results, len(steps), statuses)
+        history = History(tuple(results) if store is None else results, len(steps))
         log.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
