@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import (
+from qvi_contact import InputError, LimitFactor, TriangleMesh, limit_load_factor, solve
+from qvi_contact.problem import (
     Contact,
     ContactProblem,
     Displacement,
     Expression,
-    InputError,
-    LimitFactor,
     Material,
     MohrCoulomb,
     Polynomial,
@@ -19,9 +18,6 @@ from qvi_contact import (
     RigidPlate,
     Symmetry,
     Traction,
-    TriangleMesh,
-    limit_load_factor,
-    solve,
 )
 
 E, NU, ALPHA = 1000.0, 0.3, 1e-3
