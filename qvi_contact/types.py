@@ -11,14 +11,4 @@ from qvi_contact.problem.conditions import Condition, Law
 from qvi_contact.problem.material import Plane
 from qvi_contact.refinement.measure import Quantity
 
-__all__ = [
-    "BoolArray",
-    "Condition",
-    "Field",
-    "FloatArray",
-    "IntArray",
-    "Law",
-    "LawOn",
-    "Plane",
-    "Quantity",
-]
+__all__ = ["BoolArray", "Condition", "Field", "FloatArray", "IntArray", "Law", "LawOn", "Plane", "Quantity"]

@@ -254,7 +254,7 @@ class Chain(NamedTuple):
     cells: tuple[int, int]
     coarse: tuple[int, int]  # of a quick run
     parameter: Parameter  # what changes
-    values: tuple[float, ...]  # a quick run takes every fifth
+    values: Sequence[float]  # a quick run takes every fifth
     history: bool = False  # whether slip accumulates from one to the next
 
 
@@ -270,26 +270,22 @@ def layer(cells: tuple[int, int], gap: Field = -_DEPTH, offset: float = 0.0) -> 
     return ContactProblem(mesh, Material(1000.0, 0.3), [Contact("top", 0.3, gap, offset, "obstacle"), held, *sides])
 
 
-def _evenly(first: float, last: float, count: int) -> tuple[float, ...]:
-    return tuple(np.linspace(first, last, count).tolist())
-
-
 CHAINS: Final = {
     "cycle": Chain(
         "history: 21 offsets of a full cycle, layer 32 × 64", layer, (64, 32), (16, 8), "offset",
-        tuple((_DEPTH * np.sin(np.linspace(0.0, 2.0 * np.pi, 21))).tolist()), history=True,
+        (_DEPTH * np.sin(np.linspace(0.0, 2.0 * np.pi, 21))).tolist(), history=True,
     ),
     "friction": Chain(
         "sweep: 20 values of μ, plate 32 × 32", partial(compressed_plate, 0.2), (32, 32), (8, 8), "friction",
-        _evenly(0.05, 1.0, 20),
+        np.linspace(0.05, 1.0, 20).tolist(),
     ),
     "compression": Chain(
         "sweep: 11 compressions, sheared layer 32 × 64", partial(layer, gap=0.0, offset=0.5 * _DEPTH),
-        (64, 32), (16, 8), "gap", _evenly(-0.5 * _DEPTH, -_DEPTH, 11),
+        (64, 32), (16, 8), "gap", np.linspace(-0.5 * _DEPTH, -_DEPTH, 11).tolist(),
     ),
     "depth": Chain(
         "sweep: 11 depths of a round punch, layer 32 × 64", partial(layer, gap=_PUNCH), (64, 32), (16, 8), "gap",
-        _evenly(-0.2 * _DEPTH, -2.0 * _DEPTH, 11),
+        np.linspace(-0.2 * _DEPTH, -2.0 * _DEPTH, 11).tolist(),
     ),
 }  # fmt: skip
 """Name → sequence; in the last one the contact grows with each step."""

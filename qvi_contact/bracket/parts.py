@@ -23,7 +23,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import ContactRows, contact_named, joined, scaled_stress_at_rest
+from qvi_contact.discretization.loads import ContactRows, joined, scaled_stress_at_rest
 from qvi_contact.discretization.space import split_points
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
@@ -263,7 +263,8 @@ def contact_parts(
     nodes, back = bernstein.nodes(companion.degree), bernstein.from_values(companion.degree)
     found, slack, outer, (excess, tension) = dict[str, EdgeParts](), 0.0, 0.0, left
     for rows in (rows for rows in discretization.contacts if rows.law != "tied"):
-        contact, e = contact_named(problem, rows.name), rows.edges
+        e = rows.edges
+        contact = next(contact for contact in problem.contacts if contact.name == rows.name)
         edges = problem.mesh.edges(contact.edges)
         lengths, normal, shear = edges.length, unit * own.normal[e], unit * own.shear[e]
         gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))

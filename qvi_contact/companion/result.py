@@ -315,7 +315,7 @@ class CompanionResult(PicklesFields):
         may_open = trace.law == "unilateral"
         frictionless = any(is_frictionless(each) for each in self.problem.contacts if each.name == trace.name)
         states = contact_states(
-            normal, tangential, bound, gap, slip, unit, unit, may_open=may_open, frictionless=frictionless
+            normal, tangential, bound, gap, slip, unit, may_open=may_open, frictionless=frictionless
         )
         order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
         x, y = (self.problem.mesh.origin + scales.length * trace.places).T

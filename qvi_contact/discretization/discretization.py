@@ -269,7 +269,8 @@ def discretize(
         or there is no element of that degree, or no such rows.
 
     """
-    refuse_arguments(retired)
+    if retired:
+        refuse_arguments(retired)
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if scales is not None and not isinstance(scales, Scales):
@@ -326,10 +327,7 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
 def law_of(contacts: Sequence[ContactRows]) -> Law:
     """The law of contacts one after the other, tied ones left out."""
     limited = [rows for rows in contacts if rows.law != "tied"]
-    limits = [rows.row_limits for rows in limited]
-    return Law(
-        joined([each.friction for each in limits]),
-        joined([each.cohesion for each in limits]),
-        joined([each.cap for each in limits]),
-        joined([rows.bilateral for rows in limited]).astype(bool),
+    friction, cohesion, cap = (
+        joined([getattr(rows.row_limits, name) for rows in limited]) for name in ("friction", "cohesion", "cap")
     )
+    return Law(friction, cohesion, cap, joined([rows.bilateral for rows in limited]).astype(bool))

@@ -186,11 +186,6 @@ class Springs:
     constant: FloatArray  # (r,): s, of body forces and fluids
     places: FloatArray  # (r, 2): where they are
 
-    @property
-    def key(self) -> tuple[bytes, bytes]:
-        """What tells S from that of other springs."""
-        return self.rows.data.tobytes(), self.rows.indices.tobytes()
-
     @classmethod
     def of(
         cls, problem: ContactProblem, space: StressSpace, scales: Scales, contacts: Sequence[ContactRows]
@@ -234,7 +229,8 @@ class BodyStiffness(PicklesFields):
         cls, supports: Supports, materials: IntArray, compliances: FloatArray, springs: Springs | None, kept: Kept
     ) -> BodyStiffness:
         """That of supports, materials and springs, made once."""
-        key = supports, materials.tobytes(), compliances.tobytes(), None if springs is None else springs.key
+        own = None if springs is None else (springs.rows.data.tobytes(), springs.rows.indices.tobytes())
+        key = supports, materials.tobytes(), compliances.tobytes(), own
         return kept(cls, key, lambda: cls(supports, TriangleEnergy(supports.space, materials, compliances), springs))
 
     @cached_property
@@ -248,7 +244,8 @@ class BodyStiffness(PicklesFields):
 
         """
         differences, basis = self.energy.space.differences, self.supports.basis
-        rows, dofs, across = differences.rows(self.energy.roots), differences.dofs, differences.across
+        dofs, across = differences.dofs, differences.across
+        rows = differences.expanded(self.energy.roots) * differences.units[:, None]
         if len(across):
             rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
         K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)
@@ -260,7 +257,7 @@ class BodyStiffness(PicklesFields):
             K = K + (R.T @ R if sparse.issparse(K) else (R.T @ R).toarray())
         if K.diagonal().min(initial=np.inf) <= 0.0:
             remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
-            raise InputError("ContactProblem.mesh", self.supports.space.smallest, remedy)
+            raise InputError("ContactProblem.mesh", float(self.supports.space.sizes.min()), remedy)
         read_only(K)  # sorts it before another thread can see it
         return K
 
@@ -328,10 +325,8 @@ class Root(PicklesFields):
         """(R with RᵀR = K, the centre of each row's triangle or its place); the n rows that are zero left out."""
         space, roots = self.stiffness.energy.space, self.stiffness.energy.roots
         R = space.differences.all_rows(roots, np.arange(len(roots))) @ self.stiffness.supports.basis.matrix
-        places, springs = (
-            np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0),
-            self.stiffness.springs,
-        )
+        places = np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0)
+        springs = self.stiffness.springs
         if springs is not None:
             R = sparse.vstack([R, springs.rows @ self.stiffness.supports.basis.matrix])
             places = np.concatenate([places, springs.places])

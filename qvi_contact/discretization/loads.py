@@ -127,11 +127,6 @@ def prescribed_tractions(problem: ContactProblem, scales: Scales) -> list[Prescr
     return found
 
 
-def contact_named(problem: ContactProblem, name: str) -> Contact:
-    """The contact of that name."""
-    return next(contact for contact in problem.contacts if contact.name == name)
-
-
 def displacements_at_points(
     problem: ContactProblem, space: StressSpace, scales: Scales
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:

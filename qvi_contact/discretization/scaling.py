@@ -60,10 +60,9 @@ class Scales:
 
         S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
         times the displacement that supports and obstacles force on the body (see `_forced`), the mean stress under
-        plates driven by force, the pressure of fluids in contacts, and the stress of initial strains that are
-        held. Neither a constant potential, nor a common
-        translation, nor an obstacle far away strains the body. Without any load S is the stress of a strain of 1e-6, or
-        the largest cohesion if that is less.
+        plates driven by force, the pressure of fluids in contacts, and the stress of initial strains that are held.
+        Neither a constant potential, nor a common translation, nor an obstacle far away strains the body. Without any
+        load S is the stress of a strain of 1e-6, or the largest cohesion if that is less.
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
@@ -88,16 +87,10 @@ class Scales:
 def _sampled(
     problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None
 ) -> FloatArray:
-    """Values of a field at these points; where it is a number, that alone."""
+    """Values of a field at these points (n, q); where it is a number, that alone (n, 1)."""
     if not callable(value):
-        return np.array([[value]], dtype=float)
+        return np.full((len(edges), 1), float(value))
     return evaluate(name, value, *_samples(problem, edges), minimum=minimum)
-
-
-def _per_edge(problem: ContactProblem, edges: Edges, name: str, value: Field) -> FloatArray:
-    """The same with a row for each edge (n, q)."""
-    values = _sampled(problem, edges, name, value)
-    return np.broadcast_to(values, (len(edges), values.shape[1]))
 
 
 def _samples(problem: ContactProblem, edges: Edges) -> tuple[FloatArray, FloatArray]:
@@ -107,11 +100,8 @@ def _samples(problem: ContactProblem, edges: Edges) -> tuple[FloatArray, FloatAr
 
 def _largest(problem: ContactProblem, name: str) -> list[float]:
     """The largest cohesion or pore pressure of each contact [stress]."""
-    found = []
-    for contact in problem.contacts:
-        edges = problem.mesh.edges(contact.edges)
-        found.append(float(_sampled(problem, edges, f"Contact.{name}", getattr(contact, name), 0.0).max()))
-    return found
+    pairs = [(problem.mesh.edges(contact.edges), getattr(contact, name)) for contact in problem.contacts]
+    return [float(_sampled(problem, edges, f"Contact.{name}", field, 0.0).max()) for edges, field in pairs]
 
 
 def _plate_stresses(problem: ContactProblem) -> list[float]:
@@ -163,7 +153,7 @@ def _forced(problem: ContactProblem) -> list[float]:
 def _bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, bool]]:
     """Unit vectors d (n, 2), what d·u may be at most at points (n, q) [length], and whether it may not be less."""
     for given in problem.prescribed(Displacement):
-        yield given.direction, _per_edge(problem, given.edges, given.name, given.value), True
+        yield given.direction, _sampled(problem, given.edges, given.name, given.value), True
     for contact in problem.contacts:
         edges = problem.mesh.edges(contact.edges)
         for direction, name in ((edges.normal, "gap"), (edges.tangent, "offset")):
@@ -173,7 +163,7 @@ def _bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, b
                     fixed &= direction[:, component] == 0.0
             if fixed.any():
                 chosen = edges.take(fixed)
-                values = _per_edge(problem, chosen, f"Contact.{name}", getattr(contact, name))
+                values = _sampled(problem, chosen, f"Contact.{name}", getattr(contact, name))
                 if contact.plate is not None:
                     moved = np.moveaxis(contact.plate.displacement(*_samples(problem, chosen)), 0, -1)
                     values = values + (moved * direction[fixed][:, None]).sum(axis=2)

@@ -226,33 +226,20 @@ class Differences:
             full[:, :, 1:3] -= self.arms[triangles, None, corner] * value + slope
         return full
 
-    def rows(self, roots: FloatArray) -> FloatArray:
-        """R, rows (n, k, shared) on the degrees of freedom of each triangle."""
-        return self.expanded(roots) * self.units[:, None, :]
-
-    def spread(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> sparse.csr_array:
-        """Rows (n, r, shared) on the degrees of freedom of these triangles as rows of the body, (n r, size)."""
-        n, r, shared = rows.shape
-        columns = np.repeat(self.dofs[triangles], r, axis=0).ravel()
-        return sparse.csr_array((rows.ravel(), columns, shared * np.arange(n * r + 1)), shape=(n * r, self.size))
-
     def all_rows(self, roots: FloatArray, triangles: IntArray) -> sparse.csr_array:
         """R of these triangles (t,), with what corners across parts add; roots (n, k, …) of all, shape (t k, size)."""
-        rows, k = self.expanded(roots[triangles], triangles), roots.shape[1]
-        found = self.spread(rows * self.units[triangles, None, :], triangles)
+        rows = self.expanded(roots[triangles], triangles)
+        (n, k, shared), on_dofs = rows.shape, rows * self.units[triangles, None, :]
+        columns, starts = np.repeat(self.dofs[triangles], k, axis=0).ravel(), shared * np.arange(n * k + 1)
+        found = sparse.csr_array((on_dofs.ravel(), columns, starts), shape=(n * k, self.size))
         if self.beyond is None:
             return found
-        place = np.minimum(np.searchsorted(triangles, self.across), len(triangles) - 1)
-        present = triangles[place] == self.across
-        corners = rows[place[present], :, : 3 * _AFFINE]
-        c, width = len(corners), 3 * _AFFINE
-        at = (width * np.flatnonzero(present)[:, None] + np.arange(width))[:, None]
-        columns = np.broadcast_to(at, (c, k, width)).ravel()
-        own = (k * place[present][:, None] + np.arange(k)).ravel()
-        counts = np.zeros(len(triangles) * k, dtype=np.int64)
-        counts[own] = width
-        starts = np.concatenate([[0], np.cumsum(counts)])
-        blocks = sparse.csr_array((corners.ravel(), columns, starts), shape=(len(counts), width * len(self.across)))
+        inside, width = np.flatnonzero(np.isin(self.across, triangles)), 3 * _AFFINE
+        place = np.searchsorted(triangles, self.across[inside])
+        corners, own = rows[place, :, :width], k * place[:, None] + np.arange(k)
+        columns = np.broadcast_to((width * inside[:, None] + np.arange(width))[:, None], corners.shape).ravel()
+        at = np.repeat(own.ravel(), width), columns
+        blocks = sparse.csr_array((corners.ravel(), at), shape=(n * k, width * len(self.across)))
         return sparse.csr_array(found + blocks @ self.beyond)
 
 
@@ -338,6 +325,8 @@ class StressSpace(PicklesFields):
         values = np.where(self.frames.is_centre & self.frames.several, 1.0, self.sizes)
         at_vertices = np.column_stack([values, np.ones((len(self.sizes), 2))]).ravel()
         on_edges = np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)
+        if not len(self.cuts):
+            return np.concatenate([at_vertices, on_edges])
         of_holes = np.column_stack([self.cuts.holes / self.mesh.length, np.ones((len(self.cuts), 2))]).ravel()
         return np.concatenate([at_vertices, on_edges, of_holes])
 
@@ -454,11 +443,6 @@ class StressSpace(PicklesFields):
     def traction_degree(self) -> int:
         """Degree of σ_N and σ_T on an edge (without φ)."""
         return self.degree - 2
-
-    @cached_property
-    def smallest(self) -> float:
-        """The shortest edge, dimensionless."""
-        return float(self.sizes.min())
 
     @property
     def centres(self) -> IntArray:

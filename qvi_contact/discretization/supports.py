@@ -255,11 +255,12 @@ def _on_chords(space: StressSpace, components: Sequence[Component]) -> _Block:
 def _on_arcs(space: StressSpace, components: Sequence[Component]) -> list[_Block]:
     """Conditions on edges that are arcs: of both components where there are two, of one where there is one."""
     bent = [(i, np.flatnonzero(part.edges.bent)) for i, part in enumerate(components) if part.edges.curved]
+    if not bent:
+        return []
     numbers = {i: space.number(components[i].edges.take(index)) for i, index in bent}
     orders = {i: index[np.argsort(numbers[i])] for i, index in bent}
     numbers = {i: np.sort(number) for i, number in numbers.items()}
-    none = np.empty(0, dtype=np.int64)
-    count = np.bincount(np.concatenate([none, *numbers.values()]), minlength=len(space.mesh.topology.ends))
+    count = np.bincount(np.concatenate([*numbers.values()]), minlength=len(space.mesh.topology.ends))
     found = []
     for i, index in orders.items():
         alone = count[numbers[i]] == 1
@@ -313,11 +314,11 @@ def _of_component_on_arcs(space: StressSpace, components: Sequence[Component], i
     edges = part.edges.take(at)
     h = space.lengths(edges)
     scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (degree - 1)])
-    t, w = gauss_legendre(degree + _POINTS)
+    t = gauss_legendre(degree + _POINTS)[0]
     along = np.tile(t, (len(edges), 1))
     direction = vectors_along(edges, part.direction[at], along, turns=part.turns)
     values = legendre.basis(degree, t)
-    project = (2.0 * np.arange(degree + 1)[:, None] + 1.0) * (values * w[:, None]).T
+    project = legendre.from_values(degree, len(t))
     traces = space.traces(edges)
     combined: FloatArray = np.zeros((len(edges), degree + 1, traces.columns.shape[1]))
     halves = np.split(traces.values, 2, axis=1)

@@ -63,27 +63,24 @@ class HsiehCloughTocher:
         self.interior = self.dimension - self.shared
         # the order in which functions are condensed, those of the first corner, an affine function, left out
         self.interior_first = np.concatenate([np.arange(self.shared, self.dimension), np.arange(3, self.shared)])
+        self._gradients, self._hessians = self._derivations()
         # Bernstein coefficients on the reference triangle (3, count, dimension), part by part: part s holds edge s and
         # has the corners of `EDGES[s]` and the barycentre
         self.coefficients = self._dual_basis(self._smooth_functions())
 
-    @cached_property
-    def _parts(self) -> list[FloatArray]:
-        """Gradients of the barycentric coordinates of the three parts, (3, 2) each."""
-        centre = CORNERS.mean(axis=0)
-        corners = [np.vstack([CORNERS[list(edge)], centre]) for edge in EDGES]
-        return [np.linalg.inv(np.column_stack([part, np.ones(3)]))[:2].T for part in corners]
+    def _derivations(self) -> tuple[FloatArray, FloatArray]:
+        """Of each part, from coefficients to those of the gradient and of the Hessian.
 
-    @cached_property
-    def _hessians(self) -> FloatArray:
-        """Of each part, from coefficients to those of the Hessian, shape (3, 3, count of degree p − 2, count)."""
-        pairs = [(gradient(self.degree, slopes), gradient(self.degree - 1, slopes)) for slopes in self._parts]
-        return np.stack([[y[0] @ x[0], y[1] @ x[1], y[0] @ x[1]] for x, y in pairs])
-
-    @cached_property
-    def _gradients(self) -> FloatArray:
-        """Of each part, from coefficients to those of the gradient, shape (3, 2, count of degree p − 1, count)."""
-        return np.stack([gradient(self.degree, slopes) for slopes in self._parts])
+        Shapes (3, 2, count of degree p − 1, count) and (3, 3, count of degree p − 2, count).
+        """
+        gradients, hessians, centre = [], [], CORNERS.mean(axis=0)
+        for edge in EDGES:
+            corners = np.vstack([CORNERS[list(edge)], centre])
+            slopes = np.linalg.inv(np.column_stack([corners, np.ones(3)]))[:2].T  # of the barycentric coordinates
+            x, y = gradient(self.degree, slopes), gradient(self.degree - 1, slopes)
+            gradients.append(x)
+            hessians.append([y[0] @ x[0], y[1] @ x[1], y[0] @ x[1]])
+        return np.array(gradients), np.array(hessians)
 
     def _smooth_functions(self) -> FloatArray:
         """An orthonormal basis of the C1 functions among the piecewise polynomials, shape (3, count, dimension).

@@ -38,19 +38,12 @@ from solvers.basics.types import frame, load, pandas
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_COLUMNS: Final = (
-    ("x", "x", "length"),
-    ("y", "y", "length"),
-    ("weight", "weights", "length"),
-    ("friction", "friction", ""),
-    ("friction_bound", "friction_bound", "stress"),
-    ("normal_stress", "normal_stress", "stress"),
-    ("pore_pressure", "pore_pressure", "stress"),
-    ("tangential_stress", "tangential_stress", "stress"),
-    ("gap", "gap", "displacement"),
-    ("slip", "slip", "displacement"),
-)
-"""Columns of `ContactLine.to_frame`: name, attribute, which of the `Units` it is in."""
+_COLUMNS: Final = {
+    "x": "length", "y": "length", "weights": "length", "friction": "", "friction_bound": "stress",
+    "normal_stress": "stress", "pore_pressure": "stress", "tangential_stress": "stress", "gap": "displacement",
+    "slip": "displacement",
+}  # fmt: skip
+"""Attributes that are columns of `ContactLine.to_frame`, and which of the `Units` they are in."""
 
 SUMMARY: Final = {
     "normal_force": "engineering_force", "tangential_force": "engineering_force", "largest_pressure": "stress",
@@ -225,8 +218,9 @@ class ContactLine:
         names, path = [state.name.lower() for state in ContactState], self.path
         order = path.points(self.points_per_edge).ravel()
         columns = {"s": path.places(gauss_legendre(self.points_per_edge)[0]).ravel()}
-        columns |= {column: getattr(self, field)[order] for column, field, _ in _COLUMNS}
-        quantities = {"s": "length"} | {column: quantity for column, _, quantity in _COLUMNS if quantity}
+        named = {name.replace("weights", "weight"): (name, unit) for name, unit in _COLUMNS.items()}
+        columns |= {column: getattr(self, name)[order] for column, (name, _) in named.items()}
+        quantities = {"s": "length"} | {column: unit for column, (_, unit) in named.items() if unit}
         labels = Units.labels(units, quantities)
         states = pandas().Categorical.from_codes(self.state[order], names)
         return frame({**columns, "state": states}, labels)
@@ -262,16 +256,14 @@ def contact_states(
     bound: FloatArray,
     gap: FloatArray,
     slip: FloatArray,
-    stress_unit: float,
-    displacement_unit: float,
-    tolerance: float = STATE_TOLERANCE,
+    unit: float,
     *,
     may_open: bool = True,
     frictionless: bool = False,
 ) -> IntArray:
-    """State of each point from tractions and displacements, never from raw multipliers.
+    """`ContactState` of each point (m,) from dimensionless tractions and displacements, never from raw multipliers.
 
-    With p = −σ_N'/S, t = |σ_T|/S, b = bound/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
+    With p = −σ_N'/S, t = |σ_T|/S, b = bound/S and d = gap/S, v = |slip|/S in the unit S the point is
 
     * open if it may and p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
     * else closed if the contact has no friction;
@@ -286,18 +278,12 @@ def contact_states(
     b − t and v is not zero, and the rule says which. Bernstein coefficients obey the law one by one; at the points of
     the edge in which a zone ends both may be positive then, and where one outweighs the other is the better guess of
     that end than the tractions alone: those of the whole edge stay below the bound.
-
-    Returns
-    -------
-    (m,) int array of `ContactState`
-
     """
-    pressure, opening = -effective / stress_unit, gap / displacement_unit
-    left = bound / stress_unit - np.abs(tangential_stress) / stress_unit
-    sliding = np.abs(slip) / displacement_unit
-    moves = sliding > tolerance
-    loaded = np.abs(tangential_stress) > tolerance * stress_unit
-    slips = (left < sliding + tolerance) & (moves | loaded)
+    pressure, opening, tolerance = -effective / unit, gap / unit, STATE_TOLERANCE
+    left = bound / unit - np.abs(tangential_stress) / unit
+    sliding = np.abs(slip) / unit
+    loaded = np.abs(tangential_stress) > tolerance * unit
+    slips = (left < sliding + tolerance) & ((sliding > tolerance) | loaded)
     state = np.where(slips, int(ContactState.SLIP), int(ContactState.STICK))
     if frictionless:
         state = np.full_like(state, int(ContactState.CLOSED))
@@ -348,7 +334,7 @@ def contact_line(
         gap=gap * scales.displacement,
         slip=slip * scales.displacement,
         state=contact_states(
-            effective, tangential, bound, gap, slip, unit, unit, may_open=may_open, frictionless=frictionless
+            effective, tangential, bound, gap, slip, unit, may_open=may_open, frictionless=frictionless
         ),
         ends=np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1),
         pore_pressure=rows.pore_pressure * scales.stress,

@@ -13,7 +13,7 @@ it ended in.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -27,7 +27,8 @@ from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import DRIVES, Displacement, components
+from qvi_contact.mesh.edges import cross
+from qvi_contact.problem.conditions import Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
@@ -65,18 +66,18 @@ class History:
         One for each load step done: a tuple, or with a store a sequence that reads a step when it is asked for.
     planned : int
         Number of load steps asked for.
-    statuses : tuple of Status
-        The status of each step done.
 
     """
 
     steps: Sequence[ContactResult]
     planned: int
-    statuses: tuple[Status, ...] = ()
 
-    def __post_init__(self) -> None:
-        if len(self.statuses) != len(self.steps):
-            object.__setattr__(self, "statuses", tuple(step.status for step in self.steps))
+    @cached_property
+    def statuses(self) -> tuple[Status, ...]:
+        """The status of each step done."""
+        return tuple(
+            getattr(self.steps, "statuses", None) or (step.status for step in self.steps)
+        )  # a store knows them
 
     @property
     def status(self) -> Status:
@@ -134,28 +135,16 @@ class History:
         return np.array([0.5 * (_friction_work(now, now) + _friction_work(now, last)) for now, last in pairs])
 
     def loop(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Displacement of what drives the body, and the force on the body in its direction, in each step.
+        """Displacement of what drives the body (steps,) [length], and force on it in that direction [stress × length].
 
-        Parameters
-        ----------
-        name : str
-            A contact, whose obstacle moves along the tangent by its mean offset and by the motion of its plate in the
-            contact's centre; or an edge set with a prescribed displacement: along the tangent, or along x or y across
-            it where nothing moves along the tangent. A plate that also moves normally or turns does more work than this
-            loop shows. Of a plate on edges that face several ways, such as a pin, it is the component x, y or rotation
-            that does the most work, with the moment about the pivot for a rotation [rad], [stress × length²].
+        The name is that of a contact, whose obstacle moves along the tangent by its mean offset and by the motion of
+        its plate in the contact's centre; or of an edge set with a prescribed displacement: along the tangent, or along
+        x or y across it where nothing moves along the tangent. A plate that also moves normally or turns does more work
+        than this loop shows. Of a plate on edges that face several ways, such as a pin, it is the component x, y or
+        rotation that does the most work, with the moment about the pivot for a rotation [rad], [stress × length²].
 
-        Returns
-        -------
-        displacement, force : (steps,) arrays
-            [length], [stress × length].
-
-        Raises
-        ------
-        InputError
-            If there is no such contact or edge set, or the obstacle of the contact is at rest while displacements
-            prescribed elsewhere move the body: the edge sets to name instead are listed.
-
+        `InputError` if there is no such contact or edge set, or the obstacle of the contact is at rest while
+        displacements prescribed elsewhere move the body: the edge sets to name instead are listed.
         """
         contacts, supports = self._drives
         if not self._states:
@@ -290,8 +279,7 @@ def solve_history(
                 callback(number, result)
             if result.status not in CONTINUES:
                 break
-        statuses = () if store is None else tuple(results.statuses)
-        history = History(tuple(results) if store is None else results, len(steps), statuses)
+        history = History(tuple(results) if store is None else results, len(steps))
         log.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
@@ -358,18 +346,12 @@ def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float
     By x, y and rotation if it is a plate on edges that face several ways.
     """
     problem, scales, line = step.problem, step.discretization.scales, step.contacts[name]
-    index = next(i for i, rows in enumerate(step.discretization.contacts) if rows.name == name)
-    rows = step.discretization.contacts[index]
-    tangents, plate = rows.points.tangents, problem.contacts[index].plate
-    across = tangents[:, 0] * tangents[0, 1] - tangents[:, 1] * tangents[0, 0]
-    if plate is not None and np.abs(across).max() > _PARALLEL:
-        return dict(
-            zip(
-                DRIVES.values(),
-                zip(astuple(step.plates[name]), astuple(step.plate_force(name)), strict=True),
-                strict=True,
-            )
-        )
+    plates = [contact.plate for contact in problem.contacts]
+    rows, plate = next(p for p in zip(step.discretization.contacts, plates, strict=True) if p[0].name == name)
+    tangents = rows.points.tangents
+    if plate is not None and np.abs(cross(tangents, tangents[0])).max() > _PARALLEL:
+        motion, force = step.plates[name], step.plate_force(name)
+        return {"x": (motion.x, force.x), "y": (motion.y, force.y), "rotation": (motion.rotation, force.moment)}
     along = float(line.weights @ (rows.offset * scales.displacement) / line.weights.sum())
     if plate is not None:
         motion, (x, y) = step.plates[name], centre_of(problem, scales, rows)

@@ -14,12 +14,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import (
-    LOAD_POINTS,
-    EdgePoints,
-    physical,
-    scaled_stress_at_rest,
-)
+from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, RigidPlate
@@ -280,23 +275,9 @@ class ContactResult(PicklesFields):
         return self.discretization.values(self.solution.z)
 
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Stress at points of the body.
+        """Stress (..., 3) at points x, y of the body [length], broadcast against each other; `InputError` outside.
 
-        Parameters
-        ----------
-        x, y : array_like
-            Coordinates [length], broadcast against each other.
-
-        Returns
-        -------
-        (..., 3) array
-            σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of the adjacent cells.
-
-        Raises
-        ------
-        InputError
-            If a point lies outside the body.
-
+        σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of the adjacent cells.
         """
         remedy = "give real numbers, or arrays of them whose shapes go together"
         try:

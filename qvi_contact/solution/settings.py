@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
-from qvi_contact.errors import RETIRED, InputError, refuse_arguments
+from qvi_contact.errors import RETIRED, InputError
 from solvers.settings import Settings as Method
 
 LawOn: TypeAlias = Literal["edges", "points"]
@@ -48,7 +48,8 @@ class Settings(Method):
 
     def __post_init__(self) -> None:
         if isinstance(self.options, Mapping):
-            refuse_arguments({name: value for name, value in self.options.items() if name in RETIRED})
+            for name in RETIRED.keys() & self.options.keys():
+                raise InputError(name, self.options[name], RETIRED[name])
         super().__post_init__()
         if self.initial is not None:
             from qvi_contact.solution.result import ContactResult  # files and commands do without

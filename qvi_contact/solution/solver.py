@@ -196,10 +196,8 @@ def _judged(result: ContactResult) -> ContactResult:
         status, proof = Status.INFEASIBLE, f"proved by a mechanism of rigid blocks, on which {drive}"
     elif result.status is Status.INFEASIBLE:
         status = Status.INFEASIBLE_ON_MESH
-        proof = (
-            "no traction of this mesh carries the load, proved by multipliers (Farkas) checked on the data; there is"
-        )
-        proof += "is no such proof for the body"
+        proof = "no traction of this mesh carries the load, proved by multipliers (Farkas) checked on the data; "
+        proof += "there is no such proof for the body"
     else:
         return result
     count = result.iterations

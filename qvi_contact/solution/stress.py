@@ -115,25 +115,9 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
 
 
 def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Principal stresses and their direction.
+    """Principal stresses σ₁ ≥ σ₂ (...) of σ_xx, σ_yy, σ_xy (..., 3), in their unit, and the direction of σ₁ (...).
 
-    Parameters
-    ----------
-    stress : (..., 3) array
-        σ_xx, σ_yy, σ_xy.
-
-    Returns
-    -------
-    first, second : (...) arrays
-        σ₁ ≥ σ₂, in the unit of `stress`.
-    angle : (...) array
-        Angle from the x-axis to the direction of σ₁, counterclockwise [rad], in (−π/2, π/2].
-
-    Raises
-    ------
-    InputError
-        If the last axis does not have three numbers.
-
+    That is the angle from the x-axis, counterclockwise [rad], in (−π/2, π/2]. `InputError` for arrays of other shapes.
     """
     given, stress = stress, real_array("stress", stress)
     if stress.ndim < 1 or stress.shape[-1] != _COMPONENTS:

@@ -247,7 +247,7 @@ def solve_sweep(
     title = f"qvi_contact {__version__}: solve_sweep"
     settings = Settings.of(settings, changes)
     with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
-        task = SweepTask.of(problem, parameter, of, settings, warm_start=warm_start)
+        task = SweepTask.of(problem, parameter, of, settings, warm=warm_start)
         asked = real_array("values", values, "give a list of at least one number")
         if asked.ndim != 1 or not len(asked) or not np.isfinite(asked).all():
             raise InputError("values", values, "give a list of at least one finite number")
@@ -303,7 +303,7 @@ class SweepTask:
         names: Sequence[str] | None,
         settings: Settings,
         *,
-        warm_start: bool = True,
+        warm: bool,
     ) -> SweepTask:
         """The task of checked arguments of `solve_sweep`."""
         if not isinstance(problem, ContactProblem):
@@ -321,8 +321,7 @@ class SweepTask:
             raise InputError("of", names, f"give a list of names out of {', '.join(known)}")
         else:
             chosen = tuple(known_name("of", name, {"contacts that could open or slip": known}) for name in names)
-        warm = true_or_false("warm_start", warm_start) and settings.takes_state
-        return cls(problem, parameter, chosen, settings, warm)
+        return cls(problem, parameter, chosen, settings, true_or_false("warm_start", warm) and settings.takes_state)
 
     def changed(self, value: float) -> ContactProblem:
         """The problem with this value."""

@@ -10,8 +10,8 @@ from solvers import Status
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 T = STATE_TOLERANCE
-STRESS, DISPLACEMENT = 200.0, 1e-3
-"""Units of the points made by hand."""
+UNIT = 200.0
+"""Of the points made by hand."""
 
 
 @pytest.mark.parametrize(
@@ -47,18 +47,14 @@ STRESS, DISPLACEMENT = 200.0, 1e-3
     ],
 )
 def test_state_of_a_point(pressure, shear, bound, gap, slip, expected):
-    """Pressure, shear and bound in units of 200, gap and slip of 1e-3."""
-    stress, displacement = [np.array([v]) for v in (-pressure, shear, bound)], [np.array([v]) for v in (gap, slip)]
-    found = contact_states(
-        *(STRESS * value for value in stress), *(DISPLACEMENT * value for value in displacement), STRESS, DISPLACEMENT
-    )
-    assert found == [expected]
+    """All in units of 200."""
+    assert contact_states(*(UNIT * np.array([v]) for v in (-pressure, shear, bound, gap, slip)), UNIT) == [expected]
 
 
 def test_states_do_not_depend_on_the_neighbours_or_on_the_sign():
     values = np.array([[-1, 0.3, 0.3, 0, -0.2], [0, 0, 0, 0.5, 0], [-1, 0.1, 0.3, 0, 0], [-1, -0.3, 0.3, 0, 0.2]])
-    assert contact_states(*values.T, 1.0, 1.0).tolist() == [SLIP, OPEN, STICK, SLIP]
-    assert contact_states(*(values * [1, -1, 1, 1, -1]).T, 1.0, 1.0).tolist() == [SLIP, OPEN, STICK, SLIP]
+    assert contact_states(*values.T, 1.0).tolist() == [SLIP, OPEN, STICK, SLIP]
+    assert contact_states(*(values * [1, -1, 1, 1, -1]).T, 1.0).tolist() == [SLIP, OPEN, STICK, SLIP]
 
 
 MATERIAL = Material(1000.0, 0.3)
