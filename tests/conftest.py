@@ -29,10 +29,11 @@ def pytest_configure(config):
 
 def _force(name):
     from solvers import InputError
-    from solvers.factorisation import set_default
+    from solvers.factorisation import VARIABLE, resolve
 
+    os.environ[VARIABLE] = name
     try:
-        set_default(name)
+        resolve()
     except InputError as error:
         raise pytest.UsageError(str(error)) from error
 
@@ -97,7 +98,6 @@ def _forced_factorisation(request):
         return
     from solvers.factorisation import VARIABLE
 
-    _force(name)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(VARIABLE, name)
         yield

@@ -218,9 +218,7 @@ def _factorised(K: Sparse, backend: str) -> dict[str, Any]:
     began = time.perf_counter()
     factor = factorise(K, _NOTHING, backend, _THREADS)
     seconds = {"plain": time.perf_counter() - began, **factor.seconds}
-    found = {"status": "done", "message": "", "version": factor.version, "seconds": seconds}
-    factor.release()
-    return found
+    return {"status": "done", "message": "", "version": factor.version, "seconds": seconds}
 
 
 def solve_graded(case: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,22 +4,18 @@ plate       the paper's quarter plate with the paper's elements (`paper.plate`);
 ssnv128     Code_Aster's SSNV128 on triangles, with the law at Gauss points; opens, slips and sticks, hard from μ = 2 on
 block       a block on such triangles, under the pressure p = 1, dragged by uniform shear T = 0.1: carried where μ > 0.1
 contacts    no mesh: unknowns are the tractions of 8 points themselves, with an answer and a contraction known exactly
-half open   the same with every other point open, and cohesion, so that no bound is zero
-sliding     the same with nothing open, and cohesion; without friction the largest steps of Uzawa are known exactly
 three       no mesh: one point with three solutions at μ = 2 (open, stick, slip)
 
 **Contacts.** z = (p, t), σ_N = −p, σ_T = t, K = [[I, C], [C, I]], C = Q diag(c) Qᵀ with orthonormal cosine vectors Q
-and c = 0.8, 0.7, …, 0.1. For any pressures p* ≥ 0, gaps g* ≥ 0 and push q* > 0 the loads
+and c = 0.8, 0.7, …, 0.1. For any pressures p* > 0 and push q* > 0 the loads
 
-    f_N = p* + C t* − g*,    f_T = C p* + t* + q*,    t* = thr(p*)
+    f_N = p* + C t*,    f_T = C p* + t* + q*,    t* = μ p*
 
-make (p*, t*) a solution that slips everywhere, with m_N = g* and m_T = q*. Where nothing is open, p = f_N − μ C s, so
-that the plain loop multiplies errors by −μ C: its contraction is 0.8 μ, that damped by θ is
-max |1 − θ − θ μ c|, and it converges for μ < 1.25 only.
+make (p*, t*) a solution that slips everywhere, with m_T = q*. There p = f_N − μ C s, so that the plain loop multiplies
+errors by −μ C: its contraction is 0.8 μ, that damped by θ is max |1 − θ − θ μ c|, and it converges for μ < 1.25 only.
 """
 
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from statistics import median
@@ -29,7 +25,6 @@ import numpy as np
 from scipy.fft import dct
 from scipy.sparse import csc_array
 
-from comparisons.convergence.linearised import Linearised, linearised
 from qvi_contact import Contact, ContactProblem, Material, Traction, TriangleMesh, discretize, paper
 from qvi_contact.gallery import ssnv128
 from qvi_contact.problem.conditions import Condition
@@ -42,8 +37,7 @@ PLACE: Final = ["problem", "cells", "friction"]
 """What names a problem that is ready to be solved, see `body`."""
 
 NAMES: Final = {
-    "contacts": "8 contacts", "half open": "8 contacts, half open", "sliding": "8 contacts, sliding",
-    "block": "dragged block", "ssnv128": "SSNV128", "three": "1 contact",
+    "contacts": "8 contacts", "block": "dragged block", "ssnv128": "SSNV128", "three": "1 contact",
 }  # fmt: skip
 """Problem → what it is called in texts, if that is another word."""
 
@@ -53,14 +47,7 @@ POINTS: Final = 8
 COUPLINGS: Final = np.arange(POINTS, 0, -1) / 10.0
 """Eigenvalues c of the coupling of "contacts"."""
 
-COHESION: Final = 0.3
-"""Of "half open" and "sliding"."""
-
-SLIDING_LIMIT: Final = 2.0 * COHESION * (1.0 - 0.8**2)
-"""2 / λ_max(Ĉ_TT / θ) of "sliding" at μ = 0: Ĉ_TT = (I − C²)⁻¹ and θ is the cohesion."""
-
 _PUSH: Final = 0.1 + 0.05 * np.sin(1.0 + np.arange(POINTS) ** 2)  # has a share of every mode
-_GAP: Final = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +59,12 @@ class Body:
     qvi : the problem, dimensionless
     force : unit of resultants [stress × length]; 1 without a mesh
     displacement : unit of displacements [length]; 1 without a mesh
-    stress : unit of tractions [stress]; 1 without a mesh
 
     """
 
     qvi: FrictionQVI
     force: float = 1.0
     displacement: float = 1.0
-    stress: float = 1.0
 
 
 def dragged_block(
@@ -93,26 +78,19 @@ def dragged_block(
     return ContactProblem(TriangleMesh.rectangle(cells, 2.0, 1.0), Material(young, 0.3), conditions)
 
 
-def contacts(friction: float, half_open: bool = False, cohesion: float = 0.0) -> FrictionQVI:
-    """The problem without a mesh of this module, with the same cohesion at all points."""
-    number = np.arange(POINTS)
-    closed = (number % 2 == 0) | (not half_open)
+def contacts(friction: float) -> FrictionQVI:
+    """The problem without a mesh of this module."""
     Q = dct(np.eye(POINTS), norm="ortho", axis=0)
     C = (Q.T * COUPLINGS) @ Q
-    p = np.where(closed, 1.0 + 0.3 * np.cos(number), 0.0)
-    t = cohesion + friction * p
+    p = 1.0 + 0.3 * np.cos(np.arange(POINTS))
+    t = friction * p
     unit, zero = np.eye(2 * POINTS), np.zeros(POINTS)
     return FrictionQVI.from_arrays(
         K=csc_array(np.block([[np.eye(POINTS), C], [C, np.eye(POINTS)]])),
-        f=np.concatenate([p + C @ t - np.where(closed, 0.0, _GAP), C @ p + t + _PUSH]),
+        f=np.concatenate([p + C @ t, C @ p + t + _PUSH]),
         N=csc_array(-unit[:POINTS]), n0=zero, T=csc_array(unit[POINTS:]), t0=zero,
-        mu=np.full(POINTS, friction), W=np.ones(POINTS), cohesion=np.full(POINTS, cohesion),
+        mu=np.full(POINTS, friction), W=np.ones(POINTS),
     )  # fmt: skip
-
-
-def exact_contraction(friction: float, damping: float = 1.0) -> float:
-    """That of the loop damped by θ on "contacts"."""
-    return float(np.abs(1.0 - damping - damping * friction * COUPLINGS).max())
 
 
 STATES: Final = {"open": (0.0, 0.0), "stick": (17 / 9, -32.5 / 9), "slip": (5 / 3, -10 / 3)}
@@ -128,45 +106,25 @@ def three_solutions(friction: float) -> FrictionQVI:
     )  # fmt: skip
 
 
-_ALGEBRA: Final[Mapping[str, Callable[[float], FrictionQVI]]] = {
-    "contacts": contacts,
-    "half open": lambda friction: contacts(friction, half_open=True, cohesion=COHESION),
-    "sliding": lambda friction: contacts(friction, cohesion=COHESION),
-    "three": three_solutions,
-}
-
-_MECHANICS: Final[Mapping[str, Callable[[float, tuple[int, int]], ContactProblem]]] = {
-    "ssnv128": lambda friction, cells: ssnv128(cells, friction),
-    "block": lambda friction, cells: dragged_block(friction, (2 * cells[0], cells[1])),
-}
-
-
 def body(problem: str, cells: int, friction: float) -> Body:
     """Build a problem by its name; `cells` a side (height), 0 where there is no mesh."""
-    if problem in _ALGEBRA:
-        return Body(_ALGEBRA[problem](friction))
+    if problem in ("contacts", "three"):
+        return Body(contacts(friction) if problem == "contacts" else three_solutions(friction))
     if problem == "plate":
         plate = paper.plate(friction, (cells, cells))
-        return Body(plate.qvi, plate.stress_unit * plate.length_unit, plate.displacement, plate.stress_unit)
-    discretization = discretize(_MECHANICS[problem](friction, (cells, cells)), law_on="points")
+        return Body(plate.qvi, plate.stress_unit * plate.length_unit, plate.displacement)
+    block = ssnv128((cells, cells), friction) if problem == "ssnv128" else dragged_block(friction, (2 * cells, cells))
+    discretization = discretize(block, law_on="points")
     scales = discretization.scales
-    return Body(discretization.qvi, scales.stress * scales.length, scales.displacement, scales.stress)
+    return Body(discretization.qvi, scales.stress * scales.length, scales.displacement)
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A problem with its solution by the condensed method, and the loops linearised there; none if it fails."""
+    """A problem with its solution by the condensed method."""
 
     body: Body
     solution: QVISolution
-    linearised: Linearised | None
-
-    @property
-    def local(self) -> Linearised:
-        """The loops linearised, or an `ArithmeticError` that says why they are not."""
-        if self.linearised is None:
-            raise ArithmeticError(f"no reference: {self.solution.message}")
-        return self.linearised
 
     @property
     def resultant(self) -> float:
@@ -179,7 +137,9 @@ def reference(problem: str, cells: int, friction: float) -> Reference:
     """The reference of a problem; the last ones are kept, since many cases have the same."""
     found = body(problem, cells, friction)
     solution = solve_qvi(found.qvi, method="condensed", tolerance=1e-9)
-    return Reference(found, solution, linearised(solution) if solution.solved else None)
+    if not solution.solved:
+        raise ArithmeticError(f"no reference: {solution.message}")
+    return Reference(found, solution)
 
 
 # Solves of the studies of loops: how long they take, what rows keep of how they ended, and frames of these rows.
@@ -204,17 +164,13 @@ def timed(place: tuple[str, int, float], **options: Any) -> tuple[QVISolution, l
 
 
 def ending(solution: QVISolution) -> dict[str, Any]:
-    """Status, message, iterations and certificate, see `plain_certificate`."""
+    """Status, message, iterations; whether the certificate passed, at what tolerance, and its worst measure."""
     return {
         "status": solution.status.value, "message": solution.message, "iterations": solution.iterations,
-        "certificate": plain_certificate(solution),
+        "certificate": {
+            name: getattr(solution.certificate, name) for name in ("passed", "tolerance", "accuracy", "worst")
+        },
     }  # fmt: skip
-
-
-def plain_certificate(solution: QVISolution) -> dict[str, Any]:
-    """Whether it passed at the tolerance asked for, the accuracy it confirms, and the measure that decides it."""
-    found = solution.certificate
-    return {"passed": found.passed, "tolerance": found.tolerance, "accuracy": found.accuracy, "worst": found.worst}
 
 
 def in_words(runs: "DataFrame") -> "DataFrame":

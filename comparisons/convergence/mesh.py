@@ -1,20 +1,6 @@
 """How answers converge with the mesh: bodies, where their stresses are singular, what is known of them; and the report.
 
-All bodies are rectangles. On equal cells errors are ruled by the singularity where a contact ends in a corner. In a
-wedge 0 ≤ θ ≤ π/2 whose face θ = π/2 is free, Φ = r^(λ+1) F(θ) with
-
-    F = a cos(λ+1)θ + b sin(λ+1)θ + c cos(λ−1)θ + d sin(λ−1)θ
-
-gives σ_θθ = λ(λ+1) r^(λ−1) F, σ_rθ = −λ r^(λ−1) F′, and with κ = (3 − ν)/(1 + ν) in plane stress and 3 − 4ν in plane
-strain
-
-    2G u_r = r^λ (−(λ+1) F + (κ+1)(c cos(λ−1)θ + d sin(λ−1)θ)),
-    2G u_θ = r^λ (−F′ + (κ+1)(c sin(λ−1)θ − d cos(λ−1)θ)).
-
-On the face θ = 0 a flat rigid body either holds the wedge (u_r = u_θ = 0) or lets it slip towards the corner, u_θ = 0
-and σ_rθ = μ σ_θθ. λ is the smallest exponent in (½, 1] for which a, b, c, d are not all zero, see `CORNER`; stresses
-behave like r^(λ−1). Source: M. L. Williams, J. Appl. Mech. 19 (1952); J. R. Barber, Elasticity, chapter 11, for the
-displacements.
+All bodies are rectangles. On equal cells errors are ruled by the singularity where a contact ends in a corner.
 """
 
 import time
@@ -59,9 +45,6 @@ _PUSH: Final = 1e-3  # of the punch [mm]
 _RADIUS: Final = 800.0  # of the punch [mm]
 _STICKING: Final = 0.25  # from here on the plate sticks everywhere
 
-CORNER: Final = {None: 0.7583491578824921, 0.05: 0.9403788391502874, 0.1: 0.88702715978581, 0.2: 0.7927153653759373}
-"""μ, or None where the wedge is held → λ in plane stress with ν = 0.3, by the determinant of the conditions above."""
-
 
 @dataclass(frozen=True)
 class Problem:
@@ -78,8 +61,6 @@ class Problem:
     stated : the problem on any mesh
     known : the force and its uncertainty, where it is known from elsewhere
     source : where from
-    order : of the force on equal cells of the paper's element, by the strongest singularity; None where it is not known
-    sticks : whether the contact sticks everywhere: triangles of any degree have this order too then
 
     """
 
@@ -93,8 +74,6 @@ class Problem:
     stated: Callable[[], ContactProblem]
     known: tuple[float, float] | None = None
     source: str = ""
-    order: float | None = None
-    sticks: bool = False
 
     def equal(self, times: int) -> ContactProblem:
         """The problem on equal cells, so many times as many each way as on the coarsest mesh."""
@@ -132,20 +111,12 @@ def _block() -> ContactProblem:
 
 
 def _plate(friction: float) -> Problem:
-    """The plate, with the order of the paper's element on equal cells, from the exponent λ of its free corner.
-
-    Where the contact sticks, the squared error of the stresses, and with it energy and force, fall like h^2λ. Where it
-    slips, Φ_xy of the corner node is zero and |σ_T| = μ|σ_N| beside it: the last edge misses friction ~ h^(λ−1) h in
-    the work on a slip that is not zero there, which makes h^λ.
-    """
     sticks = friction >= _STICKING
-    power = CORNER[None if sticks else friction]
     ends = [(1.0, 1.0), *([] if sticks else [(TRANSITIONS[friction], 1.0)])]
     title = f"The plate, μ = {friction:g}{' (sticks everywhere)' if sticks else ''}"
     return Problem(
         f"plate {friction:g}", title, "plate", "normal_force", (1.0, 1.0), (2, 2), ends,
         lambda: compressed_plate(friction), LIMITS[friction], LIMITS_SOURCE,
-        2.0 * power if sticks else power, sticks,
     )  # fmt: skip
 
 
@@ -327,7 +298,7 @@ def meshes_of(rows: Sequence[Row]) -> DataFrame:
     """One line a mesh, in the order of the rows.
 
     The columns are those of the case and of the record, see `run`, and solved, error (relative, of the force),
-    least (what the reference's uncertainty and the solves leave), meant, whether the error is above that.
+    least (what the reference's uncertainty and the solves leave).
     """
     lines = [
         {**{name: row.case[name] for name in _CASE}, **record}
@@ -341,7 +312,7 @@ def meshes_of(rows: Sequence[Row]) -> DataFrame:
     value, uncertainty = meshes.problem.map(known.value), meshes.problem.map(known.uncertainty)
     error = (meshes.force / value - 1.0).abs()
     least = (uncertainty / value).clip(lower=FLOOR)
-    return meshes.assign(error=error, least=least, meant=error > least)
+    return meshes.assign(error=error, least=least)
 
 
 def references_of(meshes: DataFrame) -> DataFrame:
@@ -378,16 +349,6 @@ def cost(points: DataFrame, target: float) -> float:
     return found
 
 
-def fitted_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
-    """Slope of log e over log h by least squares over the last three meshes whose error is not NaN.
-
-    NaN with fewer: two meshes make a straight line of anything.
-    """
-    pairs = np.array([sizes, errors], dtype=float)
-    h, e = np.log(pairs[:, ~np.isnan(pairs[1])][:, -3:])
-    return float(np.polynomial.polynomial.polyfit(h - h.mean(), e, 1)[1]) if len(h) == 3 else float("nan")
-
-
 def _curves(meshes: DataFrame) -> dict[tuple[str, str, int], DataFrame]:
     """Solved meshes with an error by problem, sequence and degree."""
     shown = meshes[meshes.solved & meshes.error.notna()]
@@ -415,17 +376,6 @@ def costs_of(meshes: DataFrame) -> DataFrame:
     return DataFrame(lines, columns=[*named, *degrees]).astype(dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), float))
 
 
-def orders_of(meshes: DataFrame) -> DataFrame:
-    """One line a problem and kind of equal cells: the observed order of the force, and the expected one."""
-    lines = [
-        {"problem": problem, "sequence": sequence, "degree": degree,
-         "expected": PROBLEMS[problem].order if sequence == PAPER or PROBLEMS[problem].sticks else None,
-         "fitted": fitted_order(curve.h, curve.error.where(curve.meant))}
-        for (problem, sequence, degree), curve in _curves(meshes).items() if sequence in (EQUAL, PAPER)
-    ]  # fmt: skip
-    return DataFrame(lines, columns=["problem", "sequence", "degree", "fitted", "expected"]).astype({"expected": float})
-
-
 def brackets_of(meshes: DataFrame) -> DataFrame:
     """One line a problem: brackets of the energy, how many are guaranteed, the closest gap, and bounds of the force.
 
@@ -447,12 +397,10 @@ def brackets_of(meshes: DataFrame) -> DataFrame:
 
 def values_of(meshes: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    costs, orders, brackets = costs_of(meshes), orders_of(meshes), brackets_of(meshes)
+    costs, brackets = costs_of(meshes), brackets_of(meshes)
     chosen = costs[costs.target == TARGET]
     plates = chosen[chosen[PAPER].notna()]
     missed = plates[plates[PAPER] == np.inf]
-    known = orders[orders.expected.notna() & orders.fitted.notna()]
-    usual = known[(known.sequence == EQUAL)]
     by_degree = {name: chosen[name].replace(np.inf, np.nan) for name in chosen if name.startswith("degree ")}
     reached = {name: int(found.notna().sum()) for name, found in by_degree.items()}
     return {
@@ -461,13 +409,10 @@ def values_of(meshes: DataFrame) -> dict[str, Any]:
         "plate_graded": span(plates[GRADED]), "equal_missed": int((chosen[EQUAL] == np.inf).sum()),
         "graded": span(chosen[GRADED]), "graded_missed": int((chosen[GRADED] == np.inf).sum()),
         "adaptive": span(chosen[ADAPTIVE]), "adaptive_missed": int((chosen[ADAPTIVE] == np.inf).sum()),
-        "orders": span(usual.fitted), "expected": span(usual.expected), "usual": _USUAL,
-        "paper_orders": span(known.fitted[known.sequence == PAPER]),
-        "paper_expected": span(known.expected[known.sequence == PAPER]),
-        "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()), "tolerance": TOLERANCE,
+        "usual": _USUAL, "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()),
         "brackets": int(brackets.number.sum()), "guaranteed": int(brackets.guaranteed.sum()),
         "bounded": int(brackets.bounded.sum()), "inside": int(brackets.inside.sum()),
-        "closest": brackets.gap[brackets.gap > _ROUNDING].min(), "sequences": SEQUENCES,
+        "closest": brackets.gap[brackets.gap > _ROUNDING].min(), "sequences": SEQUENCES, "tolerance": TOLERANCE,
     }  # fmt: skip
 
 
@@ -484,7 +429,7 @@ _NINE: Final = _known(partial(significant, digits=10))
 FORMS: Final[dict[str, Form]] = {
     "target": partial(scientific, digits=1), **dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), _known(_cost)),
     **dict.fromkeys((f"degree {degree}" for degree in range(3, 13)), _known(_cost)),
-    **dict.fromkeys(("fitted", "expected"), _known("{:.2f}".format)), "degree": _known(fixed(".0f")),
+    "degree": _known(fixed(".0f")),
     **dict.fromkeys(("unknowns", "cells"), fixed(".0f")), "seconds": seconds, "error": _known(scientific),
     **dict.fromkeys(("force", "lower", "upper", "value"), _NINE), "gap": scientific, "uncertainty": scientific,
 }  # fmt: skip
@@ -530,7 +475,7 @@ def report(rows: Sequence[Row]) -> Report:
     meshes = meshes_of(rows)
     costs = costs_of(meshes)
     tables = {
-        "costs": costs, "degrees": costs, "orders": orders_of(meshes), "brackets": brackets_of(meshes),
+        "costs": costs, "degrees": costs, "brackets": brackets_of(meshes),
         "references": references_of(meshes), "failures": meshes[~meshes.solved], "meshes": meshes,
     }  # fmt: skip
     figures = {"errors": drawn("errors", partial(_picture, meshes))}

@@ -1,24 +1,14 @@
-"""How loops over the friction bound converge: problems × meshes × μ × loops, residuals, theory; and the report."""
+"""How loops over the friction bound converge: problems × meshes × μ × loops, their residuals; and the report."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from pandas import DataFrame, Series
 
-from comparisons.convergence.bodies import (
-    PLACE,
-    STATES,
-    Reference,
-    ending,
-    exact_contraction,
-    in_words,
-    reference,
-    timed,
-)
-from comparisons.convergence.linearised import rate_of
+from comparisons.convergence.bodies import PLACE, STATES, body, ending, in_words, timed
 from comparisons.lab.drawing import drawn, failing_band, legend_below, panelled, plain_ticks
 from comparisons.lab.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
 from comparisons.lab.reports import Form, Report, render
@@ -28,7 +18,6 @@ from qvi_contact.plots.style import PURPLE
 from solvers.certificate import uniqueness_bound
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 INNER: Final = "direct:clarabel"
@@ -103,13 +92,15 @@ QUICK: Final[Meshes] = {
     ("three", 0): (2.0,),
 }
 
+_ROUNDING: Final = 1e-12  # residuals below this are
+
 STARTS: Final = (0.0, 1.7, 10.0)
 """Pressures that loops start from where there are several solutions."""
 
 
 def study(quick: bool) -> Study:
     """The study, or a few coarse meshes of it."""
-    return Study("convergence-outer", 2, "comparisons.convergence.outer:run", [*cases(QUICK if quick else FULL)])
+    return Study("convergence-outer", 3, "comparisons.convergence.outer:run", [*cases(QUICK if quick else FULL)])
 
 
 def cases(meshes: Meshes, loops: Sequence[str] = tuple(LOOPS)) -> Iterator[dict[str, Any]]:
@@ -131,57 +122,55 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
         status, message, iterations : how it ended
         seconds : wall times of repeated solves, factorisation included
         residuals : of every outer iteration (of the interior point method where there is no loop)
-        course, factor, low, high : see `rates.Rate`
-        linearised : contraction by `linearised` at the solution of the condensed method; None without one
-        exact : that known in closed form, None where none is
-        sharper, kappa : 1/γ and κ^(−1/2) of `solvers.certificate`, None where they were not computed
-        normal, tangential : resultants of σ_N and σ_T, in the unit of the problem's data × length
-        slipping, open, points : numbers of contact points, slipping and open ones of the reference
-        certificate : see `plain_certificate`
+        sharper : of the plain loop, 1/γ of `solvers.certificate`, None where it was not computed
+        normal : resultant of σ_N, in the unit of the problem's data × length
+        certificate : see `bodies.ending`
 
     """
-    loop, place = LOOPS[case["loop"]], (case["problem"], case["cells"], case["friction"])
+    loop, place = case["loop"], (case["problem"], case["cells"], case["friction"])
     start = {} if case["start"] is None else {"initial": np.full(1, case["start"])}
-    known = reference(*place)
-    solution, seconds = timed(place, **loop.options(), **start)
-    residuals = [entry.residual for entry in solution.history]
-    rate = rate_of(residuals, TOLERANCE)
-    qvi, unit = solution.problem, known.body.force
+    solution, seconds = timed(place, **LOOPS[loop].options(), **start)
+    qvi = solution.problem
     return {
-        **ending(solution), "seconds": seconds, "residuals": residuals,
-        "course": rate.course, "factor": rate.factor, "low": rate.low, "high": rate.high,
-        **_theory(case, loop, known),
-        "normal": unit * qvi.resultant(solution.z), "tangential": unit * float(qvi.W @ qvi.tangential(solution.z)),
+        **ending(solution), "seconds": seconds, "residuals": [entry.residual for entry in solution.history],
+        **({"sharper": uniqueness_bound(qvi).sharper} if loop == PLAIN else {}),
+        "normal": body(*place).force * qvi.resultant(solution.z),
     }  # fmt: skip
 
 
-def _theory(case: Mapping[str, Any], loop: Loop, known: Reference) -> dict[str, Any]:
-    step = loop.damping if loop.variant in ("plain", "damped") else None
-    local, bound = known.linearised, uniqueness_bound(known.body.qvi)
-    exact = case["problem"] == "contacts" and step is not None
-    return {
-        "linearised": None if local is None or step is None else local.outer_contraction(step),
-        "exact": exact_contraction(case["friction"], step) if exact and step is not None else None,
-        "sharper": bound.sharper, "kappa": bound.bound,
-        "slipping": None if local is None else int(local.slipping.sum()),
-        "open": None if local is None else int(local.open.sum()),
-        "points": known.body.qvi.m,
-    }  # fmt: skip
+def contraction(residuals: Sequence[float], target: float = 0.0) -> float | None:
+    """The factor by which the residuals (k,) ≥ 0 of a loop shrink in an iteration; None if they do not.
+
+    The last ones above rounding, half of them and 40 at most, are fitted by log r_k = a + b k, b the slope of Theil and
+    Sen (the median over all pairs, so that single lucky or spoilt iterations do not count). They shrink if the last is
+    at the target, or the upper end of the slope's interval of 95 % makes less than half of them in the fitted piece.
+    After an iteration without a residual (its inner problem failed, say) the loop begins anew. Source: P. K. Sen, J.
+    Amer. Statist. Assoc. 63 (1968).
+    """
+    from scipy.stats import theilslopes  # as long to load as all else of a worker
+
+    values = np.asarray(residuals, dtype=float)
+    missing = np.flatnonzero(~np.isfinite(values))
+    values = values[missing[-1] + 1 :] if len(missing) else values
+    above = np.flatnonzero(values > _ROUNDING)
+    number = above[-min(max((len(above) + 1) // 2, min(len(above), 8)), 40) :]
+    if len(number) < 4:
+        return None
+    slope, _, _, high = theilslopes(np.log(values[number]), number, 0.95)
+    shrinks = values[-1] <= max(target, _ROUNDING) or high * (number[-1] - number[0]) < -np.log(2.0)
+    return float(np.exp(slope)) if shrinks else None
 
 
 SOLUTIONS: Final = {state: STATES[state][0] for state in ("open", "slip", "stick")}
 """The three solutions of the problem that has them: state → pressure r_N."""
 
-_NUMBERS: Final = (
-    "start", "iterations", "factor", "low", "high", "linearised", "exact", "sharper", "kappa", "normal", "slipping",
-    "open", "points",
-)  # fmt: skip
+_NUMBERS: Final = ("start", "iterations", "sharper", "normal")
 """Columns that are numbers, NaN where a run has none; see `run`."""
 
 FORMS: Final[Mapping[str, Form]] = {
     "friction": fixed("g"), "steps": count, "seconds": seconds, "accuracy": scientific,
-    **dict.fromkeys(("rate", "ratio", "linearised", "exact", "bound", "root"), significant),
-    **dict.fromkeys(("quicker", "typical", "slowest", "smallest", "largest", "spread"), partial(significant, digits=2)),
+    **dict.fromkeys(("rate", "ratio"), significant),
+    **dict.fromkeys(("quicker", "typical", "slowest"), partial(significant, digits=2)),
 }  # fmt: skip
 """Column of a table → how its numbers read."""
 
@@ -190,15 +179,15 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by problem, mesh, μ and loop.
 
     The columns are those of `frame_of` and `in_words`, and solved, falling (stopped while its residuals fell), steps
-    (iterations if solved), rate (contraction if the loop converges), ratio (time over that of the condensed method
-    where both solve the problem), bound μγ and root μ√κ.
+    (iterations if solved), rate (the `contraction`), ratio (time over that of the condensed method where both solve the
+    problem), and of the plain loop the bound μγ.
     """
-    runs = in_words(frame_of(rows, _NUMBERS, ("seconds", "residuals", "course")))
+    runs = in_words(frame_of(rows, _NUMBERS, ("seconds", "residuals")))
     runs["solved"] = runs.status == "solved"
     runs["steps"] = runs.iterations.where(runs.solved)
-    runs["rate"] = runs.factor.where(runs.course == "converges")
-    runs["falling"] = ~runs.solved & (runs.course == "converges")
-    runs["bound"], runs["root"] = runs.friction / runs.sharper, runs.friction / runs.kappa
+    runs["rate"] = [contraction(each, TOLERANCE) if isinstance(each, list) else None for each in runs.residuals]
+    runs["rate"] = runs.rate.astype(float)
+    runs["falling"], runs["bound"] = ~runs.solved & runs.rate.notna(), runs.friction / runs.sharper
     direct = runs[(runs.loop == CONDENSED) & runs.solved & (runs.problem != "three")].set_index(PLACE).seconds
     runs["ratio"] = (runs.seconds / runs[PLACE].apply(tuple, axis=1).map(direct.to_dict())).where(runs.solved)
     runs["order"] = runs.problem.map({name: place for place, name in enumerate(runs.problem.unique())})
@@ -231,12 +220,7 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
     direct, others = found[found.loop == CONDENSED], found[found.loop != CONDENSED]
     stopped, ratios = others[others.status == "max_iterations"].iterations, others[others.cells > 0].ratio.dropna()
     plain = found[found.loop == PLAIN]
-    bounded, rated = plain[plain.bound.notna()], plain[plain.rate.notna()]
-    sure, beyond = bounded[bounded.bound < 1.0], bounded[bounded.bound >= 1.0]
-    exact, meshes = (rated.rate / rated.exact - 1.0).abs().dropna(), rated[rated.solved & (rated.cells > 0)]
-    off = (meshes.rate / meshes.linearised - 1.0).abs().dropna()
-    above, below = found[found.linearised >= 1.0], found[found.linearised < 1.0]
-    stuck = below[~below.solved & ~below.falling]
+    sure, beyond = plain[plain.bound < 1.0], plain[plain.bound >= 1.0]
     ends = [solution_found(run) for run in several.itertuples()]
     started, counts = several.assign(end=ends)[several.start.notna()], Counter(ends)
     known = [set(each.end) & set(SOLUTIONS) for _, each in started.groupby("loop")]
@@ -247,12 +231,7 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         "high": found.friction.max(), "worst": largest_of(ratios, runs),
         # the plain loop below and beyond the bound of uniqueness
         "sure": len(sure), "sure_solved": int(sure.solved.sum()), "beyond": len(beyond),
-        "beyond_solved": int(beyond.solved.sum()), "farthest": bounded[bounded.solved].bound.max(),
-        # how well theory foresees the contraction, and whether a linearised one below 1 is enough, one above too much
-        "exact": exact.max(), "exact_runs": len(exact), "typical": off.median(), "mesh_runs": len(off),
-        "off": off.max(), "far": largest_of(off, meshes), "above": len(above), "lucky": int(above.solved.sum()),
-        "below": len(below), "stuck": len(stuck), "still": int(below.falling.sum()),
-        "stuck_at": listing(list(dict.fromkeys(f"{run.body} at μ = {run.friction:g}" for run in stuck.itertuples()))),
+        "beyond_solved": int(beyond.solved.sum()), "farthest": plain[plain.solved].bound.max(),
         # which of the three solutions is found, and by how many loops in different ones from different starts
         "starts": {name: counts[name] for name in dict.fromkeys([*SOLUTIONS, *counts])}, "started": len(known),
         "different": sum(len(each) > 1 for each in known), "several": len(several),
@@ -272,15 +251,8 @@ def solution_found(run: Any) -> str:
 def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     found = single(runs)
-    plain = found[found.loop == PLAIN]
-    many = plain[plain.groupby(["problem", "friction"]).cells.transform("size") > 1].groupby(["problem", "friction"])
-    spread = many.rate.agg(smallest="min", largest="max").assign(
-        name=many.name.first(), share=many.rate.agg(lambda rates: _share(rates.notna()))
-    )
-    states = [" / ".join(map(count, (run.slipping, run.open, run.points))) for run in plain.itertuples()]
     return {
-        "loops": _loops(found), "limits": _limits(found), "contraction": plain.assign(states=states), "runs": found,
-        "spread": spread.assign(spread=spread.largest / spread.smallest).reset_index(),
+        "loops": _loops(found), "limits": _limits(found), "runs": found,
         "solutions": _solutions(runs[runs.problem == "three"]),
     }  # fmt: skip
 
@@ -304,11 +276,11 @@ def _loops(found: DataFrame) -> DataFrame:
 def _limits(found: DataFrame) -> DataFrame:
     """Which frictions the plain loop solves on the main mesh of each problem."""
     lines = []
-    for body in main_bodies(found):
-        runs = found[(found.body == body) & (found.loop == PLAIN)]
+    for name in main_bodies(found):
+        runs = found[(found.body == name) & (found.loop == PLAIN)]
         failed, falling = runs[~runs.solved & ~runs.falling], runs[runs.falling]
         lines.append({
-            "body": body, "share": _share(runs.solved), "farthest": significant(runs[runs.solved].friction.max()),
+            "body": name, "share": _share(runs.solved), "farthest": significant(runs[runs.solved].friction.max()),
             "fails": listing([f"{run.friction:g} ({run.status})" for run in failed.itertuples()]),
             "falling": listing([f"{run.friction:g} ({significant(run.rate)})" for run in falling.itertuples()]),
         })  # fmt: skip
@@ -333,68 +305,38 @@ def _solutions(several: DataFrame) -> DataFrame:
 _RATES: Final = (1e-2, 10.0, 60.0)
 """Lowest rate drawn, beginning of the band of what fails, top."""
 
-_COUNTS: Final = (0.8, 300.0, 1000.0)
 
-
-def _picture(runs: DataFrame, panel: "Callable[[Axes, str, DataFrame], None]") -> "Canvas":
-    """A panel for the main mesh of each problem, and one legend for all."""
+def _picture(runs: DataFrame) -> "Canvas":
+    """A panel for the main mesh of each problem, and one legend for all; crosses for runs that fail."""
     found, names = single(runs), main_bodies(runs)
     canvas, panels = panelled(len(names), 8.0, 2.6, 0.9)
+    bottom, band, top = _RATES
     for axes, name in zip(panels, names, strict=True):
-        panel(axes, name, found[found.body == name])
+        axes.set(yscale="log", ylim=(bottom, top), xlabel="friction μ [-]", ylabel="contraction [-]")
+        plain_ticks(axes.yaxis)
+        failing_band(axes, band, top)
+        axes.set_title(name, fontsize=9)
+        axes.axhline(1.0, color="black", linewidth=0.8)
+        here = found[(found.body == name) & (found.loop != CONDENSED)]
+        known = here[(here.loop == PLAIN) & (here.bound > bottom) & (here.bound < band)]
+        if len(known):
+            axes.plot(
+                known.friction, known.bound, color="black", linestyle=":", linewidth=0.9, label="bound μγ of plain"
+            )
+        for place, (loop, several) in enumerate(by_loop(here), start=1):
+            look, rated = LOOPS[loop], several[several.rate > bottom]
+            axes.plot(rated.friction, rated.rate, color=look.colour, linestyle=look.line, marker=look.marker,
+                      markersize=5, linewidth=1.1, label=loop)  # fmt: skip
+            height = band * (top / band) ** (place / (len(LOOPS) + 1))  # each loop at its own
+            failed = several[~several.solved].friction
+            axes.plot(failed, [height] * len(failed), "x", color=look.colour, markersize=6, markeredgewidth=1.5)
     legend_below(canvas)
     return canvas
-
-
-def _rate_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
-    _frame(axes, title, "contraction [-]", _RATES)
-    axes.axhline(1.0, color="black", linewidth=0.8)
-    plain = runs[runs.loop == PLAIN]
-    for name, style, label in (("linearised", "-", "plain, linearised"), ("bound", ":", "bound μγ of plain")):
-        known = plain[(plain[name] > _RATES[0]) & (plain[name] < _RATES[1])]
-        if len(known):
-            axes.plot(known.friction, known[name], color="black", linestyle=style, linewidth=0.9, label=label)
-    for loop, found in by_loop(runs[runs.loop != CONDENSED]):
-        rated = found[found.rate > _RATES[0]]
-        _marks(axes, loop, rated.friction, rated.rate)
-        _failures(axes, loop, found, _RATES)
-
-
-def _iterations_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
-    _frame(axes, title, "iterations to 1e-8 [-]", _COUNTS)
-    for loop, found in by_loop(runs):
-        known = found[found.steps.notna()]
-        _marks(axes, loop, known.friction, known.steps)
-        _failures(axes, loop, found, _COUNTS)
-
-
-def _frame(axes: "Axes", title: str, label: str, limits: tuple[float, float, float]) -> None:
-    bottom, band, top = limits
-    axes.set(yscale="log", ylim=(bottom, top), xlabel="friction μ [-]", ylabel=label)
-    plain_ticks(axes.yaxis)
-    failing_band(axes, band, top)
-    axes.set_title(title, fontsize=9)
-
-
-def _marks(axes: "Axes", loop: str, x: Series, y: Series) -> None:
-    look = LOOPS[loop]
-    axes.plot(x, y, color=look.colour, linestyle=look.line, marker=look.marker, markersize=5, linewidth=1.1,
-              label=loop)  # fmt: skip
-
-
-def _failures(axes: "Axes", loop: str, runs: DataFrame, limits: tuple[float, float, float]) -> None:
-    """Crosses in the band for runs that fail, each loop at its own height."""
-    _, band, top = limits
-    share = (1 + list(LOOPS).index(loop)) / (len(LOOPS) + 1)
-    frictions = runs[~runs.solved].friction
-    axes.plot(frictions, [band * (top / band) ** share] * len(frictions), "x", color=LOOPS[loop].colour, markersize=6,
-              markeredgewidth=1.5)  # fmt: skip
 
 
 def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same report."""
     runs = runs_of(rows)
-    panels = {"rates": _rate_panel, "iterations": _iterations_panel}
-    figures = {name: drawn(f"outer-{name}", partial(_picture, runs, panel)) for name, panel in panels.items()}
+    figures = {"rates": drawn("outer-rates", partial(_picture, runs))}
     return render("comparisons.convergence", "convergence-outer", values_of(runs), tables_of(runs), figures, rows,
                   forms=FORMS, template="outer.md")  # fmt: skip

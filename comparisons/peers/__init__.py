@@ -12,14 +12,8 @@ __getattr__ = front(
     __name__,
     {
         "meshes": ("FAMILIES", "TRANSITIONS", "plain_mesh", "ratio"),
-        "pin": ("OWN", "pin_report", "pin_study", "plain_pin", "run_pin"),
-        "report": (
-            "FORMS", "RESOLUTION", "TARGETS", "compared_of", "contradictory", "costs_of", "figures_of",
-            "intervals_of", "known_of", "reference", "runs_of", "tables_of", "values_of",
-        ),
-        "study": (
-            "BRACKET", "CODES", "GETFEM", "MODELS", "ProcessError", "TRIANGLES", "answer_of", "missing_codes",
-            "peers_study", "plate", "run",
-        ),
+        "pin": ("OWN", "pin_study", "plain_pin", "run_pin"),
+        "report": ("compared_of", "costs_of", "runs_of"),
+        "study": ("BRACKET", "CODES", "GETFEM", "MODELS", "ProcessError", "TRIANGLES", "missing_codes", "plate", "run"),
     },
-)  # fmt: skip
+)

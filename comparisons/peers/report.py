@@ -1,4 +1,4 @@
-"""The report of the plate: its runs as one frame, what an error costs each code, guaranteed intervals, pictures."""
+"""The report of the plate: its runs as one frame, what an error costs each code, guaranteed intervals, a picture."""
 
 import math
 import statistics
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from pandas import DataFrame, concat, factorize, to_numeric
 
-from comparisons.lab.drawing import drawn, grid, legend_below
+from comparisons.lab.drawing import drawn, grid, legend_below, panelled, plain_ticks
 from comparisons.lab.numbers import (
     NOTHING,
     count,
@@ -23,15 +23,12 @@ from comparisons.lab.numbers import (
 )  # fmt: skip
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import DONE, Row
-from comparisons.peers.codes.own import COULOMB
 from comparisons.peers.meshes import FAMILIES, ratio
 from comparisons.peers.study import BRACKET, CODES, MODELS, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
 from qvi_contact.plots import BLUE, GREEN, GREY, VERMILLION
-from qvi_contact.plots.style import new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 INVERTED: Final = "inverted"
@@ -198,38 +195,24 @@ def costs_of(runs: DataFrame) -> DataFrame:
     """What each code needs for an error: a line for each μ, target and code that reaches it.
 
     A target is reached by runs whose lasting error is within it, and the uncertainty of the reference counts against
-    them. The columns are friction, target, code, quickest (run), seconds, smallest (run with the fewest unknowns),
-    unknowns, sure (the quickest is confirmed) and sure_smallest; time_ratio and unknowns_ratio are over triangles. Runs
-    that a finer mesh confirms come before all others.
+    them. The columns are friction, target, code, run (the quickest), seconds, unknowns, sure (whether a finer mesh
+    confirms it: such runs come before all others), and time_ratio, over triangles.
     """
     key = ["friction", "target", "code"]
     reach = runs.lasting + runs.floor
     found = concat([runs[reach <= target].assign(target=target) for target in TARGETS])
     quick = found.sort_values(["confirmed", "seconds"], ascending=[False, True]).drop_duplicates(key)
-    small = found.sort_values(["confirmed", "unknowns", "seconds"], ascending=[False, True, True]).drop_duplicates(key)
     quick = quick.sort_values(["first", "target", "rank"], ascending=[True, False, True])
-    quick = quick.rename(columns={"run": "quickest", "confirmed": "sure"})[[*key, "quickest", "seconds", "sure"]]
-    small = small.rename(columns={"run": "smallest", "confirmed": "sure_smallest"})
-    costs = quick.merge(small[[*key, "smallest", "unknowns", "sure_smallest"]], on=key)
-    own = costs[costs.code == TRIANGLES][["friction", "target", "seconds", "unknowns"]]
-    costs = costs.merge(own, on=["friction", "target"], how="left", suffixes=("", "_own"))
-    return costs.assign(
-        time_ratio=costs.seconds / costs.seconds_own, unknowns_ratio=costs.unknowns / costs.unknowns_own
-    )
+    costs = quick.rename(columns={"confirmed": "sure"})[[*key, "run", "seconds", "unknowns", "sure"]]
+    own = costs[costs.code == TRIANGLES][[*key[:2], "seconds", "unknowns"]]
+    costs = costs.merge(own, on=key[:2], how="left", suffixes=("", "_own"))
+    return costs.assign(time_ratio=costs.seconds / costs.seconds_own)
 
 
 def compared_of(costs: DataFrame) -> DataFrame:
-    """Triangles beside the best of the other codes: a line for each μ and target that both reach.
-
-    The quickest other code (code, seconds) and the one with the fewest unknowns (smallest_code, unknowns) may be two.
-    """
-    key = ["friction", "target"]
+    """Triangles beside the quickest of the other codes: a line for each μ and target that both reach."""
     others = costs[costs.code.isin(OTHERS) & costs.seconds_own.notna()]
-    small = others.sort_values("unknowns", kind="stable").drop_duplicates(key).rename(columns={"code": "smallest_code"})
-    quick = others.sort_values("seconds", kind="stable").drop_duplicates(key).sort_index()
-    return quick[[*key, "seconds_own", "seconds", "code", "time_ratio"]].merge(
-        small[[*key, "unknowns_own", "unknowns", "smallest_code", "unknowns_ratio"]], on=key
-    )
+    return others.sort_values("seconds", kind="stable").drop_duplicates(["friction", "target"]).sort_index()
 
 
 def least_of(runs: DataFrame) -> DataFrame:
@@ -241,11 +224,6 @@ def least_of(runs: DataFrame) -> DataFrame:
 def _at_most(error: float, floor: float) -> float:
     """What an error is at most, as far as is known: one that is not resolved has the uncertainty of the reference."""
     return error if error > floor else error + floor
-
-
-def _slug(friction: float) -> str:
-    """μ inside the name of a table or figure."""
-    return f"mu-{friction:g}".replace(".", "_")
 
 
 def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
@@ -260,13 +238,12 @@ def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
         "fine": _compared(compared, compared.target.min()),
         "coarse": _compared(compared, COARSE if compared.target.min() < COARSE else math.nan),
         "triangles": max(reached, default=None),
-        "bounds": [{"friction": friction, "name": _slug(friction), **found.iloc[0]} for friction, found in sure.items()
-                   if len(found) and friction not in doubtful],
+        "bounds": [{**found.iloc[0]} for friction, found in sure.items() if len(found) and friction not in doubtful],
         "doubtful": [{"friction": friction, "count": len(sure[friction])} for friction in doubtful],
         "runs": len(runs), "solved": int(runs.solved.sum()),
         "failing": listing([f"{number} of {CODES[code].name}" for code, number in failed.code.value_counts().items()]),
         "missing": [key for key in CODES if key not in set(runs.code)],
-        "chance": sorted({*costs[~costs.sure].quickest, *costs[~costs.sure_smallest].smallest}),
+        "chance": sorted({*costs[~costs.sure].run}),
     }  # fmt: skip
 
 
@@ -275,7 +252,6 @@ def _compared(compared: DataFrame, target: float) -> dict[str, Any] | None:
     found = compared[compared.target == target]
     return None if found.empty else {
         "target": target, "own": span(found.seconds_own, seconds), "ratios": span(found.time_ratio, _factor),
-        "unknowns": span(found.unknowns_ratio, _factor),
     }  # fmt: skip
 
 
@@ -284,28 +260,18 @@ def _factor(value: float) -> str:
     return significant(value, 2)
 
 
-KINDS: Final = {
-    "PROBLEM": "the problem itself",
-    COULOMB: "the problem itself, under Coulomb's law",
-    "ONE_SENSE": "the problem itself, if it slips in one sense",
-    "STICKING": "the tied problem",
-    "GIVEN_BOUND": "the problem with the friction bound of the computed state held fixed",
-}
-"""Name of a `BracketKind`, or `COULOMB` → what is bracketed; two are of rows that earlier versions made."""
-
-
 def _code(key: str) -> str:
     return CODES[key].name
 
 
 _force, _first = fixed(".7f"), partial(scientific, digits=1)
 FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
-    "friction": "{:g}".format, "target": _first, "code": _code, "smallest_code": _code, "seconds_own": seconds,
-    "seconds": seconds, "setup": lambda times: seconds(min(times, default=None)), "time_ratio": _factor,
-    "unknowns_own": count, "unknowns": count, "unknowns_ratio": _factor, "half_force": _force, "spread": percent,
+    "friction": "{:g}".format, "target": _first, "code": _code, "seconds_own": seconds, "seconds": seconds,
+    "setup": lambda times: seconds(min(times, default=None)), "time_ratio": _factor, "unknowns_own": count,
+    "unknowns": count, "half_force": _force, "spread": percent,
     "peak": memory, "residual": _first, "low": _force, "high": _force, "lower": _force, "upper": _force,
     "half": scientific, "width": scientific, "strain_error": scientific, "sure": lambda sure: "yes" if sure else "no",
-    "kind": lambda kind: KINDS.get(kind, NOTHING), "message": lambda text: text or NOTHING,
+    "message": lambda text: text or NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
 
@@ -324,17 +290,12 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
     )  # fmt: skip
     least, absent = least_of(shown), [key for key in CODES if key not in set(runs.code)]
     remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
-    tables = {
-        "costs": compared_of(costs), "least": least.assign(shown=list(map(told, least.lasting, least.floor))),
-        "intervals": intervals_of(shown), "failures": shown[~shown.solved],
-        "missing": remedies,
+    bracket = shown.code == BRACKET
+    return {
+        "compared": compared_of(costs), "least": least.assign(shown=list(map(told, least.lasting, least.floor))),
+        "intervals": intervals_of(shown), "failures": shown[~shown.solved], "missing": remedies, "costs": costs,
+        "brackets": shown[bracket], "rows": shown[~bracket],
     }  # fmt: skip
-    for friction, here in _by_friction(shown):
-        name, bracket = _slug(friction), here.code == BRACKET
-        tables[f"costs-{name}"] = costs[costs.friction == friction]
-        tables[f"brackets-{name}"] = here[bracket]
-        tables[f"rows-{name}"] = here[~bracket]
-    return tables
 
 
 def _settings(runs: DataFrame, known: Mapping[float, Reference]) -> dict[str, DataFrame]:
@@ -366,16 +327,7 @@ def _settings(runs: DataFrame, known: Mapping[float, Reference]) -> dict[str, Da
 def report(rows: Sequence[Row]) -> Report:
     """The report of these rows; the same rows give the same report."""
     runs = runs_of(rows)
-    known, costs, pictures, places = known_of(runs), costs_of(runs), {}, []
-    for name, draw in figures_of(runs, known).items():
-        pictures[name] = drawn(name, draw)
-    for friction, here in _by_friction(runs):
-        name = _slug(friction)
-        places.append({
-            "friction": friction, "name": name, "known": known.get(friction),
-            "errors": f"best-time-{name}" in pictures, "intervals": f"intervals-{name}" in pictures,
-            "slips": not {COULOMB, "ONE_SENSE"}.isdisjoint(here.kind),
-        })  # fmt: skip
+    known, costs = known_of(runs), costs_of(runs)
     # the command that measures the same, without the place of its files and of other Pythons
     counted = runs.mesh.isin([name for name, family in FAMILIES.items() if family.counted])
     words = ["python -m comparisons peers --friction", *(f"{friction:g}" for friction in runs.friction.unique())]
@@ -384,90 +336,32 @@ def report(rows: Sequence[Row]) -> Report:
     words += [f"--repeat {rows[0].case['repetitions']}"]
     values = {
         **values_of(runs, costs), "resolution": RESOLUTION, "codes": CODES, "command": " ".join(words),
-        "places": places,
+        "floor": max((each.floor for each in known.values()), default=None),
     }  # fmt: skip
-    tables, settings = tables_of(runs, costs), _settings(runs, known)
-    return render("comparisons.peers", "peers", values, tables, pictures, rows, settings, forms=FORMS)
+    figures = {"best": drawn("best", partial(_fronts, runs)) if runs.error.notna().any() else ""}
+    settings = _settings(runs, known)
+    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows, settings, forms=FORMS)
 
 
-# pictures
-
-COSTS: Final = {"unknowns": "unknowns [-]", "seconds": "processor time of set-up and solve [s]"}
-"""What an error is drawn against: column of the runs → label."""
-
-_COLOURS: Final = {TRIANGLES: BLUE, BRACKET: "#000000", "ngsolve": VERMILLION, "getfem": GREEN}
-_MARGIN: Final = 2.0  # factor between the outermost marks and the frame
-_NARROW: Final = 30.0  # largest over smallest cost, below which powers of ten are too few to label an axis
+_COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfem": GREEN}
 
 
-def figures_of(runs: DataFrame, known: Mapping[float, Reference]) -> "dict[str, Callable[[], Figure]]":
-    """Name of a picture → what draws it.
-
-    For each μ at which P/2 is known, and some error, the best error that each code has over all its models and meshes,
-    against unknowns and against time; for each with guaranteed bounds, these intervals beside the forces of all codes.
-    """
-    found: dict[str, Callable[[], Figure]] = {}
-    for friction, here in _by_friction(runs):
-        name, value = _slug(friction), known.get(friction)
-        if here.error.notna().any():
-            found[f"best-unknowns-{name}"] = partial(_panel, partial(_fronts, here, "unknowns"))
-            found[f"best-time-{name}"] = partial(_panel, partial(_fronts, here, "seconds"))
-        if value is not None and here.bounded.any():
-            found[f"intervals-{name}"] = partial(_panel, partial(_intervals, here, value))
-    return found
-
-
-def _panel(draw: "Callable[[Axes], None]") -> "Figure":
-    """A picture with its legend below."""
-    figure = new_figure(5.2, 3.6)
-    axes = figure.subplots()
-    draw(axes)
-    grid(axes)
-    axes.set_axisbelow(True)
-    legend_below(figure, 2, 7)
+def _fronts(runs: DataFrame) -> "Figure":
+    """A panel for each μ: the best error that each code has over all its models and meshes, against time."""
+    groups = _by_friction(runs[runs.error.notna()])
+    figure, panels = panelled(len(groups), 8.0, 2.9, 0.6)
+    for axes, (friction, known) in zip(panels, groups, strict=True):
+        for code, about in CODES.items():
+            here = known[(known.code == code) & (known.seconds > 0.0)]
+            here = here.assign(height=here.lasting.clip(lower=here.floor)).sort_values(["seconds", "height"])
+            front = here[here.height < here.height.cummin().shift(fill_value=math.inf)]
+            if len(front):
+                axes.plot(front.seconds, front.height, color=_COLOURS[code], marker=about.marker, linewidth=1.2,
+                          markersize=5, label=about.name)  # fmt: skip
+        axes.set(xscale="log", yscale="log", xlabel="processor time of set-up and solve [s]",
+                 ylabel="relative error of P/2 [-]", title=f"μ = {friction:g}")  # fmt: skip
+        plain_ticks(axes.xaxis)
+        grid(axes)
+        axes.set_axisbelow(True)
+    legend_below(figure)
     return figure
-
-
-def _fronts(runs: DataFrame, cost: str, axes: "Axes") -> None:
-    """For each code its costs in ascending order, where the error falls."""
-    from matplotlib.ticker import LogLocator, StrMethodFormatter
-
-    known = runs[runs.error.notna()]
-    for code, about in CODES.items():
-        here = known[(known.code == code) & (known[cost] > 0.0)]
-        here = here.assign(height=here.lasting.clip(lower=here.floor)).sort_values([cost, "height"])
-        front = here[here.height < here.height.cummin().shift(fill_value=math.inf)]
-        if len(front):
-            axes.plot(front[cost], front.height, color=_COLOURS[code], marker=about.marker, linewidth=1.2, markersize=5,
-                      label=about.name)  # fmt: skip
-    axes.set(xscale="log", yscale="log", xlabel=COSTS[cost], ylabel="relative error of P/2 [-]")
-    if len(known) and max(known[cost]) < _NARROW * min(known[cost]):  # labels at 1, 2, 5 times powers of ten
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-
-
-def _intervals(runs: DataFrame, known: Reference, axes: "Axes") -> None:
-    """Guaranteed intervals, each narrower than those of fewer unknowns, and the forces of all models of all codes."""
-    axes.set_xscale("log")
-    axes.set_yscale("symlog", linthresh=known.floor)
-    axes.axhspan(-known.floor, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
-    for code in (*OTHERS, TRIANGLES):
-        about, here = CODES[code], runs[(runs.code == code) & runs.solved]
-        if len(here):
-            axes.plot(here.unknowns, here.half_force / known.value - 1.0, color=_COLOURS[code], marker=about.marker,
-                      linestyle="none", markersize=4, markerfacecolor="none", label=about.name)  # fmt: skip
-    sure = runs[runs.bounded].sort_values("unknowns")
-    sure = sure[sure.width < sure.width.cummin().shift(fill_value=math.inf)]
-    ends = [sure.low / known.value - 1.0, sure.high / known.value - 1.0]
-    axes.vlines(sure.unknowns, *ends, color=_COLOURS[BRACKET], linewidth=3, alpha=0.6, label="guaranteed interval")
-    # all bars and marks are inside the frame, and so is the grey band; labels do not meet in it
-    bounded = runs[runs.bounded]
-    places = [*bounded.lower, *bounded.upper, *runs.half_force[runs.solved].dropna()]
-    heights = [place / known.value - 1.0 for place in places]
-    bottom, top = _MARGIN * min(-known.floor, *heights), _MARGIN * max(known.floor, *heights)
-    powers = range(math.ceil(math.log10(3.0 * known.floor)), math.floor(math.log10(max(top, -bottom))) + 1)
-    ticks = [0.0, *(10.0**power for power in powers), *(-(10.0**power) for power in powers)]
-    axes.set_ylim(bottom, top)
-    axes.set_yticks([each for each in ticks if bottom <= each <= top])
-    axes.set_yticks([], minor=True)
-    axes.set(xlabel=COSTS["unknowns"], ylabel="P/2, relative difference [-]")

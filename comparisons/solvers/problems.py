@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy.sparse import csc_array, vstack
@@ -42,7 +42,6 @@ STEPS: Final = 6
 _REFERENCE: Final = 1e-10  # tolerance of the solutions that bounds are taken from
 _RECORDED: Final = "direct:clarabel"  # inner solver of the outer loop whose bounds are recorded
 _ROUNDS: Final = 2  # solves of the first step, the second at the first one's answer
-_DENSE: Final = 1500  # unknowns up to which the condition number is computed
 
 
 @dataclass(frozen=True)
@@ -131,26 +130,6 @@ class Instance:
     def given(self, bound: Vector) -> FrictionQVI:
         """The inner problem as an inequality of its own: friction with this bound, whatever the pressure."""
         return self.qvi.with_bound(bound)
-
-    @cached_property
-    def facts(self) -> dict[str, Any]:
-        """Sizes, condition numbers of K, and shares of the contact that are open, stick and slip; None if unknown."""
-        qvi = self.qvi
-        condition = float(np.linalg.cond(qvi.K.toarray())) if qvi.n <= _DENSE else None
-        sizes = {"unknowns": qvi.n, "condensed": self.form("condensed").problem.n, "points": qvi.m, "equations": qvi.p}
-        return {**sizes, "condition": condition, **self._shares()}
-
-    def _shares(self) -> dict[str, float | None]:
-        """Where the multipliers say open, stick, slip, as shares of the contact's length."""
-        if not self.described.feasible:
-            return dict.fromkeys(("open", "stick", "slip"))
-        qvi, found = self.qvi, self.reference
-        pressure = qvi.pressure(found.z)
-        closed = pressure > 1e-6 * pressure.max()
-        bound = qvi.threshold(pressure)
-        sliding = closed & (np.abs(qvi.tangential(found.z)) >= (1.0 - 1e-6) * bound)
-        states = {"open": ~closed, "stick": closed & ~sliding, "slip": sliding}
-        return {name: float(qvi.W @ where / qvi.W.sum()) for name, where in states.items()}
 
 
 @cache

@@ -6,15 +6,15 @@ A time counts only if the certificate passed; a failure has no time and is never
 import math
 import statistics
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from pandas import DataFrame, Series, concat
 
-from comparisons.lab.drawing import drawn, grid, plain_ticks
-from comparisons.lab.numbers import NOTHING, count, listing, percent, scientific, seconds, significant, span, spread
+from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
+from comparisons.lab.numbers import NOTHING, count, listing, percent, seconds, significant, span, spread
 from comparisons.lab.reports import Form, Report, crossed, render
 from comparisons.lab.studies import DONE, Row
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE, Backend
@@ -22,7 +22,6 @@ from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.study import (
     COLD,
     FALSE_ALARM,
-    FORMS,
     GAVE_UP,
     INNER,
     MODEST,
@@ -32,12 +31,11 @@ from comparisons.solvers.study import (
     UNTRUE,
     WARM,
 )
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots import BLUE, GREY, VERMILLION
 from qvi_contact.plots.style import PURPLE, SKY, new_figure
 from solvers.inner.registry import how_to_install
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 KINDS: Final = {
@@ -46,9 +44,6 @@ KINDS: Final = {
     "outer": "whole inequalities (condensed)",
 }
 """Kind of task → its name; sequences are warm where the solver can keep something."""
-
-SHIFT: Final = 1e-3
-"""Shift of geometric means [s]: differences far below a millisecond do not count."""
 
 RARELY: Final = 0.05
 """Share of untrue answers below which a solver is not named in a sentence."""
@@ -62,9 +57,6 @@ HIGHLIGHTED: Final = 5
 NEGLIGIBLE: Final = 1.2
 """Ratio of times below which, and above whose inverse, times count as equal."""
 
-EQUAL_CELLS: Final = {"graded_8": "plate_8", "graded_16": "plate_16"}
-"""Problem on graded cells → the same on equal ones."""
-
 OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
 INSTANCE: Final = ("level", "problem", "form")
 """What solvers are compared on, task by task."""
@@ -72,8 +64,6 @@ INSTANCE: Final = ("level", "problem", "form")
 _NAMED: Final = 3  # solvers that are ranked
 _FACTORS: Final = ("solver", "task", *INSTANCE)
 _NUMBERS: Final = ("seconds", "spread", "limit", "accuracy")
-_SIZES: Final = ("unknowns", "condensed", "points", "equations")
-_SHARES: Final = ("open", "stick", "slip")
 _WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
 _UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
 
@@ -85,8 +75,8 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     time over the median), limit (wall time after which the case was ended [s]) and accuracy (smallest tolerance at
     which the certificate passes), NaN where there is none; certified, whether the certificate passed at the level's
     tolerance, or where there is no solution, whether that was said; status, what was said last; a number of problems
-    for each outcome; options, which the solver was given, and facts of the problem, None without an answer; feasible,
-    whether there is a solution, and kind of the problem; time of a success.
+    for each outcome; options, which the solver was given, None without an answer; feasible, whether there is a
+    solution; time of a success.
     """
     lines = []
     for row in rows:
@@ -96,7 +86,7 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
             continue
         found, times = row.result, row.result["seconds"]
         right = row.certificate["passed"] if row.certificate else set(found["outcomes"]) == {RIGHT}
-        told = {name: found.get(name) for name in ("status", "options", "facts", "accuracy")}
+        told = {name: found.get(name) for name in ("status", "options", "accuracy")}
         lines.append(
             {
                 **line,
@@ -107,12 +97,10 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
                 "spread": spread(times),
             }
         )
-    frame = DataFrame(lines, columns=[*_FACTORS, *_NUMBERS, *OUTCOMES, "certified", "status", "options", "facts"])
+    frame = DataFrame(lines, columns=[*_FACTORS, *_NUMBERS, *OUTCOMES, "certified", "status", "options"])
     frame = frame.astype({**dict.fromkeys((*_NUMBERS, *OUTCOMES), float), "certified": bool})
     frame[[*OUTCOMES]] = frame[[*OUTCOMES]].fillna(0).astype(int)
-    described = [PROBLEMS[name] for name in frame.problem]
-    frame["feasible"] = np.array([each.feasible for each in described], dtype=bool)
-    frame["kind"] = [each.kind for each in described]
+    frame["feasible"] = np.array([PROBLEMS[name].feasible for name in frame.problem], dtype=bool)
     frame["time"] = frame.seconds.where(frame.certified)
     return frame
 
@@ -159,11 +147,6 @@ def area(ratios: DataFrame, until: float) -> "Series[float]":
     return (1.0 - np.log(ratios.clip(lower=1.0)) / math.log(until)).clip(lower=0.0).mean()
 
 
-def shifted_mean(times: "Series[float]") -> float:
-    """exp(mean log(t + SHIFT)) − SHIFT [s]; NaN of no times, and if one is unknown."""
-    return math.exp(np.log(times + SHIFT).mean(skipna=False)) - SHIFT
-
-
 def geometric_mean(values: "Series[float]") -> float:
     """exp(mean log v); NaN of no values."""
     return math.exp(np.log(values).mean())
@@ -183,12 +166,6 @@ def warm_ratios(runs: DataFrame) -> DataFrame:
     return beside(runs[runs.task == WARM], runs[runs.task == COLD], ("solver", *INSTANCE))
 
 
-def condensed_ratios(runs: DataFrame, task: str) -> DataFrame:
-    """Runs of a task in all unknowns beside those of the condensed form."""
-    full, condensed = (runs[(runs.task == task) & (runs.form == form)] for form in ("full", "condensed"))
-    return beside(full, condensed, ("solver", "level", "problem"))
-
-
 def by_solver(found: DataFrame) -> DataFrame:
     """Solver → geometric mean, smallest, largest and number of its ratios, and how many are below 1; if it has any."""
     ratios = found.assign(below=found.ratio < 1.0).groupby("solver", sort=False)
@@ -196,27 +173,12 @@ def by_solver(found: DataFrame) -> DataFrame:
     return spans.assign(below=ratios.below.sum())[spans.number > 0]
 
 
-def judged(runs: DataFrame) -> DataFrame:
-    """Runs of inner problems that have a solution, single ones and sequences: what was said of them can be true.
-
-    The column nobody says whether no answer of any solver was certified, of a sequence of no step, at this level and in
-    this form; what is "single" or "sequence".
-    """
-    found = runs[runs.feasible & (runs.task != OUTER)]
-    what = np.where(found.task == INNER, "single", "sequence")
-    certified = (found[RIGHT] + found[MODEST]).groupby([what, *(found[name] for name in INSTANCE)]).transform("sum")
-    return found.assign(what=what, nobody=certified == 0)
-
-
 def told_by(runs: DataFrame) -> DataFrame:
     """Solver → number of inner problems that have a solution for each outcome, those of sequences one by one.
 
-    The column nobody counts untrue answers where no answer of anybody was certified, said how often "solved" was said,
-    share how much of that was untrue (NaN if it was never said).
+    The column said tells how often "solved" was said, share how much of that was untrue (NaN if it was never said).
     """
-    found = judged(runs)
-    found = found.assign(nobody=found[UNTRUE].where(found.nobody, 0))
-    counts = found.groupby("solver", sort=False)[[*OUTCOMES, "nobody"]].sum()
+    counts = runs[runs.feasible & (runs.task != OUTER)].groupby("solver", sort=False)[[*OUTCOMES]].sum()
     said = counts[RIGHT] + counts[UNTRUE]
     return counts.assign(said=said, share=counts[UNTRUE] / said)
 
@@ -248,72 +210,46 @@ def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
     steps = {options["omega_T"] for options in mine.options.dropna() if "omega_T" in options}
     return {
         "name": name, "solved": int(mine.certified.sum()), "given": len(mine), "both": len(quotients),
-        "ratio": geometric_mean(quotients), "span": _span(quotients),
+        "ratio": geometric_mean(quotients), "span": span(quotients, partial(significant, digits=2)),
         "step": steps.pop() if len(steps) == 1 else None,
     }  # fmt: skip
 
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    solvers, told, found = set(runs.solver), told_by(runs), judged(runs)
+    solvers, told = set(runs.solver), told_by(runs)
     often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
-    nobody = found[found.nobody].drop_duplicates(["what", *INSTANCE])
-    single = runs[runs.task == INNER]
-    hopeless = single[~single.feasible]
+    hopeless = runs[(runs.task == INNER) & ~runs.feasible]
     recognised = hopeless.groupby("solver", sort=False).certified.agg(["sum", "size"])
-    every = len(hopeless.drop_duplicates([*INSTANCE]))
-    some = single[single.problem.isin([*EQUAL_CELLS])]
-    twins = beside(some.assign(twin=some.problem.map(EQUAL_CELLS)), single.assign(twin=single.problem),
-                   ("twin", "solver", "form", "level"))  # fmt: skip
-    graded = twins.groupby("form")[["certified", "certified_beside"]].mean().reindex([*FORMS])
-    warm, forms = by_solver(warm_ratios(runs))["mean"], by_solver(condensed_ratios(runs, INNER))["mean"]
+    every, warm = len(hopeless.drop_duplicates([*INSTANCE])), by_solver(warm_ratios(runs))["mean"]
     return {
         "levels": LEVELS, "margin": MARGIN, "until": UNTIL, "highlighted": HIGHLIGHTED, "negligible": NEGLIGIBLE,
-        "shift": SHIFT, "rarely": RARELY, "runs": len(runs), "problems": runs.problem.nunique(),
+        "rarely": RARELY, "runs": len(runs), "problems": runs.problem.nunique(), "described": PROBLEMS,
         "backends": len(solvers - set(METHODS)), "first": ranking(runs, "inner"),
         "methods": [method_of(runs, name) for name in METHODS if name in solvers],
         "feasible": int(runs.feasible.sum()), "certified": int((runs.feasible & runs.certified).sum()),
-        # who says "solved" of what is not, and how much of that is about problems that nobody solves
+        # who says "solved" of what is not
         "often": [f"{each.Index} ({percent(each.share)} of {each.said})" for each in often.itertuples()],
-        "seldom": int((told.share < RARELY).sum()), "untrue": int(told[UNTRUE].sum()),
-        "alarms": int(told[FALSE_ALARM].sum()), "nobody": len(nobody), "nobody_untrue": int(told.nobody.sum()),
-        "nobody_at": [f"{each.problem} ({each.what}, {each.form}, {each.level})" for each in nobody.itertuples()],
+        "seldom": int((told.share < RARELY).sum()), "alarms": int(told[FALSE_ALARM].sum()),
         # who recognises inner problems without a solution, always; and who says "solved"
         "asked": int((recognised["size"] == every).sum()), "right": [*recognised.index[recognised["sum"] == every]],
-        "lied": int(hopeless[UNTRUE].sum()),
-        # graded cells beside equal ones, warm sequences beside cold ones, all unknowns beside condensed
-        "graded": graded.T.to_dict("list"), "gaining": listing([*warm.index[warm < 1.0 / NEGLIGIBLE]]),
-        "losing": listing([*warm.index[warm > NEGLIGIBLE]]), "form": geometric_mean(forms), "form_span": _span(forms),
+        "lied": int(hopeless[UNTRUE].sum()), "gaining": listing([*warm.index[warm < 1.0 / NEGLIGIBLE]]),
+        "losing": listing([*warm.index[warm > NEGLIGIBLE]]),
     }  # fmt: skip
-
-
-def _span(values: "Series[float]") -> str:
-    return span(values, lambda value: significant(value, 2))
 
 
 def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     first = [(name, solver, f"{solved} of {given}", within)
              for kind, name in KINDS.items() for solver, solved, given, within in ranking(runs, kind)]  # fmt: skip
-    told = told_by(runs).reset_index()
-    single = runs[runs.task == INNER]
-    solvable, hopeless = single[single.feasible], runs[~runs.feasible]
-    warm = by_solver(warm_ratios(runs)).reset_index()
-    names = {INNER: "inner problem", OUTER: "outer loop"}
-    forms = {name: by_solver(condensed_ratios(runs, task)) for task, name in names.items()}
-    described = runs.dropna(subset="facts").drop_duplicates("problem")
-    facts = DataFrame([*described.facts], columns=[*_SIZES, "condition", *_SHARES]).astype(float)
+    told, warm = told_by(runs).reset_index(), by_solver(warm_ratios(runs)).reset_index()
+    hopeless = runs[~runs.feasible]
     return {
-        "problems": facts.assign(problem=described.problem.array, kind=described.kind.array),
-        "accuracies": crossed(solvable, "solver", "level", lambda found: scientific(found.accuracy.dropna().median())),
         "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
         "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
         **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
-        "kinds": crossed(solvable.assign(column=solvable.kind + ", " + solvable.form), "solver", "column",
-                         lambda found: _share(found.certified)),
         "warm": warm.assign(kept=[TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in warm.solver],
                             faster=[f"{each.below} of {each.number}" for each in warm.itertuples()]),
-        "forms": concat(forms, names=["what", "solver"]).reset_index(),
         "infeasible": crossed(hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form),
                               "solver", "column", _words),
     }  # fmt: skip
@@ -335,16 +271,14 @@ def _share(certified: "Series[bool]") -> str:
 
 
 def speeds(chosen: DataFrame) -> DataFrame:
-    """Shares of the profile, and shifted geometric means, by solver, in texts."""
+    """Shares of the profile, and geometric means with the numbers of times, by solver, in texts."""
     parts = []
     for level in LEVELS:
         runs = chosen[chosen.level == level]
         ratios, times = performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
-        limited = runs.time.fillna(runs.limit).groupby(runs.solver)
         told = {
             **{name: profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
-            "mean time": times.agg(shifted_mean).map(seconds) + times.size().map(" ({})".format),
-            "mean, failures at the limit": limited.agg(shifted_mean).map(seconds),
+            "mean time": times.agg(geometric_mean).map(seconds) + times.size().map(" ({})".format),
         }
         parts.append(DataFrame(told).add_prefix(f"{level}: "))
     return concat(parts, axis=1).reindex(chosen.solver.unique()).rename_axis("solver").reset_index()
@@ -355,11 +289,7 @@ def _words(runs: DataFrame) -> str:
     return ", ".join(f"{word} ({number})" for word, number in sorted(counts.items()))
 
 
-_RATIOS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that axes tell
-_PALE: Final = "#c8c8c8"
-_COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, "#000000")
-_MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p")
-_LINES: Final = ("-", "--", "-.", ":")
+_RATIOS: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that the axis tells
 _BARS: Final[Mapping[str, tuple[str, str]]] = {
     RIGHT: (BLUE, ""), UNTRUE: (VERMILLION, "////"), FALSE_ALARM: (PURPLE, "xxxx"), MODEST: (SKY, "...."),
     GAVE_UP: ("#dddddd", ""), NO_ANSWER: (GREY, "\\\\\\\\"),
@@ -367,62 +297,37 @@ _BARS: Final[Mapping[str, tuple[str, str]]] = {
 
 
 def profiles(runs: DataFrame) -> "Figure | None":
-    """A panel for each level, a step curve for each solver."""
+    """A panel for each level, a step curve for each solver: the best by area in colour, the others grey."""
     if runs.empty:
         return None
+    from matplotlib.ticker import FixedLocator
+
     levels = [level for level in LEVELS if level in set(runs.level)]
     figure = new_figure(3.9 * len(levels), 4.4)
     panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
-    ratios = [performance_ratios(runs[runs.level == level]) for level in levels]
-    looks = _looks([_coloured(each) for each in ratios])
-    for axes, level, each in zip(panels, levels, ratios, strict=True):
-        _profile_panel(axes, each, looks)
+    looks: dict[str, int] = {}  # solver → number of its colour, the same in all panels
+    for axes, level in zip(panels, levels, strict=True):
+        ratios = performance_ratios(runs[runs.level == level])
+        ratios = ratios[area(ratios, UNTIL).sort_index().sort_values(ascending=False, kind="stable").index]
+        coloured = [solver for solver in ratios if ratios[solver].min() < math.inf][:HIGHLIGHTED]
+        for solver in ratios:
+            x, y = steps(ratios[solver], UNTIL)
+            if solver not in coloured:
+                axes.step(x, y, where="post", color="#c8c8c8", linewidth=0.9, zorder=1)
+                continue
+            colour, marker, line = LOOKS[looks.setdefault(solver, len(looks)) % len(LOOKS)]
+            label = f"{solver} ({(ratios[solver] < math.inf).sum()} of {ratios[solver].count()})"
+            axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
+                      markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
+        axes.set(xscale="log", xlim=(1.0, UNTIL), ylim=(-0.02, 1.02), xlabel="time over that of the fastest [-]")
+        axes.xaxis.set_major_locator(FixedLocator(_RATIOS))
+        plain_ticks(axes.xaxis)
         axes.set_title(f"{level}: certified at {LEVELS[level]:.0e}", fontsize=9)
-        axes.set_xlabel("time over that of the fastest [-]")
+        grid(axes)
+        if coloured:
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
     panels[0].set_ylabel("share of problems solved [-]")
     return figure
-
-
-def _coloured(ratios: DataFrame) -> list[str]:
-    """The best solvers by area, those that solve nothing left out."""
-    best = area(ratios, UNTIL).sort_index().sort_values(ascending=False, kind="stable").index
-    return [solver for solver in best if ratios[solver].min() < float("inf")][:HIGHLIGHTED]
-
-
-def _looks(panels: Sequence[Sequence[str]]) -> dict[str, tuple[str, str, str]]:
-    """Colour, marker and line of each solver of a picture; colours repeat from the eighth on, other markers do not."""
-    solvers = dict.fromkeys(solver for panel in panels for solver in panel)
-    return {
-        solver: (_COLOURS[k % len(_COLOURS)], _MARKERS[k % len(_MARKERS)], _LINES[k % len(_LINES)])
-        for k, solver in enumerate(solvers)
-    }
-
-
-def _profile_panel(axes: "Axes", ratios: DataFrame, looks: Mapping[str, tuple[str, str, str]]) -> None:
-    """The best by area in colour with markers, the others in grey."""
-    coloured = _coloured(ratios)
-    for solver in ratios.columns.drop(coloured):
-        axes.step(*steps(ratios[solver], UNTIL), where="post", color=_PALE, linewidth=0.9, zorder=1)
-    for solver in coloured:
-        colour, marker, line = looks[solver]
-        x, y = steps(ratios[solver], UNTIL)
-        label = f"{solver} ({(ratios[solver] < float('inf')).sum()} of {ratios[solver].count()})"
-        axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
-                  markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
-    _log_axis(axes, _RATIOS[_RATIOS.index(1.0) :])
-    axes.set(xlim=(1.0, UNTIL), ylim=(-0.02, 1.02))
-    grid(axes)
-    if coloured:
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
-
-
-def _log_axis(axes: "Axes", ticks: Sequence[float]) -> None:
-    """Ratios along a logarithmic axis."""
-    from matplotlib.ticker import FixedLocator
-
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(FixedLocator(ticks))
-    plain_ticks(axes.xaxis)
 
 
 def truth(runs: DataFrame) -> "Figure | None":
@@ -443,34 +348,8 @@ def truth(runs: DataFrame) -> "Figure | None":
     return figure
 
 
-def _solvers_down(axes: "Axes", solvers: Sequence[str], label: str) -> None:
-    """A line for each solver, and what is told along it."""
-    axes.set_yticks(range(len(solvers)), solvers)
-    axes.set_xlabel(label)
-    grid(axes, along="x")
-
-
-def warmth(runs: DataFrame) -> "Figure | None":
-    """A dot for each sequence: warm over cold time, and the geometric mean of each solver."""
-    ratios = warm_ratios(runs).dropna(subset="ratio").groupby("solver", sort=False).ratio
-    if not len(ratios):
-        return None
-    means = ratios.agg(geometric_mean).sort_values(ascending=False, kind="stable")
-    figure = new_figure(8.0, 1.0 + 0.3 * len(means))
-    axes = figure.subplots()
-    axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
-    for place, (solver, mean) in enumerate(means.items()):
-        values = ratios.get_group(solver)
-        axes.plot(values, [place] * len(values), color=SKY, marker="o", markersize=4, linestyle="none", alpha=0.7)
-        axes.plot([mean], [place], color=VERMILLION, marker="D", markersize=6, linestyle="none")
-    _log_axis(axes, _RATIOS)
-    _solvers_down(axes, [*means.index], "time of the warm over that of the cold sequence [-]")
-    return figure
-
-
 _FORMS: Final[Mapping[str, Form]] = {
-    **dict.fromkeys(("share", "true", "within", *_SHARES), percent),
-    **dict.fromkeys((FALSE_ALARM, *_SIZES), count), "condition": scientific,
+    **dict.fromkeys(("share", "true", "within"), percent), FALSE_ALARM: count,
     **dict.fromkeys(("mean", "smallest", "largest"), partial(significant, digits=2)),
 }  # fmt: skip
 
@@ -478,10 +357,6 @@ _FORMS: Final[Mapping[str, Form]] = {
 def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same one."""
     runs = runs_of(rows)
-    pictures: dict[str, Callable[[], Figure | None]] = {
-        "truth-shares": partial(truth, runs), "warmth": partial(warmth, runs),
-        **{f"profiles-{kind}": partial(profiles, of_kind(runs, kind)) for kind in (INNER, OUTER)},
-    }  # fmt: skip
     given = crossed(
         runs.dropna(subset="options"), "solver", "level",
         lambda found: ", ".join(f"{name}={value}" for name, value in sorted(found.options.iloc[0].items()))
@@ -494,6 +369,9 @@ def report(rows: Sequence[Row]) -> Report:
         "What every solver was asked for": given,
         "Not compared": DataFrame(lacking, columns=["solver", "how to get it"]),
     }
-    drawings = {name: drawn(name, draw) for name, draw in pictures.items()}
+    drawings = {
+        "truth-shares": drawn("truth-shares", partial(truth, runs)),
+        "profiles-inner": drawn("profiles-inner", partial(profiles, of_kind(runs, INNER))),
+    }
     return render("comparisons.solvers", "solvers", values_of(runs), tables_of(runs), drawings, rows, settings,
                   forms=_FORMS)  # fmt: skip

@@ -36,10 +36,6 @@ BUDGET: Final = 1.0
 """Seconds after which a run is not repeated any more."""
 
 _FIRST: Final = "plate_4"
-_MEASURES: Final = {
-    "primal": ("equality", "normal", "friction"), "dual": ("stationarity", "sign"),
-    "complementarity": ("complementarity_normal", "complementarity_tangential"),
-}  # fmt: skip
 
 
 class Answer(NamedTuple):
@@ -61,10 +57,9 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         outcomes : outcome → number of answers
         status, message : of the first answer that was not solved, or else of the last
         iterations : of all
-        primal, dual, complementarity, accuracy, certificate : largest errors of all steps, and the certificate of the
-            worst one; not where there is no solution
+        accuracy, certificate : of the worst step; not where there is no solution
         seconds : wall times of the runs
-        options, facts : those that the solver was given, those of the problem
+        options : those that the solver was given
 
     """
     task, problem, feasible = case["task"], instance(case["problem"]), PROBLEMS[case["problem"]].feasible
@@ -75,20 +70,13 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {
         "steps": len(answers), "outcomes": dict(sorted(counts.items())), "status": told.status.value,
         "message": " ".join(told.message.split()), "iterations": sum(each.iterations for each in answers),
-        "seconds": seconds, "options": accuracies.options(case["solver"], case["level"]), "facts": problem.facts,
+        "seconds": seconds, "options": accuracies.options(case["solver"], case["level"]),
     }  # fmt: skip
     if not feasible:
         return found
     worst = max((each.certificate for each in answers), key=lambda certificate: certificate.accuracy)
-    errors = {
-        name: max(each.certificate.measures[measure] for each in answers for measure in measures)
-        for name, measures in _MEASURES.items()
-    }
-    certificate = {
-        "passed": worst.passed, "tolerance": worst.tolerance, "accuracy": worst.accuracy, "worst": worst.worst,
-        "measures": dict(worst.measures),
-    }  # fmt: skip
-    return {**found, **errors, "accuracy": worst.accuracy, "certificate": certificate}
+    certificate = {name: getattr(worst, name) for name in ("passed", "tolerance", "accuracy", "worst")}
+    return {**found, "accuracy": worst.accuracy, "certificate": certificate}
 
 
 @cache
@@ -168,7 +156,7 @@ def declared(solvers: Sequence[str], quick: bool = False) -> Study:
     }
     cases = [dict(zip(factors, values, strict=True)) for values in product(*factors.values())]
     task = "comparisons.solvers.study:solve_case"
-    return Study("solvers", 2, task, [case for case in cases if kept(case)], (*PACKAGES, *LIBRARIES))
+    return Study("solvers", 3, task, [case for case in cases if kept(case)], (*PACKAGES, *LIBRARIES))
 
 
 def keep(values: Mapping[str, Any]) -> bool:

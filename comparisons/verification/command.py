@@ -31,7 +31,7 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     chapters = manual.choose(only)
     folder = None if out is None else writable_folder(out, "--out")
     # drawn first, so that a picture that fails costs no rows
-    drawings = manual.drawings([name for problems in chapters.values() for name in problems], quick) if folder else {}
+    drawings = manual.drawings([name for problems in chapters.values() for name in problems]) if folder else {}
     with progress("verify", sum(map(len, chapters.values()))) as advance:
         document = manual.run(chapters, quick, advance, only)
     if as_json:

@@ -1,23 +1,31 @@
-"""The manual: its chapters, a run of them as plain data, the tables of its rows, and the report of all that."""
+"""The manual: its chapters, a run of them as plain data, the tables and pictures of its rows, and the report."""
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from itertools import chain
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.lab.drawing import drawn
+from comparisons.lab.drawing import drawn, grid
 from comparisons.lab.numbers import NOTHING
 from comparisons.lab.reports import Report, escaped, render
 from comparisons.lab.studies import machine, versions
 from comparisons.verification.chapters import benchmarks, exact
-from comparisons.verification.pictures import EXHIBITS, conservation, overview
-from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Problem, Row, crash
+from comparisons.verification.chapters.limits import oblique, on_a_slope
+from comparisons.verification.measures import MM
+from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Kind, Problem, Row, crash
+from qvi_contact import ContactProblem, gallery
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.files.export import json_ready
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, problem_figure
+from qvi_contact.plots.style import new_figure
+from qvi_contact.units import Units
 from solvers.basics.names import known_name
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Document = dict[str, Any]
 
@@ -115,15 +123,62 @@ def as_json(document: Document) -> str:
     return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
 
 
-def drawings(names: Sequence[str], quick: bool) -> dict[str, str]:
-    """Names of figures → pictures, as SVG, of those of these problems that have any; empty without matplotlib."""
-    found = {}
-    for name in names:
-        if name in EXHIBITS:
-            table, exhibit = name.replace("/", "-"), EXHIBITS[name]
-            found[f"problem-{table}"] = drawn(f"verification-{table}", exhibit.body)
-            found[f"result-{table}"] = drawn(f"result-{table}", partial(exhibit.result, quick))
-    return found
+POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = {
+    "rings": (partial(gallery.rings, 4), Units(length="m", stress="Pa")),
+    "press-fit": (partial(gallery.press_fit, 2), MM),
+    "cylinder-in-bore": (partial(gallery.cylinder_in_bore, 2, extent=2.0), MM),
+    "loaded-pin": (partial(gallery.loaded_pin, 4), MM),
+    "corner-rates": (partial(gallery.block_corner, None, 1), None),
+    "sliding-corner": (partial(gallery.block_corner, 0.3, 1, 3), None),
+    "cylinder-on-block": (partial(gallery.cylinder_on_block, 1.0, 2, 0), MM),
+    "half-discs": (partial(gallery.half_discs, 1.0, 2, 0), MM),
+    "slip-torque": (partial(gallery.press_fit_torque, 0.2, 47066.77, sectors=2), MM),
+    "cylinder-in-bore-friction": (partial(gallery.cylinder_in_bore, 2, 0.4, extent=2.0), MM),
+    "wedge": (partial(on_a_slope, 0.2), None),
+    "oblique-block": (partial(oblique, 0.99), MM),
+}
+"""Problem of the manual → its bodies on few cells, and the units of their picture."""
+
+_BROKEN: Final = "broken off"
+_LOOKS: Final = {
+    Kind.ANALYTIC: (BLUE, "o"), Kind.PUBLISHED: (ORANGE, "s"), Kind.EXTERNAL: (VERMILLION, "^"),
+    Kind.METHODS: (GREEN, "D"), _BROKEN: (GREY, "P"),
+}  # fmt: skip
+_LEAST, _MOST = 1e-4, 1e2  # error over tolerance: what lies beyond is drawn on the edge
+
+
+def drawings(names: Sequence[str]) -> dict[str, str]:
+    """Names of figures → pictures, as SVG, of the bodies of these problems; empty without matplotlib."""
+    chosen = {name: posed for name, posed in POSED.items() if name in names}
+    return {
+        f"problem-{name}": drawn(f"verification-{name}", partial(problem_figure, posed(), units))
+        for name, (posed, units) in chosen.items()
+    }
+
+
+def overview(problems: Sequence[dict[str, Any]]) -> "Figure":
+    """One line for each problem, one mark for each row; left of 1 is within the tolerance."""
+    from pandas import DataFrame
+
+    rows = DataFrame([{**row, "line": line} for line, each in enumerate(problems) for row in each["rows"]])
+    rows["place"] = rows.ratio.astype(float).fillna(_MOST).clip(_LEAST, _MOST)
+    figure = new_figure(9.0, 1.4 + 0.17 * len(problems))
+    axes = figure.subplots()
+    kinds = rows.kind.fillna(_BROKEN)
+    for kind, (colour, marker) in _LOOKS.items():
+        if (chosen := rows[kinds == kind]).size:
+            look: dict[str, Any] = {"marker": marker, "markerfacecolor": "none", "markersize": 5}
+            axes.plot(chosen.place, chosen.line, color=colour, linestyle="none", label=str(kind), **look)
+    if (failed := rows[~rows.passed]).size:
+        axes.plot(failed.place, failed.line, "kx", markersize=9, label="failed")
+    axes.axvline(1.0, color="black", linewidth=1.0)
+    axes.set(xscale="log", xlim=(_LEAST / 1.5, _MOST * 1.5), ylim=(len(problems) - 0.5, -0.5))
+    axes.set_yticks(range(len(problems)), [each["name"] for each in problems])
+    axes.set_xlabel("error / tolerance [-]; marks on the edges lie on or beyond them")
+    grid(axes)
+    axes.set_axisbelow(True)
+    figure.legend(loc="outside upper center", ncols=6, frameon=False)
+    return figure
 
 
 def report(document: Document, drawn_before: Mapping[str, str]) -> Report:
@@ -132,7 +187,6 @@ def report(document: Document, drawn_before: Mapping[str, str]) -> Report:
 
     problems = [problem for chapter in document["chapters"] for problem in chapter["problems"]]
     tables, chapters, failed = {}, [], []
-    captions = {name: exhibit.graph.__doc__ for name, exhibit in EXHIBITS.items()}
     figures = {"overview": drawn("verification-overview", partial(overview, problems)), **drawn_before}
     for problem in problems:
         name = problem["name"].replace("/", "-")
@@ -140,9 +194,6 @@ def report(document: Document, drawn_before: Mapping[str, str]) -> Report:
         for row in problem["rows"]:
             texts = dict(zip(HEADINGS, map(escaped, cells(row)), strict=True))
             failed += [] if row["passed"] else [{**texts, "name": problem["name"], "table": name}]
-        if name == "conservation":
-            figures[f"result-{name}"] = drawn(f"result-{name}", partial(conservation, problem["rows"]))
-            captions[name] = conservation.__doc__
     for chapter in document["chapters"]:
         rows = [row for problem in chapter["problems"] for row in problem["rows"]]
         ratios = [row["ratio"] for row in rows]
@@ -157,8 +208,7 @@ def report(document: Document, drawn_before: Mapping[str, str]) -> Report:
         for chapter in document["chapters"]
     }  # fmt: skip
     values = {
-        **document, "rows": document["counts"]["rows"], "failed": failed, "chapters": told, "captions": captions,
-        "figures": figures,
+        **document, "rows": document["counts"]["rows"], "failed": failed, "chapters": told, "figures": figures,
         "tolerances": {"exact": exact.TOLERANCE, "friction": exact.TOLERANCE_WITH_FRICTION, "touching": exact.TOUCHING,
                        "balance": benchmarks.BALANCE},
     }  # fmt: skip

@@ -14,10 +14,9 @@ def wild(each: int, seed: int, only: tuple[str, ...]) -> Plan:
     """Solve generated problems as unusual as users may state them, and check what becomes of each.
 
     They have thin bodies, odd units, large friction, polygons, arcs, holes, joints, several bodies, meshes from files,
-    distant gaps, every contact law, plates with moments, no load at all, or contradictory data. Every answer that is
+    distant gaps, every contact law, plates with moments, or no load at all. Every answer that is
     called solved is checked again from its stresses and the data alone. The exit status is 1 if such an answer is
-    wrong, if an exception is not one of the package's own, if contradictory data are accepted, or if a problem takes
-    more than --timeout or --memory.
+    wrong, if an exception is not one of the package's own, or if a problem takes more than --timeout or --memory.
 
     \b
     Examples:

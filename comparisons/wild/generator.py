@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 
 from comparisons.wild.bodies import Dice, Part, body, with_parts
-from comparisons.wild.nonsense import nonsense
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -46,14 +45,13 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType({
     "degrees": "degrees 3 to 8, contact laws on edges and at points",
     "idle": "bodies without any load",
     "everything": "half of all that at once",
-    "nonsense": "one argument that is no number, no name, no shape or out of range",
 })  # fmt: skip
 """Family → what is wild about it."""
 
 _LATE: Final = ("fluids", "incompressible")
 """Traits with dice of their own, so that the problems of families that were there before stay the same."""
 
-_TRAITS: Final = tuple(name for name in FAMILIES if name not in ("everything", "nonsense", "idle", *_LATE))
+_TRAITS: Final = tuple(name for name in FAMILIES if name not in ("everything", "idle", *_LATE))
 _STRAY: Final = 0.04
 """Probability of a trait that is not the family's own."""
 
@@ -69,20 +67,16 @@ class Wild:
     ----------
     problem : the problem
     settings : keyword arguments for `solve`
-    wrong : the argument that is nonsense, if there is one, in words: it ought to have been refused
 
     """
 
     problem: ContactProblem
     settings: Mapping[str, Any] = field(default_factory=dict)
-    wrong: str = ""
 
 
 def wild_problem(family: str, number: int) -> Wild:
     """Problem `number` of a family; raises `InputError` where the package refuses it."""
     dice = Dice(family, number)
-    if family == "nonsense":
-        return Wild(*nonsense(dice))
     traits = _traits(dice, family)
     return Wild(_problem(dice, traits | _late(family, number)), _settings(Dice("settings", family, number), traits))
 

@@ -3,7 +3,6 @@
 | outcome    | meaning                                                                                              |
 |------------|------------------------------------------------------------------------------------------------------|
 | refused    | `InputError`, when the problem is made or solved                                                     |
-| accepted   | nonsense was taken for an argument                                                                   |
 | solved     | certified, and the independent check of `judge` found nothing                                        |
 | wrong      | certified, and that check found something                                                            |
 | infeasible | proved to have no solution, by a mechanism on any mesh or by multipliers on this one                 |
@@ -34,7 +33,7 @@ from solvers.basics.names import known_name
 from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
 
-REFUSED, ACCEPTED, SOLVED, WRONG = "refused", "accepted", "solved", "wrong"
+REFUSED, SOLVED, WRONG = "refused", "solved", "wrong"
 INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
 
 OTHERS: Final[Mapping[str, Mapping[str, Any]]] = {
@@ -93,8 +92,6 @@ def _outcome(family: str, number: int) -> dict[str, Any]:
 
 def _judged(wild: Wild, result: ContactResult) -> dict[str, Any]:
     said: dict[str, Any] = {"status": result.status.value, "message": result.message, "remarks": list(result.remarks)}
-    if wild.wrong:
-        return {"outcome": ACCEPTED, **said, "message": wild.wrong}
     if result.status is Status.SOLVED:
         degree = wild.settings.get("degree", 4)
         errors = wrong(result, degree)
@@ -137,11 +134,11 @@ def _solvable(result: ContactResult) -> dict[str, Any]:
 BROKEN: Final = "broken"
 """Outcome of a case that ended without a result: out of time or memory, or its process died."""
 
-ORDER: Final = (SOLVED, INFEASIBLE, OPEN, REFUSED, ACCEPTED, WRONG, FOREIGN, BROKEN)
+ORDER: Final = (SOLVED, INFEASIBLE, OPEN, REFUSED, WRONG, FOREIGN, BROKEN)
 LONGEST: Final = 30.0
 """Seconds that no problem should take."""
 
-_NEVER: Final = (WRONG, FOREIGN, ACCEPTED, BROKEN)
+_NEVER: Final = (WRONG, FOREIGN, BROKEN)
 
 
 def problems_of(rows: Sequence[Row]) -> DataFrame:
@@ -187,7 +184,7 @@ def _reason(found: Any) -> str:
         return _open_reason(found)
     if found.outcome == WRONG:
         return "; ".join(found.errors)
-    return str(found.message) if found.outcome in (FOREIGN, ACCEPTED) else ""
+    return str(found.message) if found.outcome == FOREIGN else ""
 
 
 def _open_reason(found: Any) -> str:

@@ -29,8 +29,7 @@ from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
-from solvers.factorisation import Factorisation, FactorisationError
-from solvers.factorisation.choice import Request, make
+from solvers.factorisation import Factorisation, FactorisationError, factorise
 
 _QUADRATURE = 1e-11  # relative difference of two quadratures that counts as rounding
 _ON_ARCS = 6  # Gauss points more where cells have arcs
@@ -322,7 +321,7 @@ class CondensedBody:
         shift = float(K.diagonal().mean()) if len(free) else 0.0
         held = np.zeros(len(free))
         held[place] = shift  # back ends want a positive definite matrix; S has it on its diagonal and is freed of it
-        factor = make(sparse.csc_array(K + sparse.diags_array(held)), place, Request())
+        factor = factorise(sparse.csc_array(K + sparse.diags_array(held)), place)
         S = factor.schur - shift * np.eye(len(place))
         fixed = np.zeros(body.size)
         fixed[supports.index] = supports.values

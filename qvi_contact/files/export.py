@@ -6,11 +6,11 @@ Every file is either written whole or not at all.
 import json
 from collections.abc import Mapping
 from dataclasses import fields
+from html import escape
 from importlib.util import find_spec
 from math import isqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -23,8 +23,6 @@ from qvi_contact.discretization.space import FAMILY
 from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import solution_arrays, write_archive
-from qvi_contact.limit.flow import Nodes
-from qvi_contact.limit.stresses import part_corners
 from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
@@ -403,6 +401,9 @@ def write_collapse_vtu(
 
     """
     _check_vtu(path)
+    from qvi_contact.limit.flow import Nodes  # loaded for bodies that yield alone
+    from qvi_contact.limit.stresses import part_corners
+
     mesh, collapse = problem.mesh, limit.collapse
     if collapse is None:
         raise InputError("vtk", str(path), "there is no flow to write: the body has no strength, or no largest load")
@@ -459,12 +460,12 @@ def _write_grid(
         kind, (a, b, c) = "triangle", points[parts].swapaxes(0, 1)
         parts = np.where((cross(b - a, c - a) < 0.0)[:, None], parts[:, ::-1], parts)
     blocks: list[Any] = [(kind, parts)]
-    flat, quotes = np.column_stack([points, np.zeros(len(points))]), {'"': "&quot;"}
+    flat = np.column_stack([points, np.zeros(len(points))])
     grid = load("meshio").Mesh(
         flat,
         blocks,
-        point_data={escape(name, quotes): values for name, values in point_data.items()},
-        cell_data={escape(name, quotes): [values] for name, values in cell_data.items()},
+        point_data={escape(name): values for name, values in point_data.items()},
+        cell_data={escape(name): [values] for name, values in cell_data.items()},
     )
     with replacing(path) as temporary:
         grid.write(temporary, file_format="vtu")

@@ -8,6 +8,7 @@ import inspect
 import re
 import textwrap
 from collections.abc import Iterator
+from functools import cache
 from itertools import pairwise
 from textwrap import dedent
 from typing import Any, Final, NamedTuple
@@ -168,6 +169,7 @@ def _values(kind: Kind) -> str:
     return next(word for of, word in _WORDS if isinstance(kind, of))
 
 
+@cache
 def _below(kind: type) -> dict[str, str]:
     """The texts below the fields of a class, and below `in_files` that of the key it names."""
     (found,) = ast.parse(dedent(inspect.getsource(kind))).body

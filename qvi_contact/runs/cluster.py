@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _MOST_WORKERS: Final = 10_000
 _AHEAD: Final = 2  # orders that are given out for each thread of a cluster: one more than it does
-_CONNECTING: Final = 10.0  # seconds
+PATIENCE = 10.0  # seconds for whoever listens at an address
 _JOINING: Final = 10.0  # seconds until a cluster has a worker
 _FETCHING: Final = 30.0  # seconds for one outcome
 _LOOK: Final = 0.5  # seconds between two looks at a cluster
@@ -255,13 +255,13 @@ def _client(address: str) -> Client:
     async def greet() -> None:
         """Exchange the first words with whoever listens there; Dask's client alone would wait for them without end."""
         security = Security().get_connection_args("client")
-        async with timeout(_CONNECTING):
-            comm = await connect(address, timeout=_CONNECTING, **security)
+        async with timeout(PATIENCE):
+            comm = await connect(address, timeout=PATIENCE, **security)
         await comm.close()
 
     try:
         run(greet())
-        client = QuietClient(address, timeout=_CONNECTING, set_as_default=False)
+        client = QuietClient(address, timeout=PATIENCE, set_as_default=False)
     except Exception as error:  # of many kinds, for whatever answers there
         raise InputError("dask", address, f"no scheduler answers there: {_REMEDY}") from error
     try:

@@ -16,7 +16,6 @@ from solvers.factorisation.choice import (
     factorise,
     missing_backends,
     resolve,
-    set_default,
 )
 
 __all__ = [
@@ -27,20 +26,23 @@ __all__ = [
     "factorise",
     "missing_backends",
     "resolve",
-    "set_default",
 ]
 
 __getattr__ = front(
     __name__,
     {
-        "superlu": (
-            "interface_last",
-            "nested_dissection",
-            "refactorisation",
-        ),
+        "superlu": ("interface_last", "nested_dissection"),
         "mkl": ("limited_blas", "thread_count"),
         "base": ("DENSE",),
         "augmented": ("factorise_root",),
-        "choice": ("VARIABLE", "Forecast", "Work", "check_limits", "condensing_pays", "machine_memory"),
+        "choice": (
+            "VARIABLE",
+            "Forecast",
+            "Work",
+            "check_limits",
+            "condensing_pays",
+            "machine_memory",
+            "refactorisation",
+        ),
     },
 )

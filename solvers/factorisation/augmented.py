@@ -74,9 +74,7 @@ class OrthogonalFactor(Factorisation):
         """Use `factorise_root`, which checks its arguments."""
         start = perf_counter()
         self.version = f"scipy {scipy_version}"
-        self.interface = interface
-        self._size = int(R.shape[1])
-        self._released = False
+        self.interface, self.size = interface, int(R.shape[1])
         self._scale = np.sqrt(np.asarray(R.multiply(R).sum(axis=0)).ravel())
         if not np.all(self._scale > 0.0):
             raise FactorisationError("singular", self.backend, f"column {int(np.argmin(self._scale))} of R is zero")
@@ -93,11 +91,6 @@ class OrthogonalFactor(Factorisation):
             raise FactorisationError("singular", self.backend, f"{wrong} {self.rounding:.0e} of its size")
         self.seconds = {"analysis": analysed - start, "numeric": perf_counter() - analysed}
 
-    @property
-    def size(self) -> int:
-        """Number of unknowns n."""
-        return self._size
-
     @cached_property
     def rounding(self) -> float:
         """4 ε / σ_min(R), by inverse power iteration."""
@@ -109,13 +102,7 @@ class OrthogonalFactor(Factorisation):
             x = x / growth
         return 4.0 * _EPSILON * float(np.sqrt(growth))
 
-    def release(self) -> None:
-        """Drop the factors; may be called again."""
-        self._fronts = []
-        self._released = True
-
     def _forward(self, right: Matrix) -> State:
-        self._need_factors()
         state: Matrix = np.asfortranarray(right / self._scale[:, None])
         with limited_blas(1):
             for front in self._fronts:
@@ -126,7 +113,6 @@ class OrthogonalFactor(Factorisation):
         return np.asarray(state)
 
     def _backward(self, state: State, values: Matrix) -> Matrix:
-        self._need_factors()
         state = self._with_values(state, values)
         state[self.interface] *= self._scale[self.interface, None]
         with limited_blas(1):
@@ -138,10 +124,6 @@ class OrthogonalFactor(Factorisation):
     @cached_property
     def _schur_factor(self) -> tuple[Matrix, bool]:
         return self.schur_root, False
-
-    def _need_factors(self) -> None:
-        if self._released:
-            raise FactorisationError("backend", self.backend, "the factors have been released")
 
 
 def factorise_root(R: SparseRows, interface: IntVector, places: Matrix) -> OrthogonalFactor:

@@ -13,7 +13,7 @@ from scipy import __version__ as scipy_version
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dpotrs
 
-from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import IntVector, Matrix, Vector
 from solvers.errors import InputError, QVIError
 
 State: TypeAlias = Matrix
@@ -31,6 +31,8 @@ class Factorisation(ABC):
     ----------
     backend, version : str
         Name in `BACKENDS`, and the library with its version.
+    size : int
+        Number of unknowns n.
     interface : IntVector (k,)
         Sorted indices Γ; k = 0 and k = n are allowed.
     schur : Matrix (k, k)
@@ -43,9 +45,11 @@ class Factorisation(ABC):
 
     backend: ClassVar[str]
     version: str
+    size: int
     interface: IntVector
     schur: Matrix
     seconds: dict[str, float]
+    _diagonal: Vector  # of K_ΓΓ, which pivots of S are compared with
 
     @abstractmethod
     def _forward(self, right: Matrix) -> State:
@@ -55,22 +59,15 @@ class Factorisation(ABC):
     def _backward(self, state: State, values: Matrix) -> Matrix:
         """Unknowns x (n, j) from a state (n, j), which is left as it is, and x_Γ (k, j); rows on Γ may be anything."""
 
-    @abstractmethod
-    def release(self) -> None:
-        """Free the memory of the back end; solves are impossible afterwards. May be called again."""
-
-    @property
-    @abstractmethod
-    def size(self) -> int:
-        """Number of unknowns n."""
-
     def keeps(self, unknowns: IntVector) -> bool:
         """Whether all these unknowns, none given twice, are on the interface."""
         return bool(np.isin(unknowns, self.interface, assume_unique=True).all())
 
     def reduce(self, right: Vector | Matrix) -> tuple[Vector | Matrix, State]:
         """(g_Γ − K_ΓI K_II⁻¹ g_I, state for `expand`) for right-hand sides g, (n,) or (n, j)."""
-        right = self._checked("right", right, self.size)
+        right = np.asarray(right, dtype=np.float64)
+        if right.ndim not in (1, 2) or len(right) != self.size:
+            raise InputError("right", right.shape, f"give an array ({self.size},) or ({self.size}, j)")
         state = self._forward(_as_columns(right)).reshape(right.shape, order="F")
         return state[self.interface], state
 
@@ -79,9 +76,9 @@ class Factorisation(ABC):
 
         The state is left as it is and may be used again.
         """
-        values = self._checked("values", values, self.interface.size)
-        if values.shape[1:] != state.shape[1:]:
-            raise InputError("values", values.shape, f"give as many columns as the right-hand side had: {state.shape}")
+        values, expected = np.asarray(values, dtype=np.float64), (self.interface.size, *state.shape[1:])
+        if values.shape != expected:
+            raise InputError("values", values.shape, f"give an array {expected}, as the right-hand side was")
         x = self._backward(_as_columns(state), _as_columns(values)).reshape(state.shape, order="F")
         x[self.interface] = values
         return x
@@ -101,29 +98,18 @@ class Factorisation(ABC):
     def solve(self, right: Vector | Matrix) -> Vector | Matrix:
         """Unknowns x = K⁻¹ g for right-hand sides (n,) or (n, j); needs S positive definite, whose factor is kept."""
         reduced, state = self.reduce(right)
-        return self.expand(state, self._by_schur_factor(reduced) if reduced.size else reduced)
-
-    def _by_schur_factor(self, reduced: Vector | Matrix) -> Vector | Matrix:
-        factor, lower = self._schur_factor
-        return np.asarray(dpotrs(factor, reduced, lower=int(lower))[0])
+        if reduced.size:
+            factor, lower = self._schur_factor
+            reduced = np.asarray(dpotrs(factor, reduced, lower=int(lower))[0])
+        return self.expand(state, reduced)
 
     @cached_property
     def _schur_factor(self) -> tuple[Matrix, bool]:
         factor, info = dpotrf(self.schur, lower=1, clean=0)
         if info:
             raise FactorisationError("singular", self.backend, "the Schur complement is not positive definite")
-        check_pivots(factor.diagonal() ** 2, self._schur_scale(), self.backend, self.size)
+        check_pivots(factor.diagonal() ** 2, self._diagonal, self.backend, self.size)
         return factor, True
-
-    def _schur_scale(self) -> Vector:
-        """What pivots of S are compared with: the diagonal of K_ΓΓ, unless they have been checked before."""
-        return np.diagonal(self.schur)
-
-    def _checked(self, field: str, array: Vector | Matrix, rows: int) -> Vector | Matrix:
-        array = np.asarray(array, dtype=np.float64)
-        if array.ndim not in (1, 2) or array.shape[0] != rows:
-            raise InputError(field, array.shape, f"give an array ({rows},) or ({rows}, j)")
-        return array
 
 
 def _as_columns(array: Vector | Matrix) -> Matrix:
@@ -159,7 +145,7 @@ _REMEDY: Final[dict[Reason, str]] = {
     "singular": "fix the free modes and give positive stiffnesses, so that K is positive definite",
     "memory": "take fewer cells, or a machine with more memory",
     "time": "allow more time (time_limit), or take fewer cells",
-    "backend": "choose another back end with QVI_CONTACT_FACTORISATION or set_default",
+    "backend": "choose another back end (factorisation)",
 }
 
 
@@ -201,49 +187,36 @@ SMALL: Final = 500
 
 
 class DenseFactor(Factorisation):
-    """L and E of K (n, n) in compressed columns without duplicates."""
+    """L and E of K (n, n)."""
 
     backend = DENSE
 
-    def __init__(self, K: Sparse, interface: IntVector) -> None:
+    def __init__(self, K: Matrix, interface: IntVector) -> None:
         start = perf_counter()
         self.version = f"scipy {scipy_version}"
-        self.interface = interface
-        inside = np.ones(K.shape[0], dtype=np.bool_)
+        self.interface, self.size = interface, K.shape[0]
+        inside = np.ones(self.size, dtype=np.bool_)
         inside[interface] = False
         self._interior: IntVector = inside.nonzero()[0]
-        dense, diagonal = K.toarray(), K.diagonal()
-        rows = dense[self._interior]
+        diagonal = K.diagonal()
+        rows = K[self._interior]
         own, coupling = rows[:, self._interior], np.asfortranarray(rows[:, interface])
         factor, info = dpotrf(own.T, lower=1, clean=0, overwrite_a=1) if own.size else (own, 0)  # K_II is symmetric
         if info > 0:
             raise FactorisationError("singular", self.backend, f"pivot {info} of the interior is not positive")
         check_pivots(factor.diagonal() ** 2, diagonal[self._interior], self.backend, self.size)
-        S = symmetrised(dense[interface][:, interface])
+        S = symmetrised(K[interface][:, interface])
         if coupling.size:
             coupling = dtrsm(1.0, factor, coupling, lower=1, overwrite_b=1)
             lower = dsyrk(-1.0, coupling, 1.0, S.T, trans=1, lower=1, overwrite_c=1)
             S = np.tril(lower) + np.tril(lower, -1).T
-        self._factor: Matrix | None = factor
-        self._coupling, self.schur, self._scale = coupling, S, diagonal[interface]
+        self._factor, self._coupling, self.schur, self._diagonal = factor, coupling, S, diagonal[interface]
         self.seconds = {"analysis": 0.0, "numeric": perf_counter() - start}
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns n."""
-        return len(self._interior) + len(self.interface)
-
-    def release(self) -> None:
-        """Drop the factors; may be called again."""
-        self._factor = None
-
-    def _schur_scale(self) -> Matrix:
-        return self._scale
 
     def _forward(self, right: Matrix) -> State:
         state = np.array(right, order="F")
         if state.size and len(self._interior):
-            y = dtrsm(1.0, self._open(), state[self._interior], lower=1)
+            y = dtrsm(1.0, self._factor, state[self._interior], lower=1)
             state[self._interior] = y
             state[self.interface] -= self._coupling.T @ y
         return state
@@ -252,10 +225,5 @@ class DenseFactor(Factorisation):
         state = self._with_values(state, values)
         if state.size and len(self._interior):
             y = state[self._interior] - self._coupling @ values
-            state[self._interior] = dtrsm(1.0, self._open(), y, lower=1, trans_a=1)
+            state[self._interior] = dtrsm(1.0, self._factor, y, lower=1, trans_a=1)
         return state
-
-    def _open(self) -> Matrix:
-        if self._factor is None:
-            raise FactorisationError("backend", self.backend, "the factors have been released")
-        return self._factor

@@ -1,7 +1,7 @@
 """Names of the back ends, the one taken by default, and `factorise`."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -14,15 +14,15 @@ from solvers.basics.names import remedy_if_retired
 from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
-from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
+from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError, Reason
 from solvers.factorisation.mkl import limited_blas, thread_count
 from solvers.factorisation.superlu import (
     Refactorisation,
+    RefactorisedBySuperLU,
     SuperLU,
     filled,
     interior_groups,
     nested_dissection,
-    refactorisation,
 )
 
 BACKENDS: Final = ("pardiso", "superlu")
@@ -33,11 +33,11 @@ VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 
 _INSTALL: Final = {"pardiso": "pip install mkl"}
 _WORTH_INSTALLING: Final = 20_000  # unknowns from which on PARDISO is at least twice as fast
-_default: str | None = None
+_WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
 
 def factorise(
-    K: Sparse,
+    K: Sparse | Matrix,
     interface: IntVector,
     backend: str = "auto",
     threads: int | None = None,
@@ -47,16 +47,16 @@ def factorise(
 
     Parameters
     ----------
-    K : Sparse (n, n)
+    K : (n, n)
         Symmetric positive definite, both triangles stored; the symmetry is not checked.
     interface : IntVector (k,)
         Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
     backend : str
-        A name in `BACKENDS`, "dense", or "auto": the name given to `set_default`, else the one in the environment
-        variable QVI_CONTACT_FACTORISATION, else "dense" for up to 500 unknowns, else the first that is installed.
+        A name in `BACKENDS`, "dense", or "auto": the one in the environment variable QVI_CONTACT_FACTORISATION, else
+        "dense" for up to 500 unknowns, else the first that is installed.
     threads : int, optional
-        Threads to use; all cores this process may run on, or OMP_NUM_THREADS, or MKL_NUM_THREADS if not given.
-        "superlu" always has one.
+        Threads to use; one below 50 000 unknowns if not given, and above what OMP_NUM_THREADS or MKL_NUM_THREADS say,
+        or all cores this process may run on. "superlu" always has one.
     places : Matrix (n, 2), optional
         Where the unknowns are, in any unit. SuperLU takes half the time with them: it eliminates by nested dissection.
 
@@ -73,34 +73,76 @@ def factorise(
 
     """
     K, interface = _checked(K, interface)
+    n = K.shape[0]
     if threads is not None and threads < 1:
         raise InputError("threads", threads, "give 1 or more, or None for all cores")
-    small = backend == "auto" and chosen() is None and K.shape[0] <= SMALL
-    nothing = interface.size == K.shape[0]  # is eliminated: S = K
+    threads = threads or _sensible_threads(n)
+    small = backend == "auto" and chosen() is None and n <= SMALL
+    nothing = interface.size == n  # is eliminated: S = K
     name = DENSE if small or nothing or backend == DENSE else resolve(backend)
     diagonal = K.diagonal()
     if not np.all(diagonal > 0.0):
         row = int(np.argmin(diagonal > 0.0))
         raise FactorisationError("singular", name, f"diagonal entry {row} of K is {diagonal[row]:.3g}")
-    if name == BACKENDS[-1] and chosen() is None and K.shape[0] >= _WORTH_INSTALLING:
-        LOGGER.info("%d unknowns by SuperLU; PARDISO takes half the time or less: %s", K.shape[0], _INSTALL["pardiso"])
+    if name == BACKENDS[-1] and chosen() is None and n >= _WORTH_INSTALLING:
+        LOGGER.info("%d unknowns by SuperLU; PARDISO takes half the time or less: %s", n, _INSTALL["pardiso"])
     try:
         if name == DENSE:
-            return DenseFactor(K, interface)
-        check_limits(K, interface, name, thread_count(threads), faster_than(name))
+            return DenseFactor(K if isinstance(K, np.ndarray) else K.toarray(), interface)
+        K = csc_array(K)
+        check_limits(K, interface, name, threads)
         if name == BACKENDS[-1]:
             return SuperLU(K, interface, places)
-        return _module(name).factorise(K, interface, threads)  # type: ignore[no-any-return]
+        return _module(name).Pardiso(K, interface, threads)  # type: ignore[no-any-return]
     except MemoryError as error:
         raise FactorisationError("memory", name, "out of memory") from error
 
 
-def faster_than(name: str) -> str:
-    """How to get the fastest back end in the place of another one; empty if that is the fastest."""
-    if name == BACKENDS[0]:
-        return ""
-    missing = _module(BACKENDS[0]).version() is None
-    return _INSTALL[BACKENDS[0]] if missing else f"factorisation={BACKENDS[0]!r}"
+def _checked(K: Sparse | Matrix, interface: IntVector) -> tuple[Sparse | Matrix, IntVector]:
+    """K as it is if it is dense, else in compressed columns with sorted indices; the interface as int64."""
+    if len(K.shape) != 2 or K.shape[0] != K.shape[1]:
+        raise InputError("K", K.shape, "give a square matrix")
+    if not isinstance(K, np.ndarray):
+        K = csc_array(K, dtype=np.float64)
+        if not K.has_canonical_format:
+            K = K.copy()
+            K.sum_duplicates()
+    if not np.isfinite(K if isinstance(K, np.ndarray) else K.data).all():
+        raise InputError("K", "not finite", "give finite entries")
+    indices = np.asarray(interface)
+    if indices.size:
+        if indices.ndim != 1 or indices.dtype.kind not in "iu" or np.any(np.diff(indices) <= 0):
+            raise InputError("interface", indices, "give indices in increasing order, none twice: np.unique(indices)")
+        if indices[0] < 0 or indices[-1] >= K.shape[0]:
+            raise InputError("interface", indices, f"give indices from 0 to {K.shape[0] - 1}")
+    return K, indices.astype(np.int64).ravel()
+
+
+def refactorisation(
+    starts: IntVector,
+    columns: IntVector,
+    backend: str = "auto",
+    threads: int | None = None,
+    places: Matrix | None = None,
+) -> Refactorisation:
+    """For matrices of a symmetric pattern in compressed rows with sorted columns.
+
+    SuperLU eliminates unknowns by nested dissection of their places (n, 2) if these are known, else libraries look for
+    an order: METIS, which PARDISO brings, finds as good ones. Backend and threads as for `factorise`.
+    """
+    backend = resolve(backend if backend in BACKENDS else "auto")
+    threads = threads or _sensible_threads(len(starts) - 1)
+    pattern = csc_array((np.ones(len(columns)), columns, starts))
+    check_limits(pattern, np.zeros(0, dtype=np.int64), backend, threads, symmetric=False)
+    if backend == "pardiso":
+        return _module(backend).Refactorised(starts, columns, threads)  # type: ignore[no-any-return]
+    return RefactorisedBySuperLU(
+        starts, columns, None if places is None else nested_dissection(places, starts, columns)
+    )
+
+
+def _sensible_threads(unknowns: int) -> int:
+    return 1 if unknowns < _WORTH_THREADS else thread_count(None)
 
 
 def available_backends() -> dict[str, str]:
@@ -114,12 +156,6 @@ def missing_backends() -> dict[str, str]:
     return {name: command for name, command in _INSTALL.items() if _module(name).version() is None}
 
 
-def set_default(name: str | None) -> None:
-    """Choose the back end that "auto" means; None: by the environment variable, or the first available."""
-    global _default
-    _default = None if name is None else usable("backend", name)
-
-
 def resolve(backend: str = "auto") -> str:
     """Name of the back end that `backend` means; `SolverUnavailableError` if it cannot be used."""
     if backend != "auto":
@@ -128,9 +164,7 @@ def resolve(backend: str = "auto") -> str:
 
 
 def chosen() -> str | None:
-    """Name given to `set_default`, else the one in the environment variable, None if neither is given."""
-    if _default is not None:
-        return _default
+    """Name in the environment variable, None if there is none."""
     name = os.environ.get(VARIABLE, "").strip().lower()
     return None if name in ("", "auto") else usable(VARIABLE, name)
 
@@ -154,35 +188,8 @@ def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
 
 
 def _module(name: str) -> Module:
-    """Module of a back end: `version()`, and `factorise(K, interface, threads)`."""
+    """Module of a back end, which has a `version()`."""
     return load(f"solvers.factorisation.{name}")
-
-
-def _checked(K: Sparse, interface: IntVector) -> tuple[Sparse, IntVector]:
-    """K in compressed columns with sorted indices, and the interface as int64."""
-    if len(K.shape) != 2 or K.shape[0] != K.shape[1]:
-        raise InputError("K", K.shape, "give a square matrix")
-    if getattr(K, "format", "") != "csc" or K.dtype != np.float64:
-        K = csc_array(K, dtype=np.float64)
-    if not K.has_canonical_format:
-        K = K.copy()
-        K.sum_duplicates()
-    if not np.isfinite(K.data).all():
-        raise InputError("K", "not finite", "give finite entries")
-    return K, _checked_interface(interface, K.shape[0])
-
-
-def _checked_interface(interface: IntVector, n: int) -> IntVector:
-    indices = np.asarray(interface)
-    if indices.size == 0:
-        return np.zeros(0, dtype=np.int64)
-    if indices.ndim != 1 or indices.dtype.kind not in "iu":
-        raise InputError("interface", indices.shape, "give a one-dimensional array of indices")
-    if np.any(np.diff(indices) <= 0):
-        raise InputError("interface", indices, "give the indices in increasing order, none twice: np.unique(indices)")
-    if indices[0] < 0 or indices[-1] >= n:
-        raise InputError("interface", indices, f"give indices from 0 to {n - 1}")
-    return indices.astype(np.int64)
 
 
 # Which factorisation a problem gets: the one asked for, or the first installed.
@@ -197,7 +204,6 @@ CHOICES: Final = (*OTHERS, *BACKENDS)
 _ALWAYS_CONDENSED: Final = 400  # unknowns of the interface
 _SLOWER: Final = 3.6  # sparse operations beside dense ones, measured with plates and walls
 _MOST_THREADS: Final = 1024  # more do not pay on any machine, and libraries take no number of any size
-_WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
 
 class Request(NamedTuple):
@@ -234,53 +240,17 @@ class Request(NamedTuple):
         return limited_blas(self.threads or 1)
 
 
-def make(K: Sparse, interface: IntVector, request: Request, places: Matrix | None = None) -> Factorisation:
-    """Factorise K as asked for, `places` (n, 2) of the unknowns if they are known; errors of `factorise`.
-
-    Without a number of threads it is one, and all cores for a large K.
-    """
-    return factorise(K, interface, request.name, request.threads or _sensible_threads(K.shape[0]), places)
-
-
-def make_unsymmetric(starts: IntVector, columns: IntVector, places: Matrix | None, request: Request) -> Refactorisation:
-    """For matrices of a symmetric pattern (`Refactorisation`): by PARDISO, unless another back end is asked for.
-
-    SuperLU eliminates unknowns by nested dissection of their places (n, 2) if these are known, else libraries look for
-    an order: METIS, which PARDISO brings, finds as good ones.
-    """
-    backend = resolve(request.name if request.name in BACKENDS else "auto")
-    threads = request.threads or _sensible_threads(len(starts) - 1)
-    pattern = csc_array((np.ones(len(columns)), columns, starts))
-    nothing = np.zeros(0, dtype=np.int64)
-    check_limits(pattern, nothing, backend, threads, faster_than(backend), symmetric=False)
-    order = None if places is None or backend == "pardiso" else nested_dissection(places, starts, columns)
-    return refactorisation(starts, columns, backend, threads, order)
-
-
 def condensing_pays(K: Sparse, interface: int) -> bool:
     """Whether one dense matrix of the interface is factorised in less time than an unsymmetric sparse one like K.
 
-    Operations of the sparse way come in smaller blocks, and so more slowly; by how much is what `python -m comparisons
-    systems` measures. A few hundred unknowns are always condensed: what the sparse way costs besides is more than the
-    dense one in all.
+    Dense elimination takes ⅔ k³ operations for k unknowns of the interface. Nested dissection of a plane mesh of
+    squares with b unknowns at each node takes about 10 (b n)^1.5 for L Lᵀ and twice as many for L U, b = nnz / 9 n.
+    They come in smaller blocks, and so more slowly. A few hundred unknowns are always condensed: what the sparse way
+    costs besides is more than the dense one in all.
     """
     if interface <= _ALWAYS_CONDENSED:
         return True
-    dense, sparse = operations(K, interface)
-    return dense <= _SLOWER * sparse
-
-
-def operations(K: Sparse, interface: int) -> tuple[float, float]:
-    """Of a dense factorisation of the interface, and of an unsymmetric sparse one like K.
-
-    Dense elimination takes ⅔ k³ operations for k unknowns of the interface. Nested dissection of a plane mesh of
-    squares with b unknowns at each node takes about 10 (b n)^1.5 for L Lᵀ and twice as many for L U, b = nnz / 9 n.
-    """
-    return 2.0 / 3.0 * float(interface) ** 3, 2.0 * 10.0 * float(K.nnz / 9.0) ** 1.5
-
-
-def _sensible_threads(unknowns: int) -> int:
-    return 1 if unknowns < _WORTH_THREADS else thread_count(None)
+    return bool(2.0 / 3.0 * float(interface) ** 3 <= _SLOWER * 20.0 * float(K.nnz / 9.0) ** 1.5)
 
 
 # What a factorisation will take: told before it begins, and refused if it is far beyond the limits.
@@ -306,38 +276,14 @@ _WORTH_TELLING: Final = 2.0  # seconds
 _SMALL: Final = 20_000  # unknowns that every back end factorises in a second
 _GIGABYTE: Final = 1e9
 _CGROUP: Final = Path("/sys/fs/cgroup/memory.max")  # of a container
-
-
-class _Rate(NamedTuple):
-    """Seconds an entry of L, seconds an operation, bytes an entry."""
-
-    entry: float
-    operation: float
-    memory: float
-
-
-_RATES: Final = {
-    "pardiso": _Rate(3e-8, 4e-11, 7.0),
-    "superlu": _Rate(2.2e-7, 2e-10, 55.0),
-}
+_RATES: Final = {"pardiso": (3e-8, 4e-11, 7.0), "superlu": (2.2e-7, 2e-10, 55.0)}  # a, b, c
 
 
 class Work(NamedTuple):
-    """How much a factor L is.
-
-    Attributes
-    ----------
-    entries : |L|
-    operations : Σ_j |L_j|²
-
-    """
+    """How much a factor L is: its entries |L|, and operations Σ_j |L_j|²."""
 
     entries: float
     operations: float
-
-    def times(self, factors: float) -> "Work":
-        """Of so many factors like this one."""
-        return Work(factors * self.entries, factors * self.operations)
 
     @classmethod
     def by_law(cls, n: int, nnz: int) -> "Work":
@@ -356,24 +302,18 @@ class Work(NamedTuple):
 
 
 class Forecast(NamedTuple):
-    """What a factorisation is estimated to take.
-
-    Attributes
-    ----------
-    seconds, bytes : float
-
-    """
+    """Seconds and bytes that a factorisation is estimated to take."""
 
     seconds: float
     bytes: float
 
     @classmethod
-    def of(cls, work: Work, backend: str, interface: int = 0, threads: int = 1) -> "Forecast":
+    def of(cls, work: Work, backend: str, interface: int = 0, threads: int = 1, factors: float = 1.0) -> "Forecast":
         """By a back end on so many threads, which share the operations; SuperLU has one."""
-        rate = _RATES[backend]
+        entry, operation, memory = _RATES[backend]
         shared = 1 if backend == "superlu" else threads
-        seconds = rate.entry * work.entries + rate.operation * work.operations / shared
-        return cls(seconds, rate.memory * work.entries + 16.0 * float(interface) ** 2)
+        seconds = factors * (entry * work.entries + operation * work.operations / shared)
+        return cls(seconds, factors * memory * work.entries + 16.0 * float(interface) ** 2)
 
     @property
     def cost(self) -> str:
@@ -382,13 +322,11 @@ class Forecast(NamedTuple):
         return f"about {time} and {self.bytes / _GIGABYTE:.2g} GB"
 
 
-def check_limits(
-    K: Sparse, interface: IntVector, backend: str, threads: int, faster: str, *, symmetric: bool = True
-) -> None:
+def check_limits(K: Sparse, interface: IntVector, backend: str, threads: int, *, symmetric: bool = True) -> None:
     """Tell what the factorisation of K will take if that is long, and refuse what is far beyond the limits.
 
-    The limits are the time that is left (`deadline`) and the memory of the machine. `faster` says how to get PARDISO
-    where it is not the back end, and is empty where it is. L U of a K that is not `symmetric` is twice the work.
+    The limits are the time that is left (`deadline`) and the memory of the machine. L U of a K that is not `symmetric`
+    is twice the work.
 
     Raises
     ------
@@ -396,26 +334,29 @@ def check_limits(
         With the reason "time" or "memory".
 
     """
-    n, k = K.shape[0], len(interface)
+    n, k, factors = K.shape[0], len(interface), 1.0 if symmetric else 2.0
     if n < _SMALL:
         return
-    factors = 1.0 if symmetric else 2.0
-    work = Work.by_law(n, K.nnz).times(factors)
-    expected = Forecast.of(work, backend, k, threads)
+    work = Work.by_law(n, K.nnz)
+    expected = Forecast.of(work, backend, k, threads, factors)
     late, seconds, memory = deadline.over, deadline.left, machine_memory()
     if not late and (expected.seconds > seconds or expected.bytes > memory):
-        work = Work.counted(K, interface).times(factors)
-        expected = Forecast.of(work, backend, k, threads)
-    estimate = f"{n} unknowns are estimated to take {expected.cost}"
-    advice = f"; PARDISO takes {Forecast.of(work, 'pardiso', k, threads).cost}: {faster}" if faster else ""
+        work = Work.counted(K, interface)
+        expected = Forecast.of(work, backend, k, threads, factors)
+    beyond: tuple[Reason, str] | None = None
     if late and expected.seconds >= _WORTH_TELLING:
-        raise FactorisationError("time", backend, f"{estimate}, and the time limit is over{advice}")
-    if not late and expected.seconds > _CLEAR * seconds:
-        limit = f"far beyond the time limit, of which {seconds:.3g} s are left"
-        raise FactorisationError("time", backend, f"{estimate}, {limit}{advice}")
-    if not late and expected.bytes > _CLEAR * memory:
-        limit = f"far beyond the memory of this machine, {memory / _GIGABYTE:.3g} GB"
-        raise FactorisationError("memory", backend, f"{estimate}, {limit}{advice}")
+        beyond = "time", "and the time limit is over"
+    elif not late and expected.seconds > _CLEAR * seconds:
+        beyond = "time", f"far beyond the time limit, of which {seconds:.3g} s are left"
+    elif not late and expected.bytes > _CLEAR * memory:
+        beyond = "memory", f"far beyond the memory of this machine, {memory / _GIGABYTE:.3g} GB"
+    if beyond is not None:
+        advice = ""
+        if backend != BACKENDS[0]:
+            how = missing_backends().get(BACKENDS[0], f"factorisation={BACKENDS[0]!r}")
+            advice = f"; PARDISO takes {Forecast.of(work, BACKENDS[0], k, threads, factors).cost}: {how}"
+        estimate = f"{n} unknowns are estimated to take {expected.cost}"
+        raise FactorisationError(beyond[0], backend, f"{estimate}, {beyond[1]}{advice}")
     if expected.seconds >= _WORTH_TELLING:
         stage = f"factorising {n} unknowns, {expected.cost} (an estimate)"
         LOGGER.info("%s: %s", backend, stage)
@@ -424,11 +365,9 @@ def check_limits(
 
 def machine_memory() -> float:
     """Bytes of memory that this machine, or the container on it, has; infinity where nobody says."""
-    return min(_memories(), default=float("inf"))
-
-
-def _memories() -> Iterator[float]:
+    found = [float("inf")]
     with suppress(ValueError, OSError, AttributeError):
-        yield float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+        found.append(float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE")))
     with suppress(ValueError, OSError):
-        yield float(_CGROUP.read_text(encoding="ascii"))  # "max" where there is no limit
+        found.append(float(_CGROUP.read_text(encoding="ascii")))  # "max" where there is no limit
+    return min(found)

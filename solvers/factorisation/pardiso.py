@@ -9,7 +9,7 @@ import weakref
 from enum import IntEnum
 from threading import RLock
 from time import perf_counter
-from typing import Any, ClassVar, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 from solvers.basics.foreign import foreign_code
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation.base import Factorisation, FactorisationError, Reason, State, symmetrised
-from solvers.factorisation.mkl import library, limited_threads, thread_count, version
-
-__all__ = ["Pardiso", "Refactorised", "factorise", "version"]
+from solvers.factorisation.mkl import library, limited_threads, version
 
 _PERTURBATION: Final = 16  # digits after which a pivot is nothing; the usual 13 lose soft directions beside stiff ones
 _MATRIX: Final = 1  # mnum: number of the matrix of a handle, here the only one
@@ -55,7 +53,6 @@ class Setting(IntEnum):
 
     OWN_VALUES = 0  # 1: do not fill in defaults
     ORDERING = 1  # 2: METIS, 3: its parallel version
-    OWN_ORDER = 4  # 1: the unknowns in the order of `perm`
     PERTURBATION = 9  # p: pivots below 10⁻ᵖ |A| are made as large
     TWO_LEVEL = 23  # 1: two-level factorisation, in which S costs next to nothing
     ZERO_BASED = 34  # 1: indices from 0
@@ -74,41 +71,22 @@ _REASONS: Final[dict[int, tuple[Reason, str]]] = {
 }
 
 
-def factorise(K: Sparse, interface: IntVector, threads: int | None) -> "Pardiso":
-    """Factorise K (n, n), n > k, in compressed columns with sorted indices."""
-    return Pardiso(K, interface, thread_count(threads))
+class Pardiso(Factorisation):
+    """Factors of K (n, n), n > k, in compressed columns with sorted indices; MKL holds them until nobody needs them.
 
+    Every call runs with the number of threads given at the start.
+    """
 
-class _Owner:
-    """What MKL holds of one matrix, until it is released or nobody needs it."""
-
-    backend: ClassVar[str] = "pardiso"
-
-    def __init__(self, handle: "_Handle") -> None:
-        self.version = version() or ""
-        self._handle: _Handle | None = handle
-        self._finalizer = weakref.finalize(self, handle.release)
-        self._finalizer.atexit = False
-
-    def release(self) -> None:
-        """Free MKL's memory; may be called again."""
-        self._finalizer()
-        self._handle = None
-
-    def _open(self) -> "_Handle":
-        if self._handle is None:
-            raise FactorisationError("backend", self.backend, "the factors have been released")
-        return self._handle
-
-
-class Pardiso(_Owner, Factorisation):
-    """Factors held by MKL; every call runs with the number of threads given at the start."""
+    backend = "pardiso"
 
     def __init__(self, K: Sparse, interface: IntVector, threads: int) -> None:
-        self.interface = interface
+        self.version, self.interface, self.size = version() or "", interface, K.shape[0]
         start = perf_counter()
-        handle = _Handle.symmetric(K, interface, threads)
-        super().__init__(handle)
+        # Upper triangle of K = Kᵀ in compressed rows: the lower triangle of its columns.
+        keep = K.indices >= np.repeat(np.arange(self.size, dtype=K.indices.dtype), np.diff(K.indptr))
+        starts = np.concatenate([[0], np.cumsum(keep)])[K.indptr]
+        upper = (starts, K.indices[keep], K.data[keep])
+        self._handle = handle = _Handle(Kind.POSITIVE_DEFINITE, upper, interface, threads, self)
         handle.call(Phase.ANALYSIS)
         analysed = perf_counter()
         schur = np.zeros((interface.size, interface.size))
@@ -116,21 +94,13 @@ class Pardiso(_Owner, Factorisation):
         self.schur = symmetrised(schur) if schur.size else schur
         factorised = perf_counter()
         diagonal = K.diagonal()
-        self._scale: Vector = diagonal[interface]
+        self._diagonal = diagonal[interface]
         self._check_interior(diagonal)
         self.seconds = {
             "analysis": analysed - start,
             "numeric": factorised - analysed,
             "check": perf_counter() - factorised,
         }
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns n."""
-        return self._open().size
-
-    def _schur_scale(self) -> Vector:
-        return self._scale
 
     def _check_interior(self, diagonal: Vector) -> None:
         """`FactorisationError` if K_II is singular up to rounding, which PARDISO tells of exact zeros only.
@@ -154,34 +124,30 @@ class Pardiso(_Owner, Factorisation):
         return self._phase(Phase.BACKWARD, self._with_values(state, values))
 
     def _phase(self, phase: Phase, b: Matrix) -> Matrix:
-        handle = self._open()
         b = np.asfortranarray(b)
         x = np.zeros(b.shape, order="F")
         if b.size:
-            handle.call(phase, b, x)
+            self._handle.call(phase, b, x)
         return x
 
 
-class Refactorised(_Owner):
+class Refactorised:
     """H = L U for matrices H of one symmetric pattern, one after the other: ordering and symbolic analysis once.
 
     Pivots stay on the diagonal but for those inside a dense block. See `Refactorisation` for the back end's contract.
     """
 
-    def __init__(
-        self, starts: IntVector, columns: IntVector, threads: int | None, order: IntVector | None = None
-    ) -> None:
-        rows = (starts, columns, np.zeros(len(columns)))
+    backend = "pardiso"
+
+    def __init__(self, starts: IntVector, columns: IntVector, threads: int) -> None:
+        self.version, rows = version() or "", (starts, columns, np.zeros(len(columns)))
         interface = np.zeros(0, dtype=np.int64)
-        handle = _Handle(Kind.STRUCTURALLY_SYMMETRIC, rows, interface, thread_count(threads))
-        if order is not None:
-            handle.eliminate_in(order)
-        super().__init__(handle)
+        self._handle = _Handle(Kind.STRUCTURALLY_SYMMETRIC, rows, interface, threads, self)
         self._analysed = False
 
     def factorise(self, values: Vector) -> None:
         """Factorise H, its entries row by row; solves are by this matrix from now on."""
-        handle = self._open()
+        handle = self._handle
         handle.values[:] = values
         if not self._analysed:
             handle.call(Phase.ANALYSIS)
@@ -191,7 +157,7 @@ class Refactorised(_Owner):
     def solve(self, right: Vector) -> Vector:
         """H⁻¹ right (n,)."""
         x = np.zeros_like(right)
-        self._open().call(Phase.SOLVE, np.array(right)[:, None], x[:, None])
+        self._handle.call(Phase.SOLVE, np.array(right)[:, None], x[:, None])
         return x
 
 
@@ -200,9 +166,12 @@ _Rows: TypeAlias = tuple[NDArray[Any], NDArray[Any], Vector]
 
 
 class _Handle:
-    """PARDISO's arguments of one matrix: pt, iparm, and the matrix in compressed rows, if symmetric its upper half."""
+    """PARDISO's arguments of one matrix: pt, iparm, and the matrix in compressed rows, if symmetric its upper half.
 
-    def __init__(self, kind: Kind, rows: _Rows, interface: IntVector, threads: int) -> None:
+    What MKL holds is freed when the owner goes.
+    """
+
+    def __init__(self, kind: Kind, rows: _Rows, interface: IntVector, threads: int, owner: object) -> None:
         mkl = library()
         if mkl is None:
             raise FactorisationError("backend", "pardiso", "MKL does not load")
@@ -218,21 +187,23 @@ class _Handle:
         self.iparm[[Setting.OWN_VALUES, Setting.ZERO_BASED, Setting.TWO_LEVEL]] = 1
         self.iparm[Setting.ORDERING] = 2
         self.iparm[Setting.PERTURBATION] = _PERTURBATION
-        self.perm = np.zeros(self.size, dtype=self.integer)  # 1 on the interface, or the order of elimination
+        self.perm = np.zeros(self.size, dtype=self.integer)  # 1 on the interface
         if interface.size:
             self.iparm[Setting.SCHUR] = 2
             self.perm[interface] = 1
-        self._prepare()
-
-    @classmethod
-    def symmetric(cls, K: Sparse, interface: IntVector, threads: int) -> "_Handle":
-        """Of a positive definite K in compressed columns."""
-        return cls(Kind.POSITIVE_DEFINITE, _upper_rows(K), interface, threads)
-
-    def eliminate_in(self, order: IntVector) -> None:
-        """Take this order, a permutation of the unknowns, instead of one of its own."""
-        self.iparm[Setting.OWN_ORDER] = 1
-        self.perm[:] = order
+        # Addresses of all arguments but b and x, which stay where they are, in the order of `pardiso`.
+        numbers = [1, _MATRIX, self.kind, 0, self.size, 0, 0, 0]
+        self._integers = np.array(numbers, dtype=self.integer)
+        maxfct, mnum, mtype, number, n, nrhs, msglvl, self._error = (_address(self._integers[i:]) for i in range(8))
+        self._dummy = np.zeros(1)
+        self._nothing = _address(self._dummy)
+        self._arguments = (
+            _address(self.pt), maxfct, mnum, mtype, number, n,
+            _address(self.values), _address(self.rows), _address(self.columns), _address(self.perm),
+            nrhs, _address(self.iparm), msglvl,
+        )  # fmt: skip
+        self._pardiso = self.mkl.pardiso_64 if self.integer is np.int64 else self.mkl.pardiso
+        weakref.finalize(owner, self.release).atexit = False
 
     def call(self, phase: Phase, b: Matrix | None = None, x: Matrix | None = None) -> None:
         """One call of `pardiso`; `FactorisationError` for its error codes."""
@@ -243,7 +214,7 @@ class _Handle:
             raise FactorisationError(reason, "pardiso", f"{detail} (code {code} in phase {phase.name.lower()})")
 
     def release(self) -> None:
-        """Free everything MKL holds for this matrix, now or when the next one goes."""
+        """Free everything that MKL holds for this matrix, now or when the next one goes."""
         _UNNEEDED.append(self)
         if _ONE_AT_A_TIME.acquire(blocking=False):  # the garbage collector must not wait: it may run inside any lock
             try:
@@ -262,28 +233,6 @@ class _Handle:
             self._pardiso(*self._arguments, right, left, self._error)
             return int(self._integers[_ERROR])
 
-    def _prepare(self) -> None:
-        """Addresses of all arguments but b and x, which stay where they are, in the order of `pardiso`."""
-        numbers = [1, _MATRIX, self.kind, 0, self.size, 0, 0, 0]
-        self._integers = np.array(numbers, dtype=self.integer)
-        maxfct, mnum, mtype, number, n, nrhs, msglvl, self._error = (_address(self._integers[i:]) for i in range(8))
-        self._dummy = np.zeros(1)
-        self._nothing = _address(self._dummy)
-        self._arguments = (
-            _address(self.pt), maxfct, mnum, mtype, number, n,
-            _address(self.values), _address(self.rows), _address(self.columns), _address(self.perm),
-            nrhs, _address(self.iparm), msglvl,
-        )  # fmt: skip
-        self._pardiso = self.mkl.pardiso_64 if self.integer is np.int64 else self.mkl.pardiso
-
 
 def _address(array: NDArray[Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
-
-
-def _upper_rows(K: Sparse) -> _Rows:
-    """Upper triangle of K = Kᵀ in compressed rows: the lower triangle of its columns."""
-    column = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
-    keep = K.indices >= column
-    starts = np.concatenate([[0], np.cumsum(keep)])[K.indptr]
-    return starts, K.indices[keep], K.data[keep]

@@ -6,21 +6,16 @@ matrix K' = K + [0 0; 0 D] has the Schur complement S' = S + D, well conditioned
     g_Γ − K_ΓI K_II⁻¹ g_I = S' y_Γ,        K_II⁻¹ (g_I − K_IΓ x_Γ) = y_I + (K'⁻¹ [0; S' (x_Γ − y_Γ)])_I.
 """
 
-from collections.abc import Callable
 from time import perf_counter
-from typing import Final, Literal, Protocol, TypeAlias
+from typing import Literal, Protocol
 
 import numpy as np
 import scipy
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import spilu, splu
+from scipy.sparse.linalg import splu
 
-from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector, load
+from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector
 from solvers.factorisation.base import Factorisation, FactorisationError, State, check_pivots, symmetrised
-
-__all__ = ["SuperLU", "filled", "version"]
-
-_DROPPED: Final = 1e300  # entries of a factor below it: all of them
 
 
 def version() -> str | None:
@@ -39,45 +34,24 @@ class SuperLU(Factorisation):
 
     def __init__(self, K: Sparse, interface: IntVector, places: Matrix | None = None) -> None:
         self.version = version() or ""
-        self.interface = interface
-        start = perf_counter()
-        k = interface.size
-        own = k == 0 and places is None
-        self._order = None if own else interface_last(K, interface, _minimum_degree, places)
+        self.interface, self.size = interface, K.shape[0]
+        start, first = perf_counter(), K.shape[0] - interface.size
+        own = first == self.size and places is None
+        self._order = None if own else interface_last(K, interface, places)
         analysed = perf_counter()
         diagonal = K.diagonal()
-        added = diagonal[interface]
+        self._diagonal = added = diagonal[interface]
         raised = K if self._order is None else _reordered(K, self._order, added)
         self._factor: Module = _symmetric_splu(raised, "MMD_AT_PLUS_A" if own else "NATURAL")
         factorised = perf_counter()
-        self._raised = self._checked_schur(diagonal, k)
+        lower, pivots = self._factor.L, self._factor.U.diagonal()
+        order = np.argsort(self._factor.perm_c) if self._order is None else self._order
+        check_pivots(pivots[:first], diagonal[order[:first]], self.backend, self.size)
+        last = lower[:, first:][first:].toarray()
+        self._raised = symmetrised((last * pivots[first:]) @ last.T)  # S'
         self.schur = self._raised - np.diag(added)
-        self._added = added
         ended = perf_counter()
         self.seconds = {"analysis": analysed - start, "numeric": factorised - analysed, "check": ended - factorised}
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns n."""
-        return int(self._open().shape[0])
-
-    def release(self) -> None:
-        """Drop the factors; may be called again."""
-        self._factor = None
-
-    def _schur_scale(self) -> Vector:
-        return self._added
-
-    def _checked_schur(self, diagonal: Vector, k: int) -> Matrix:
-        """S' (k, k) by the trailing block of L and pivots; `FactorisationError` if one of the interior is rounding."""
-        lower, pivots = self._factor.L, self._factor.U.diagonal()
-        place = self._factor.perm_c if self._order is None else np.argsort(self._order)
-        ordered = np.empty_like(diagonal)
-        ordered[place] = diagonal
-        first = self.size - k
-        check_pivots(pivots[:first], ordered[:first], self.backend, self.size)
-        last = lower[:, first:][first:].toarray()
-        return symmetrised((last * pivots[first:]) @ last.T)
 
     def square(self, right: Vector, state: State) -> float:
         """See `Factorisation`; here the state is y_I = K_II⁻¹ (g_I − K_IΓ y_Γ) on I."""
@@ -100,17 +74,13 @@ class SuperLU(Factorisation):
 
     def _whole(self, right: Matrix) -> Matrix:
         """Return K'⁻¹ right (n, j)."""
-        factor = self._open()
         if self._order is None or not right.size:
-            return np.asarray(factor.solve(np.asfortranarray(right))) if right.size else np.array(right, order="F")
+            return (
+                np.asarray(self._factor.solve(np.asfortranarray(right))) if right.size else np.array(right, order="F")
+            )
         x = np.empty(right.shape, order="F")
-        x[self._order] = factor.solve(np.asfortranarray(right[self._order]))
+        x[self._order] = self._factor.solve(np.asfortranarray(right[self._order]))
         return x
-
-    def _open(self) -> Module:
-        if self._factor is None:
-            raise FactorisationError("backend", self.backend, "the factors have been released")
-        return self._factor
 
 
 def _reordered(K: Sparse, order: IntVector, added: Vector) -> Sparse:
@@ -147,27 +117,13 @@ def filled(graph: Sparse) -> tuple[IntVector, IntVector, IntVector]:
     return np.argsort(factor.perm_c).astype(np.int64), lower.indices, lower.indptr
 
 
-def _minimum_degree(graph: Sparse) -> IntVector:
-    """SuperLU's multiple minimum degree of Aᵀ + A, which SciPy gives with a factorisation only: one that drops all."""
-    sums = np.asarray(graph.sum(axis=0), dtype=np.float64).ravel()
-    dominant = csc_array(graph + diags_array(sums), dtype=np.float64)
-    factor = spilu(dominant, _DROPPED, 1.0, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                   options={"SymmetricMode": True})  # fmt: skip
-    return np.argsort(factor.perm_c).astype(np.int64)
-
-
 # Orders of elimination: by minimum degree on groups of unknowns with the same neighbours, or by places.
 
-
-MinimumDegree: TypeAlias = Callable[[Sparse], IntVector]
-"""A symmetric pattern (m, m) with full diagonal → its elimination order, a permutation of 0 … m − 1."""
 
 _LEAF = 30  # unknowns that are not parted any more; from 20 to 60 times hardly differ
 
 
-def interface_last(
-    K: Sparse, interface: IntVector, minimum_degree: MinimumDegree, places: Matrix | None = None
-) -> IntVector:
+def interface_last(K: Sparse, interface: IntVector, places: Matrix | None = None) -> IntVector:
     """A permutation of 0 … n − 1: the interior of K (n, n) by nested dissection of places (n, 2), then Γ.
 
     Without places the interior is in the order of minimum degree.
@@ -178,7 +134,7 @@ def interface_last(
     interior, graph, group = interior_groups(K, interface)
     position = np.empty(graph.shape[0], dtype=np.int64)
     if places is None:
-        order = minimum_degree(graph)
+        order = filled(graph)[0]
     else:
         of_groups = np.empty((graph.shape[0], 2))
         of_groups[group] = places[interior]  # of one of its unknowns, which are at one vertex or edge
@@ -190,7 +146,12 @@ def interface_last(
 def interior_groups(K: Sparse, interface: IntVector) -> tuple[IntVector, Sparse, IntVector]:
     """The interior of K (n, n), the pattern of its groups of unknowns with the same neighbours, the group of each."""
     interior = np.setdiff1d(np.arange(K.shape[0]), interface)
-    return interior, *_graph_of_groups(_pattern(K)[interior][:, interior] if len(interface) else _pattern(K))
+    pattern: Sparse = csc_array((np.ones(K.nnz, dtype=np.int8), K.indices, K.indptr), shape=K.shape)
+    pattern = pattern[interior][:, interior] if len(interface) else pattern
+    mark = np.random.default_rng(0).integers(1, 2**62, len(interior))  # equal sums: equal columns (modulo 2⁶⁴)
+    sums = pattern.T @ mark
+    first, group = np.unique(sums, return_index=True, return_inverse=True)[1:]
+    return interior, pattern[first][:, first], np.asarray(group, dtype=np.int64)
 
 
 def nested_dissection(places: Matrix, starts: IntVector, columns: IntVector) -> IntVector:
@@ -243,18 +204,6 @@ def nested_dissection(places: Matrix, starts: IntVector, columns: IntVector) -> 
     return order
 
 
-def _pattern(K: Sparse) -> Sparse:
-    return csc_array((np.ones(K.nnz, dtype=np.int8), K.indices, K.indptr), shape=K.shape)
-
-
-def _graph_of_groups(pattern: Sparse) -> tuple[Sparse, IntVector]:
-    """(pattern (m, m) of the groups, group (n,) of each unknown): a group has equal columns in the pattern (n, n)."""
-    mark = np.random.default_rng(0).integers(1, 2**62, pattern.shape[0])  # equal sums: equal columns (modulo 2⁶⁴)
-    sums = pattern.T @ mark
-    first, group = np.unique(sums, return_index=True, return_inverse=True)[1:]
-    return pattern[first][:, first], np.asarray(group, dtype=np.int64)
-
-
 # H = L U of unsymmetric matrices that share one symmetric pattern, as Newton's method meets them.
 #
 # PARDISO orders and analyses once. Where MKL is not installed SuperLU does all of it every time, but for an order that
@@ -287,29 +236,8 @@ class Refactorisation(Protocol):
         """H⁻¹ right (n,)."""
         ...
 
-    def release(self) -> None:
-        """Free the memory; may be called again."""
-        ...
 
-
-def refactorisation(
-    starts: IntVector,
-    columns: IntVector,
-    backend: str = "superlu",
-    threads: int | None = None,
-    order: IntVector | None = None,
-) -> Refactorisation:
-    """For matrices of a symmetric pattern in compressed rows with sorted columns; "pardiso" or "superlu".
-
-    `order` is a permutation of the unknowns, in which they are eliminated; by default the library looks for one.
-    """
-    if backend == "pardiso":
-        module: Module = load("solvers.factorisation.pardiso")
-        return module.Refactorised(starts, columns, threads, order)  # type: ignore[no-any-return]
-    return _BySuperLU(starts, columns, order)
-
-
-class _BySuperLU:
+class RefactorisedBySuperLU:
     """Pivots on the diagonal as long as they are large enough; one thread."""
 
     backend = "superlu"
@@ -336,12 +264,6 @@ class _BySuperLU:
 
     def solve(self, right: Vector) -> Vector:
         """See `Refactorisation`."""
-        if self._factor is None:
-            raise FactorisationError("backend", self.backend, "there are no factors, or they have been released")
         found = np.empty_like(right)
         found[self._order] = self._factor.solve(right[self._order], "T")
         return found
-
-    def release(self) -> None:
-        """See `Refactorisation`."""
-        self._factor = None

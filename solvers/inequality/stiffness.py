@@ -14,7 +14,7 @@ from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Spars
 from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
-from solvers.factorisation.choice import Request, condensing_pays, make, make_unsymmetric
+from solvers.factorisation.choice import Request, condensing_pays, factorise, refactorisation
 from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import absolute_product, checked_matrix, checked_vector, for_products
@@ -164,7 +164,7 @@ class Stiffness(PicklesFields):
 
     def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
         """For unsymmetric matrices of a symmetric pattern, by the library and on the threads that are asked for."""
-        return make_unsymmetric(starts, columns, self.places, self._made.request)
+        return refactorisation(starts, columns, *self._made.request, self.places)
 
     def _forget(self) -> None:
         self._made.factor = self._made.condensed = None
@@ -181,7 +181,7 @@ class Stiffness(PicklesFields):
         made = self._made
         if not made.rooted:
             try:
-                return make(self.K, interface, made.request, self.places)
+                return factorise(self.K, interface, *made.request, self.places)
             except FactorisationError as error:
                 if error.reason != "singular" or self.root is None:
                     raise

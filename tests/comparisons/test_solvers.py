@@ -140,15 +140,6 @@ class TestProblems:
         assert problem.bounds[0] == pytest.approx(after, rel=1e-6, abs=1e-6 * after.max())
         assert full.n0 == pytest.approx(centre.n0, abs=1e-6 * np.abs(centre.n0).max())
 
-    def test_what_is_open_sticks_and_slips_is_the_whole_contact(self):
-        facts = problems.instance("ssnv128_4").facts
-        assert facts["open"] + facts["stick"] + facts["slip"] == pytest.approx(1.0)
-        assert min(facts["open"], facts["stick"], facts["slip"]) > 0.0
-        assert problems.instance("stick_8").facts["slip"] == 0.0
-        assert (
-            problems.instance("graded_8").facts["condition"] > 100.0 * problems.instance("plate_8").facts["condition"]
-        )
-
     def test_the_certificate_is_that_of_the_friction_bound_given(self):
         problem = problems.Instance(problems.Described(problems.PROBLEMS["plate_4"].build, "well conditioned"))
         given = problem.given(problem.bounds[0])
@@ -218,8 +209,6 @@ class TestTasks:
         assert len(found["seconds"]) == 2
         assert found["options"] == accuracies.options("direct:clarabel", "low")
         assert found["accuracy"] == found["certificate"]["accuracy"] <= found["certificate"]["tolerance"] == 1e-3
-        largest = max(found["certificate"]["measures"][name] for name in ("equality", "normal", "friction"))
-        assert found["primal"] == largest
 
     @pytest.mark.parametrize("solver", ["condensed", "uzawa", "qp:quadprog"])
     def test_whole_inequalities_are_solved(self, solver):

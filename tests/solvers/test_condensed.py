@@ -16,7 +16,7 @@ from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import FrictionQVI, InputError, Status, Stiffness, solve_qvi
 from solvers.condensed import FRICTION_SHARES
-from solvers.factorisation import available_backends, factorise, factorise_root, set_default
+from solvers.factorisation import VARIABLE, available_backends, factorise, factorise_root
 from solvers.inequality import TractionFactor, echelon, independent_rows, interface_of, spanning_rows, trace_coordinates
 from tests.cases import every_pair, examples, thinned
 from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem
@@ -211,14 +211,11 @@ def test_points_may_link_unknowns_that_k_does_not():
 
 
 @pytest.mark.parametrize("backend", UNSYMMETRIC)
-def test_either_library_serves(backend):
+def test_either_library_serves(backend, environ):
     qvi = chain(0)
     reference = solved(qvi, "dense")
-    set_default(backend)
-    try:
-        found = solved(copy.deepcopy(qvi), "sparse")
-    finally:
-        set_default(None)
+    environ(**{VARIABLE: backend})
+    found = solved(copy.deepcopy(qvi), "sparse")
     assert found.factorisation.startswith(backend)
     assert difference(qvi, found, reference) < 1e-10
 

@@ -1,4 +1,4 @@
-"""The manual's problems, a module a chapter or a part of one: bodies, known values, rows, pictures."""
+"""The manual's problems, a module a chapter or a part of one: bodies, known values, rows."""
 
 from solvers.basics.front import front
 
@@ -7,18 +7,9 @@ __getattr__ = front(
     {
         "bounds": ("half_disc", "half_discs", "sheared_layer"),
         "curves": (
-            "M",
-            "NU",
-            "OUTER",
-            "ellipse",
-            "kirsch",
-            "kirsch_energy",
-            "lame",
-            "lame_energy",
-            "sheet",
-            "stretched",
+            "M", "NU", "OUTER", "ellipse", "kirsch", "kirsch_energy", "lame", "lame_energy", "sheet", "stretched",
             "zeta_of",
         ),
         "limits": ("STATES", "law_violation"),
     },
-)
+)  # fmt: skip

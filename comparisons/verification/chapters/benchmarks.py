@@ -10,7 +10,6 @@ from comparisons.verification.chapters.limits import oblique
 from comparisons.verification.known import CYLINDER, HALF_DISCS, TANGENTIAL_FORCE, read_example
 from comparisons.verification.known import SSNV128 as CODE_ASTER
 from comparisons.verification.measures import (
-    MM,
     degrees,
     edge_states,
     ellipse,
@@ -21,7 +20,6 @@ from comparisons.verification.measures import (
     value_at,
     zone_ends,
 )
-from comparisons.verification.pictures import Curve, Graph, curves_of_both, shown
 from comparisons.verification.rows import Chapter, Check, Kind, Row, both, by_hand, certified, certified_companion
 from qvi_contact import ContactLine, ContactProblem, ContactResult, ContactState, History, solve, solve_history
 from qvi_contact.basics.checks import FloatArray
@@ -40,7 +38,6 @@ from qvi_contact.gallery import (
     rings,
     ssnv128,
 )
-from qvi_contact.units import Units
 
 SSNV128, BENCHMARKS = Chapter(), Chapter()
 
@@ -123,7 +120,6 @@ _BY_NGSOLVE: Final = {0.0: 0.758518, 0.1: 0.738677}
 _STICK: Final = 4e-4  # of c on triangles of degree 4, on the mesh of `cattaneo`: the shear has a kink there
 _DEPTH: Final = 20  # how often triangles at a corner are halved
 _NEAR: Final = (1e-5, 1e-3)  # distances from it within which the pressure is a power
-_DRAWN: Final = (1e-5, 1e-2)  # those that are drawn
 
 
 @BENCHMARKS("rings", 4, 5)
@@ -142,16 +138,6 @@ def lame_rings(p: int, quick: bool) -> Iterator[Row]:
     yield from two_models(quick, result, "joint", 1e-5, 1e-6)
 
 
-@shown("rings", lambda: rings(4), Units(length="m", stress="Pa"))
-def _rings_graph(quick: bool) -> Graph:
-    """The pressure between the rings has a constant part and one in cos 2θ."""
-    line = solve(rings(4 if quick else 8, 1e5), degree=4).contacts["joint"]
-    theta = np.linspace(0.0, 90.0)
-    known = Curve("Lamé and Michell", theta, (_RINGS[0] + _RINGS[1] * np.cos(2.0 * np.deg2rad(theta))) / 1e6)
-    ours = Curve("stresses", degrees(line), -line.normal_stress / 1e6)
-    return Graph("angle θ [°]", "pressure [MPa]", (ours,), (known,))
-
-
 @BENCHMARKS("press-fit", 4, 5)
 def fitted_shaft(p: int, quick: bool) -> Iterator[Row]:
     """A shaft in a hub with an interference: Lamé, with friction as well, which symmetry leaves without work."""
@@ -163,23 +149,6 @@ def fitted_shaft(p: int, quick: bool) -> Iterator[Row]:
         error, source = float(np.abs(shaft.normal_stress / _FIT + 1.0).max()), f"{source}; at all points"
         yield rows.absolute("largest relative error of the pressure", error, 0.0, source, tolerance=1e-3)
         yield from two_models(quick, result, "shaft", 1e-5, 1e-5)
-
-
-@shown("press-fit", lambda: press_fit(2), MM)
-def _fit_graph(quick: bool) -> Graph:
-    """Stresses along a radius: constant in the shaft, of Lamé's form in the hub."""
-    # radial and circumferential stress on the line θ = 45°
-    result = solve(press_fit(4 if quick else 8, 0.2), degree=4)
-    radius = np.linspace(1.0, 49.0, 24)  # none is that of the fit
-    xx, yy, xy = result.stress(radius / np.sqrt(2.0), radius / np.sqrt(2.0)).T
-    fine = np.concatenate([np.linspace(0.0, 24.999), np.linspace(25.001, 50.0)])
-    radial, around = (
-        np.where(fine < 25.0, -_FIT, _FIT / 3.0 * (1.0 + sign * (50.0 / np.maximum(fine, 25.0)) ** 2))
-        for sign in (-1.0, 1.0)
-    )
-    known = Curve("radial stress, Lamé", fine, radial), Curve("circumferential stress, Lamé", fine, around)
-    ours = Curve("radial", radius, (xx + yy) / 2.0 + xy), Curve("circumferential", radius, (xx + yy) / 2.0 - xy)
-    return Graph("radius [mm]", "stress [MPa]", ours, known)
 
 
 @BENCHMARKS("cylinder-in-bore", 4, 5)
@@ -194,13 +163,6 @@ def bore(p: int, quick: bool) -> Iterator[Row]:
         yield rows.relative(f"mean pressure, {name} [MPa]", ours, known)
     if p == 4:
         yield from two_models(quick, result, "bore", 1e-3, 1e-3)
-
-
-@shown("cylinder-in-bore", lambda: cylinder_in_bore(2, extent=2.0), MM)
-def _bore_graph(quick: bool) -> Graph:
-    """The pressure in the bore, and Persson's closed form."""
-    line = solve(cylinder_in_bore(6 if quick else 12), degree=4).contacts["bore"]
-    return Graph("angle θ from the load [°]", "pressure [MPa]", (_until(75.0, "stresses", line, 1.0),), (_persson(),))
 
 
 @BENCHMARKS("loaded-pin", 4, 5)
@@ -231,14 +193,6 @@ def pin(p: int, quick: bool) -> Iterator[Row]:
     yield from two_models(quick, result, "pin", 2e-3, 1e-3)
 
 
-@shown("loaded-pin", lambda: loaded_pin(4), MM)
-def _pin_graph(quick: bool) -> Graph:
-    """Pressure and shear around the pin by stresses and by displacements."""
-    values = {"pressure": lambda line: -line.normal_stress, "shear": lambda line: line.tangential_stress}
-    curves = curves_of_both(loaded_pin(4 if quick else 12), "pin", degrees, values)
-    return Graph("angle θ from the load [°]", "traction [MPa]", *curves)
-
-
 @BENCHMARKS("corner-rates", 4)
 def sticking_corner(p: int, quick: bool) -> Iterator[Row]:
     """A block that sticks to a large one: σ ~ r^(λ−1) in its corners makes energies converge like h^(2λ)."""
@@ -252,21 +206,6 @@ def sticking_corner(p: int, quick: bool) -> Iterator[Row]:
         yield from two_models(quick, results[-1], "base", 5e-3, 5e-3)
 
 
-@shown("corner-rates", lambda: block_corner(None, 1))
-def _rates_graph(quick: bool) -> Graph:
-    """From mesh to mesh the energy changes by powers of h that the corners dictate."""
-    # differences of the energies of uniform meshes, each half as coarse as the one before
-    ours, known = [], []
-    cells = np.array([1, 2, 4] if quick else [1, 2, 4, 8])
-    for friction, name in ((None, "stuck"), (0.0, "without friction")):
-        energies = [solve(block_corner(friction, int(count)), degree=4).energies.complementary for count in cells]
-        sizes, apart = 1.0 / cells[:-1], -np.diff(energies) / energies[-1]
-        power = 2.0 * CORNER_EXPONENTS[friction]
-        ours.append(Curve(name, sizes, np.abs(apart)))
-        known.append(Curve(f"slope 2λ = {power:.4g}", sizes, np.abs(apart[-1]) * (sizes / sizes[-1]) ** power))
-    return Graph("size of cells h [length]", "change of the energy [-]", ours, known, logarithmic=True)
-
-
 @BENCHMARKS("sliding-corner", 4)
 def sliding_corner(p: int, quick: bool) -> Iterator[Row]:
     """The same block sliding: the pressure near the leading corner, on triangles halved towards it."""
@@ -277,20 +216,6 @@ def sliding_corner(p: int, quick: bool) -> Iterator[Row]:
         exponent = 1.0 + float(np.polyfit(np.log(r), np.log(pressure), 1)[0])
         yield rows.absolute(f"λ from the pressure, μ = {friction:g}", exponent, CORNER_EXPONENTS[friction])
         yield from two_models(quick, result, "base", 1e-2, 1e-2)
-
-
-@shown("sliding-corner", lambda: block_corner(0.3, 1, 3))
-def _corner_graph(quick: bool) -> Graph:
-    """Near the corner the pressure is a power of the distance."""
-    ours, known = [], []
-    for friction in (0.0, 0.5) if quick else (0.0, 0.1, 0.3, 0.5):
-        r, pressure = _near_corner(solve(block_corner(friction, 1, _DEPTH), degree=4).contacts["base"], _DRAWN)
-        ours.append(Curve(f"μ = {friction:g}", r, pressure))
-        ends, middle = np.array(_DRAWN), int(np.argmin(np.abs(np.log(r / 1e-4))))
-        slope = CORNER_EXPONENTS[friction] - 1.0
-        label = f"slope λ − 1, λ = {CORNER_EXPONENTS[friction]:.4f}"
-        known.append(Curve(label, ends, pressure[middle] * (ends / r[middle]) ** slope))
-    return Graph("distance from the corner r [length]", "pressure / E [-]", ours, known, logarithmic=True)
 
 
 def _near_corner(line: ContactLine, within: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
@@ -316,15 +241,6 @@ def hertz(p: int, quick: bool) -> Iterator[Row]:
         yield rows.relative("peak pressure under all of the load [MPa]", peak, 10.0 * CYLINDER[0])
 
 
-@shown("cylinder-on-block", lambda: cylinder_on_block(1.0, 2, 0), MM)
-def _hertz_graph(quick: bool) -> Graph:
-    """The pressure under the cylinder is Hertz's ellipse."""
-    line = solve(cylinder_on_block(0.01, 4 if quick else 6, 2 if quick else 4), degree=4).contacts["contact"]
-    x = np.linspace(0.0, 0.9, 200)
-    known = Curve("Hertz", x, CYLINDER[0] * _ellipse(x / CYLINDER[1]))
-    return Graph("x [mm]", "pressure [MPa]", (Curve("stresses", line.x, -line.normal_stress),), (known,))
-
-
 @BENCHMARKS("half-discs", 4, 5)
 def cattaneo(p: int, quick: bool) -> Iterator[Row]:
     """Two half discs pressed together and sheared, of one material: Hertz, Cattaneo and Mindlin.
@@ -345,22 +261,6 @@ def cattaneo(p: int, quick: bool) -> Iterator[Row]:
         yield rows.relative(quantity, stick, HALF_DISCS[2] * root, "Cattaneo, Mindlin", tolerance=least)
         if share < 1e-3:
             yield from two_models(quick, result, "contact", 1e-9, 1e-3)
-
-
-@shown("half-discs", lambda: half_discs(1.0, 2, 0), MM)
-def _cattaneo_graph(quick: bool) -> Graph:
-    """Shear stays below the bound in the middle, which sticks, and reaches it outside."""
-    line = solve(half_discs(1e-4, 4 if quick else 6, 2 if quick else 4), degree=4).contacts["contact"]
-    x, (peak, half_width, stick) = np.linspace(-0.9, 0.9, 400), HALF_DISCS
-    bound = 2.0 * peak * _ellipse(x / half_width)
-    shear = bound - 2.0 * peak * stick / half_width * _ellipse(x / stick)
-    known = Curve("bound μp, Hertz", x, bound), Curve("shear, Cattaneo and Mindlin", x, shear)
-    place = 100.0 * line.x
-    ours = (
-        Curve("bound μp, stresses", place, -200.0 * line.normal_stress),
-        Curve("shear, stresses", place, 1e3 * np.abs(line.tangential_stress)),
-    )
-    return Graph("x [0.01 mm]", "traction [kPa]", ours, known)
 
 
 @BENCHMARKS("slip-torque", 4, 5)
@@ -384,21 +284,6 @@ def slip_torque(p: int, quick: bool) -> Iterator[Row]:
         yield rows.word("a larger torque", "solved" if certified(above).passed else "not solved", "not solved")
         half = solve(press_fit_torque(0.2, 0.5 * limit, sectors=6), degree=p)
         yield from two_models(quick, half, "shaft", 1e-4, 1e-4)
-
-
-@shown("slip-torque", lambda: press_fit_torque(0.2, 47066.77, sectors=2), MM)
-def _torque_graph(quick: bool) -> Graph:
-    """The torque grows with the turn until all of the fit slips, and no further."""
-    # the torque over the turn of the bore: two rings in series until all of the fit slips
-    stiffness = 4.0 * np.pi * (206e3 / 2.6) / (1.0 / 5.0**2 - 1.0 / 50.0**2)
-    first = FULL_SLIP / stiffness
-    turns = first * (np.array([0.5, 1.5]) if quick else np.array([0.25, 0.5, 0.75, 0.9, 1.1, 1.25, 1.5, 2.0]))
-    torques = [_torque(solve(press_fit_torque(0.2, turn=5.0 * float(turn)), degree=4)) for turn in turns]
-    known = Curve(
-        "2π μ p R² at most", 1e3 * first * np.array([0.0, 1.0, 2.0]), FULL_SLIP / 1e3 * np.array([0.0, 1.0, 1.0])
-    )
-    ours = Curve("stresses", 1e3 * turns, np.array(torques) / 1e3)
-    return Graph("turn of the bore [mrad]", "torque [N m/mm]", (ours,), (known,))
 
 
 def _torque(result: ContactResult) -> float:
@@ -434,40 +319,10 @@ def klang(p: int, quick: bool) -> Iterator[Row]:
             yield from two_models(quick, history.steps[-1], "bore", 1e-3, 1e-2)
 
 
-@shown("cylinder-in-bore-friction", lambda: cylinder_in_bore(2, 0.4, extent=2.0), MM)
-def _klang_graph(quick: bool) -> Graph:
-    """Pressure, and shear over μ, which meets it where the bore slips: both depend on the steps of the load."""
-    # pressure after one and after many steps of the load, and how much of the friction bound shear has taken
-    ours = []
-    for count in (1, 3 if quick else 10):
-        line = _klang(4, count, 4 if quick else 8).steps[-1].contacts["bore"]
-        steps = f"{count} step{'s' if count > 1 else ''}"
-        ours += [_until(75.0, f"pressure, {steps}", line, 1.0), _until(75.0, f"shear over μ, {steps}", line, 0.4)]
-    read = Curve("pressure that was read from Klang's curve", np.array([0.0, 15.0]), np.array([17.8, 17.8]))
-    return Graph("angle θ from the load [°]", "pressure, shear / μ [MPa]", ours, (_persson(), read))
-
-
 def _klang(p: int, count: int, sectors: int = 8) -> History:
     """Klang's problem with its load in so many equal steps."""
     shares = np.linspace(0.0, 1.0, count + 1)[1:].tolist()
     return solve_history([cylinder_in_bore(sectors, 0.4, share=share) for share in shares], degree=p)
-
-
-def _until(end: float, label: str, line: ContactLine, friction: float) -> Curve:
-    """Pressure (friction 1) or shear over friction, up to this angle."""
-    theta = degrees(line)
-    values = -line.normal_stress if friction == 1.0 else np.abs(line.tangential_stress) / friction
-    return Curve(label, theta[theta <= end], values[theta <= end])
-
-
-def _persson() -> Curve:
-    """The closed form without friction."""
-    theta = np.linspace(0.0, 75.0, 200)
-    return Curve("Persson, without friction", theta, persson_pressure(np.deg2rad(theta)))
-
-
-def _ellipse(x: FloatArray) -> FloatArray:
-    return np.sqrt(np.maximum(1.0 - x**2, 0.0))
 
 
 @BENCHMARKS("conservation", 4)

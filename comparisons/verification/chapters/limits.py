@@ -7,8 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from comparisons.convergence.bodies import STATES, three_solutions
-from comparisons.verification.measures import MM, two_models
-from comparisons.verification.pictures import Curve, Graph, curves_of_both, shown
+from comparisons.verification.measures import two_models
 from comparisons.verification.rows import Chapter, Check, Row, bounded, by_hand, certified, infeasible
 from qvi_contact import (
     Contact,
@@ -184,19 +183,6 @@ def wedge(p: int, quick: bool) -> Iterator[Row]:
     yield from two_models(quick, result, "bottom", 1e-9, 1e-2)
 
 
-@shown("wedge", lambda: on_a_slope(0.2))
-def _wedge_graph(quick: bool) -> Graph:
-    """The force that pushes the block uphill, over friction: both bounds lie on the formula."""
-    frictions, fine = np.array([0.0, 0.2] if quick else [0.0, 0.1, 0.2, 0.3]), np.linspace(0.0, 0.3)
-    limits = [limit_load(on_a_slope(float(friction)), ["F"], degree=4) for friction in frictions]
-    ours = (
-        Curve("F/G that the mesh carries", frictions, np.array([limit.lower for limit in limits])),
-        Curve("F/G that a mechanism allows", frictions, np.array([limit.upper for limit in limits])),
-    )
-    known = Curve("(tan α + μ)/(1 − μ tan α)", fine, np.array([slope_factor(float(friction)) for friction in fine]))
-    return Graph("coefficient of friction μ [-]", "F/G [-]", ours, (known,))
-
-
 @LIMITS("oblique-block", 4, 5)
 def oblique_block(p: int, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
@@ -209,14 +195,6 @@ def oblique_block(p: int, quick: bool) -> Iterator[Row]:
     for quantity, ours in (("mesh", limit.lower), ("body", limit.upper)):
         yield rows.relative(f"factor that the {quantity} carries", ours, 2.0, "μN over half of it")
     yield from two_models(quick, holds, "plane", 1e-9, 1e-3)
-
-
-@shown("oblique-block", lambda: oblique(0.99), MM)
-def _oblique_graph(_: bool) -> Graph:
-    """At 99 % of the friction force the shear is just below its bound."""
-    values = {"bound μp": lambda line: line.friction_bound, "shear": lambda line: np.abs(line.tangential_stress)}
-    curves = curves_of_both(oblique(0.99), "plane", lambda line: np.hypot(line.x, line.y), values)
-    return Graph("length along the plane [mm]", "traction [MPa]", *curves)
 
 
 @LIMITS("unbalanced")
