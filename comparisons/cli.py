@@ -1,18 +1,21 @@
-"""Commands of ``python -m comparisons``."""
+"""Commands of ``python -m comparisons``: one function each, in which what it runs is loaded.
 
+What an experiment runs and reports is a `Plan`; the name of the function is that of the command and of the report.
+"""
+
+import os
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Final
 
 import click
 
-from comparisons.benchmark.command import benchmark, benchmark_wall
-from comparisons.bounds.command import bounds
-from comparisons.convergence.command import convergence_mesh, convergence_outer, convergence_uzawa
 from comparisons.exchange.commands import export, import_file
-from comparisons.paper.command import paper
-from comparisons.peers.command import peers, peers_pin
-from comparisons.solvers.command import solvers
-from comparisons.verification.command import verify
-from comparisons.wild.command import estimates, limits, wild
+from comparisons.lab.commands import COUNT, Experiment, FiniteRange, ListCommand, Plan, experiment, folder_option
+from comparisons.peers import LEVELS
+from qvi_contact.basics.terminal import Command
+from qvi_contact.errors import InputError
 
 _NEEDED: Final = {"markdown-it-py": "markdown_it", "pandas": "pandas"}
 """Distributions that every report needs → their modules."""
@@ -25,14 +28,304 @@ def group(context: click.Context) -> None:
 
     Each command runs one experiment and writes a report: Markdown, pictures, and one HTML page.
     """
-    from importlib.util import find_spec
-
-    from qvi_contact.errors import InputError
-
     missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
     if missing and context.invoked_subcommand not in (export.name, import_file.name):
         remedy = f"is missing: python -m pip install {' '.join(missing)}"
         raise InputError("installation", ", ".join(missing), remedy)
+
+
+@click.command(cls=Command, short_help="The paper's Table 1 and Figures 2-5, and the solution.")
+@click.option("--out", metavar="FOLDER", default="results/paper", callback=folder_option, show_default=True,
+              help="Folder for the report, its pictures, and tables as CSV.")  # fmt: skip
+def paper(out: Path) -> None:
+    """Recompute Table 1 and Figures 2-5 of Więckowski (1992), and compare them with the converged solution.
+
+    The seven problems are solved by the paper's Uzawa iteration, for its 30 iterations and to convergence, by the fixed
+    point with quadratic and with second-order cone programs, and by every installed solver.
+    """
+    from comparisons.lab.studies import progress
+    from comparisons.paper import study
+    from qvi_contact.basics.writing import writable_folder
+
+    folder = writable_folder(out, "--out")
+    with progress("paper", study.step_count()) as advance:
+        result = study.run(advance)
+    made, written = study.write(result, folder)
+    made.show(written)
+
+
+@experiment(short_help="Time of a whole solve beside that of one factorisation.")
+@click.option("--cells", type=COUNT, multiple=True, default=(8, 16, 32, 64), show_default=True,
+              help="Cells along a side; may take several numbers.")  # fmt: skip
+@click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.1, 0.2, 0.5), show_default=True,
+              help="Coefficients of friction; may take several numbers.")  # fmt: skip
+@click.option("--factorisation", metavar="NAME", default="auto", show_default=True,
+              help="Factorisation to measure, see: qvi-contact methods")  # fmt: skip
+def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation: str) -> Plan:
+    """Compare a whole solve with Coulomb friction with one factorisation of the same matrix.
+
+    The problem is the paper's compressed plate on triangles, on n × n equal cells and on graded ones; and there are
+    histories and sweeps, whose problems share a factorisation. Measured are time, iterations, peak memory and accuracy,
+    and how they grow with n. Each time is a median, measured in a process of its own with a fixed number of threads.
+    Other methods, such as the plain loop and Uzawa's, stand beside the condensed one; each may take 120 s. A solve
+    that fails is listed with its status.
+
+    \b
+    Examples:
+        python -m comparisons benchmark --cells 32 64 --friction 0.2
+        python -m comparisons benchmark --threads 4 --store results/four.sqlite --out results/four
+    """  # noqa: D301
+    from comparisons.benchmark import report, study
+
+    studies = [study.whole(cells, friction, factorisation), study.graded(factorisation),
+               study.sequences(max(cells) < 32), study.loops(cells, friction)]  # fmt: skip
+    return Plan(studies, report.report)
+
+
+@experiment(timeout=400.0, short_help="How the time of walls of many blocks grows.")
+@click.option("--blocks", type=COUNT, multiple=True, default=(8, 16, 32), show_default=True,
+              help="Blocks along a side of a wall; may take several numbers.")  # fmt: skip
+@click.option("--load", type=FiniteRange(0.0), multiple=True, default=(0.02, 0.3, 0.45), show_default=True,
+              help="Load of a wall from the side, over its weight; may take several numbers.")  # fmt: skip
+def benchmark_wall(blocks: tuple[int, ...], load: tuple[float, ...]) -> Plan:
+    """Measure the solve of walls of n × n blocks with dry joints between their courses, pushed from the side.
+
+    Times are CPU seconds. Pushed by 0.02 of its weight a wall sticks, by 0.3 it opens and slips, by 0.45 it is close to
+    its limit.
+
+    \b
+    Example:
+        python -m comparisons benchmark-wall --blocks 8 16
+    """  # noqa: D301
+    from comparisons.benchmark import report, study
+
+    return Plan([study.walls(blocks, load)], report.wall_report)
+
+
+@click.command(cls=ListCommand)
+@click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for Markdown, HTML page and picture.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the summary.")
+@click.option("--only", metavar="NAME…", multiple=True, help="Chapters or problems to run, such as ssnv128.")
+@click.option("--quick", is_flag=True, help="Coarse meshes and few cases of every problem.")
+@click.option("-v", "--verbose", is_flag=True, help="The table of the chapters too.")
+def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, verbose: bool) -> int:
+    """The verification manual: problems whose answer is known otherwise, row by row.
+
+    Closed forms, equilibrium, printed numbers, other codes, and methods against each other. The exit status is 0 if
+    every row passed, 1 if not.
+
+    \b
+    Examples:
+        python -m comparisons verify --out comparisons/reports/verification
+        python -m comparisons verify --only ssnv128 limits --quick
+    """  # noqa: D301
+    from comparisons.lab.studies import progress
+    from comparisons.verification import report as manual
+    from qvi_contact.basics.writing import writable_folder
+
+    chapters = manual.choose(only)
+    folder = None if out is None else writable_folder(out, "--out")
+    # drawn first, so that a picture that fails costs no rows
+    drawings = manual.drawings([name for problems in chapters.values() for name in problems]) if folder else {}
+    with progress("verify", sum(map(len, chapters.values()))) as advance:
+        document = manual.run(chapters, quick, advance, only)
+    if as_json:
+        click.echo(manual.as_json(document))
+    if folder or not as_json:
+        report = manual.report(document, drawings)
+        written = report.write(folder) if folder else []
+        if not as_json:
+            report.show(written, tables=verbose)
+    return 0 if document["passed"] else 1
+
+
+@experiment(timeout=30.0, memory=4096, short_help="Solvers of quadratic and conic programs compared.")
+@click.option("--quick", is_flag=True, help="Few problems, a minute or two.")
+@click.option("--only", multiple=True, metavar="NAME…", help="Only these solvers.")
+def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
+    """Compare solvers of quadratic and conic programs on frictional contact, judged by the package's certificate.
+
+    The tasks are single inner problems, sequences of them with cold and warm starts, and whole outer loops, in all
+    unknowns and condensed, at three accuracies. The meshes are well and badly conditioned. Contacts open or stick, some
+    problems have redundant rows, and some have no solution.
+
+    An interrupted study goes on where it stopped. Use one worker where times matter: several workers slow each other
+    down.
+
+    \b
+    Examples:
+        python -m comparisons solvers --quick --workers 2
+        python -m comparisons solvers --only qp:osqp --out results/osqp
+    """  # noqa: D301
+    from comparisons.solvers import report, study
+    from comparisons.solvers.accuracies import TABLE, installed
+    from solvers.inner.registry import available, how_to_install
+
+    present = installed()
+    for name in only:
+        if name not in present:
+            known = f"is not installed: {how_to_install(name)}" if name in TABLE else "there is no such solver"
+            raise InputError("only", name, f"{known}; choose among {', '.join(present)}")
+    if not only:
+        for name in (each for each in TABLE if each not in present):
+            click.echo(f"not installed, left out: {name} ({how_to_install(name)})", err=True)
+        for name in (each for each in available() if each not in TABLE):
+            click.echo(f"left out: {name} has no row in comparisons/solvers/accuracies.py", err=True)
+    return Plan([study.declared([name for name in present if not only or name in only], quick)], report.report)
+
+
+def _command(name: str, short_help: str, about: str) -> Experiment:
+    """The command of the study in the module of that name."""
+
+    def plan(quick: bool) -> Plan:
+        module = import_module(f"comparisons.convergence.{name}")
+        return Plan([module.study(quick)], module.report)
+
+    plan.__name__ = f"convergence_{name}"
+    plan.__doc__ = f"{about}\n\n\b\nExample:\n    python -m comparisons convergence-{name} --quick"
+    quick_option = click.option("--quick", is_flag=True, help="Few and small cases.")
+    return experiment(timeout=600.0, short_help=short_help)(quick_option(plan))
+
+
+convergence_mesh = _command(
+    "mesh", "How answers converge with the mesh.",
+    "Measure errors of forces and energies on uniform, graded and adaptive meshes, for several degrees.",
+)  # fmt: skip
+convergence_outer = _command(
+    "outer", "How loops over the friction bound converge.",
+    "Measure iterations over the friction bound against μ: plain, damped, Anderson's, and the condensed method.",
+)  # fmt: skip
+convergence_uzawa = _command(
+    "uzawa", "How the paper's iteration converges.",
+    "Measure the paper's iteration: how many iterations it needs, and how far it gets beside other methods.",
+)  # fmt: skip
+
+
+@experiment(timeout=300.0, short_help="Accuracy and cost beside displacement codes.")
+@click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.2, 0.1, 0.05, 1.0), show_default=True,
+              help="Coefficients of friction; may take several numbers.")  # fmt: skip
+@click.option("--cells", type=COUNT, multiple=True, default=(8, 16, 32), show_default=True,
+              help="Cells along a side of equal and of corner-graded meshes; may take several numbers.")  # fmt: skip
+@click.option("--levels", type=click.IntRange(1, LEVELS), default=LEVELS, show_default=True,
+              help="Number of meshes graded to the corner and to the end of the stick zone.")  # fmt: skip
+@click.option("--repeat", type=COUNT, default=5, show_default=True,
+              help="Largest number of repetitions within 5 s.")  # fmt: skip
+@click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
+def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repeat: int, getfem: str | None) -> Plan:
+    """Compare the force of the compressed plate with that of displacement codes, for its cost.
+
+    The codes are NGSolve (Nitsche's method, degrees 2 to 6), GetFEM (its contact brick, degrees 2 to 4), and this
+    package on triangles of degree 3 to 6. Its stresses and displacements together also bound the force, under slip too.
+
+    The meshes have equal cells, cells graded to the free corner, and cells graded to the corner and to the end of the
+    stick zone. Measured are force, unknowns, time and memory. Each case runs in a process of its own, on one thread.
+    For a code that is not installed the report says how to get it. On a cluster the environment variable
+    PYTHON_WITH_GETFEM of each worker names its Python for GetFEM.
+
+    \b
+    Examples:
+        python -m comparisons peers --getfem /usr/bin/python3
+        python -m comparisons peers --friction 0.2 --cells 8 16 --levels 3 --store small.sqlite --out results/small
+    """  # noqa: D301
+    from comparisons.peers import report, study
+
+    if getfem is not None:
+        os.environ[study.GETFEM] = getfem
+    return Plan([study.peers_study(friction, cells, repeat, levels)], report.report)
+
+
+@experiment(timeout=300.0, short_help="A loaded pin by displacement codes, on the same triangles.")
+@click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.0, 0.1), show_default=True,
+              help="Coefficients of friction; may take several numbers.")  # fmt: skip
+@click.option("--cells", type=COUNT, multiple=True, default=(6, 12), show_default=True,
+              help="Edges of the pin in a quarter; may take several numbers.")  # fmt: skip
+def peers_pin(friction: tuple[float, ...], cells: tuple[int, ...]) -> Plan:
+    """Compare the loaded pin of NAFEMS R0094-4 with displacement codes.
+
+    Displacements and forces on the same triangles by NGSolve and by this package side by side, with small strain
+    and with finite strain.
+
+    \b
+    Example:
+        python -m comparisons peers-pin
+    """  # noqa: D301
+    from comparisons.peers import pin, study
+
+    return Plan([pin.pin_study(friction, cells, study.missing_codes())], pin.pin_report)
+
+
+@experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")
+@click.option("--count", type=COUNT, metavar="NUMBER", default=140, show_default=True,
+              help="Problems of each family, and as many more with springs.")  # fmt: skip
+def bounds(count: int) -> Plan:
+    """Bound the errors of generated problems with friction, temperature and springs, and compare with NGSolve.
+
+    Displacements of degree 5 on graded meshes, with a frictional contact iteration of their own, stand for the exact
+    solution. The report says whether they are within the bounds of stress, displacement and forces, and how far the
+    bounds are from the errors found. The exit status is 1 if one is outside. It needs `python -m pip install ngsolve`.
+
+    \b
+    Example:
+        python -m comparisons bounds --count 3
+    """  # noqa: D301
+    from comparisons.bounds import report, study
+
+    return Plan([study.declared(count)], report.report)
+
+
+@experiment(timeout=120.0, memory=4096, short_help="Generated problems: what becomes of each.")
+@click.option("--each", type=COUNT, metavar="NUMBER", default=20, show_default=True, help="Problems of each family.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
+              help="Number of the first one; each number makes another problem, always the same.")  # fmt: skip
+@click.option("--only", multiple=True, metavar="FAMILY…", help="Only these families.")
+def wild(each: int, seed: int, only: tuple[str, ...]) -> Plan:
+    """Solve generated problems as unusual as users may state them, and check what becomes of each.
+
+    They have thin bodies, odd units, large friction, polygons, arcs, holes, joints, several bodies, meshes from files,
+    distant gaps, every contact law, plates with moments, or no load at all. Every answer that is
+    called solved is checked again from its stresses and the data alone. The exit status is 1 if such an answer is
+    wrong, if an exception is not one of the package's own, or if a problem takes more than --timeout or --memory.
+
+    \b
+    Examples:
+        python -m comparisons wild --each 5
+        python -m comparisons wild --each 50 --seed 1000 --only gaps idle --timeout 60 --out results/gaps
+    """  # noqa: D301
+    from comparisons.wild import study
+
+    return Plan([study.declared(only, each, seed)], study.report)
+
+
+@experiment(timeout=300.0, short_help="How often the error that refine estimates is that of its answer.")
+@click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
+def estimates(count: int) -> Plan:
+    """Refine generated problems on triangles to a target, and compare each answer with a much finer reference.
+
+    The report says how often the answer is as accurate as its estimated error says, and how far the two are apart.
+
+    \b
+    Example:
+        python -m comparisons estimates --count 6
+    """  # noqa: D301
+    from comparisons.wild import estimates as study
+
+    return Plan([study.declared(count)], study.report)
+
+
+@experiment(timeout=300.0, short_help="Whether both sides of limit loads, and their proofs, are in order.")
+@click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
+def limits(count: int) -> Plan:
+    """Bound the limit loads of generated bodies that yield, with contacts, from both sides, and prove both.
+
+    The report says whether the sides are in order, and whether the proofs hold in exact arithmetic.
+
+    \b
+    Example:
+        python -m comparisons limits --count 6
+    """  # noqa: D301
+    from comparisons.wild import limits as study
+
+    return Plan([study.declared(count)], study.report)
 
 
 for command in (

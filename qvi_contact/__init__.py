@@ -10,7 +10,6 @@ Names are loaded on first use, so that importing the package, or asking the comm
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from qvi_contact.attached import HOMES as _ATTACHED
 from qvi_contact.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -47,146 +46,57 @@ if TYPE_CHECKING:
     from qvi_contact.solution.sweep import Sweep, SweepRow, solve_sweep
     from qvi_contact.verification.verification import verify_result
 
-_HOME = {
-    "BodyForces": "problem.fields",
-    "Branches": "bracket",
-    "Contact": "problem.conditions",
-    "ContactLine": "solution.contact_line",
-    "ContactProblem": "problem.problem",
-    "ContactResult": "solution.result",
-    "ContactState": "solution.contact_line",
-    "Corner": "mesh.outline",
-    "Discretization": "discretization.discretization",
-    "Displacement": "problem.conditions",
-    "Expression": "problem.fields",
-    "History": "solution.history",
-    "InputError": "errors",
-    "LimitFactor": "refinement",
-    "LimitLoad": "limit.load_factor",
-    "LimitRefinement": "refinement",
-    "Material": "problem.material",
-    "Mechanism": "mechanism",
-    "Mises": "problem.material",
-    "MohrCoulomb": "problem.material",
-    "NoTension": "problem.material",
-    "Polynomial": "problem.fields",
-    "ProblemFile": "files.problem_file",
-    "QVIError": "errors",
-    "Refinement": "refinement",
-    "RefinementStatus": "refinement",
-    "Region": "problem.material",
-    "RigidPlate": "problem.conditions",
-    "Settings": "solution.settings",
-    "SolveError": "errors",
-    "SolverUnavailableError": "errors",
-    "StoredSweep": "files.stores",
-    "StrengthReduction": "limit.load_factor",
-    "Sweep": "solution.sweep",
-    "SweepRow": "solution.sweep",
-    "Symmetry": "problem.conditions",
-    "Traction": "problem.conditions",
-    "Tresca": "problem.material",
-    "TriangleMesh": "mesh.triangles",
-    "UnknownNameError": "errors",
-    "discretize": "discretization.discretization",
-    "graded_lines": "mesh.grid",
-    "limit_load_factor": "limit.load_factor",
-    "limit_proof": "limit.load_factor",
-    "load_problem": "files.problem_file",
-    "load_result": "files.archive",
-    "loop_area": "solution.history",
-    "other_solutions": "bracket",
-    "principal_stresses": "solution.stress",
-    "read_sweep": "files.stores",
-    "refine": "refinement",
-    "save_problem": "files.problem_writer",
-    "solve": "solution.solver",
-    "solve_companion": "companion",
-    "solve_history": "solution.history",
-    "solve_sweep": "solution.sweep",
-    "strength_reduction_factor": "limit.load_factor",
-    "verify_result": "verification.verification",
+_HOMES = {
+    "bracket": "Branches, other_solutions",
+    "companion": "solve_companion",
+    "discretization.discretization": "Discretization, discretize",
+    "errors": "InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError",
+    "files.archive": "load_result",
+    "files.problem_file": "ProblemFile, load_problem",
+    "files.problem_writer": "save_problem",
+    "files.stores": "StoredSweep, read_sweep",
+    "limit.load_factor": "LimitLoad, StrengthReduction, limit_load_factor, limit_proof, strength_reduction_factor",
+    "mechanism": "Mechanism",
+    "mesh.grid": "graded_lines",
+    "mesh.outline": "Corner",
+    "mesh.triangles": "TriangleMesh",
+    "problem.conditions": "Contact, Displacement, RigidPlate, Symmetry, Traction",
+    "problem.fields": "BodyForces, Expression, Polynomial",
+    "problem.material": "Material, Mises, MohrCoulomb, NoTension, Region, Tresca",
+    "problem.problem": "ContactProblem",
+    "refinement": "LimitFactor, LimitRefinement, Refinement, RefinementStatus, refine",
+    "solution.contact_line": "ContactLine, ContactState",
+    "solution.history": "History, loop_area, solve_history",
+    "solution.result": "ContactResult",
+    "solution.settings": "Settings",
+    "solution.solver": "solve",
+    "solution.stress": "principal_stresses",
+    "solution.sweep": "Sweep, SweepRow, solve_sweep",
+    "verification.verification": "verify_result",
 }
-
-_ATTACHED.update(
-    {
-        "bracket": ("qvi_contact.bracket", "bracket"),
-        "displacement": ("qvi_contact.bracket", "displacement"),
-        "remarks": ("qvi_contact.solution.remarks", "remarks"),
-        "undetermined_motions": ("qvi_contact.solution.remarks", "undetermined_motions"),
-        "uniqueness": ("qvi_contact.bracket", "uniqueness"),
-    }
-)  # to results
+"""By module the names that come from it."""
 
 __all__ = [
-    "BodyForces",
-    "Branches",
-    "Contact",
-    "ContactLine",
-    "ContactProblem",
-    "ContactResult",
-    "ContactState",
-    "Corner",
-    "Discretization",
-    "Displacement",
-    "Expression",
-    "History",
-    "InputError",
-    "LimitFactor",
-    "LimitLoad",
-    "LimitRefinement",
-    "Material",
-    "Mechanism",
-    "Mises",
-    "MohrCoulomb",
-    "NoTension",
-    "Polynomial",
-    "ProblemFile",
-    "QVIError",
-    "Refinement",
-    "RefinementStatus",
-    "Region",
-    "RigidPlate",
-    "Settings",
-    "SolveError",
-    "SolverUnavailableError",
-    "StoredSweep",
-    "StrengthReduction",
-    "Sweep",
-    "SweepRow",
-    "Symmetry",
-    "Traction",
-    "Tresca",
-    "TriangleMesh",
-    "UnknownNameError",
-    "discretize",
-    "graded_lines",
-    "limit_load_factor",
-    "limit_proof",
-    "load_problem",
-    "load_result",
-    "loop_area",
-    "other_solutions",
-    "principal_stresses",
-    "read_sweep",
-    "refine",
-    "save_problem",
-    "solve",
-    "solve_companion",
-    "solve_history",
-    "solve_sweep",
-    "strength_reduction_factor",
+    "BodyForces", "Branches", "Contact", "ContactLine", "ContactProblem", "ContactResult", "ContactState", "Corner",
+    "Discretization", "Displacement", "Expression", "History", "InputError", "LimitFactor", "LimitLoad",
+    "LimitRefinement", "Material", "Mechanism", "Mises", "MohrCoulomb", "NoTension", "Polynomial", "ProblemFile",
+    "QVIError", "Refinement", "RefinementStatus", "Region", "RigidPlate", "Settings", "SolveError",
+    "SolverUnavailableError", "StoredSweep", "StrengthReduction", "Sweep", "SweepRow", "Symmetry", "Traction", "Tresca",
+    "TriangleMesh", "UnknownNameError", "discretize", "graded_lines", "limit_load_factor", "limit_proof",
+    "load_problem", "load_result", "loop_area", "other_solutions", "principal_stresses", "read_sweep", "refine",
+    "save_problem", "solve", "solve_companion", "solve_history", "solve_sweep", "strength_reduction_factor",
     "verify_result",
-]
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        from qvi_contact.errors import refuse_retired
+    for home, names in _HOMES.items():
+        if name in names.split(", "):
+            return getattr(import_module(f"{__name__}.{home}"), name)
+    from qvi_contact.errors import refuse_retired
 
-        refuse_retired(name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    refuse_retired(name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -99,7 +99,7 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     if m > LARGEST:
         raise InputError("contact points", m, f"derivatives take at most {LARGEST}: take a coarser mesh")
     condensed = qvi.condensed_contact
-    system, B = condensed.system, qvi.contact.stacked
+    system, B = condensed.system, qvi.contact.rows
     force, b = -sign * (moved.gradient(z) - base.gradient(z)), sign * (moved.b - base.b)
     at_rest = np.concatenate([moved.normal(z) - base.normal(z), moved.tangential(z) - base.tangential(z)])
     free = sign * at_rest + B @ system.solve(force, b)[0]  # dσ_f

@@ -68,26 +68,18 @@ class _Rows:
     @classmethod
     def of(cls, qvi: FrictionQVI, law: Law, signs: Vector, unit: float) -> _Rows:
         """The rows; `unit`: multiplier over weight of x = 1."""
-        m, one = qvi.m, np.eye(qvi.m)
-        normal, capped = np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
-        blocks, limits, forces = (
-            [_side(one, 0.0 * one)[normal]],
-            [np.zeros(len(normal))],
-            [_side(one, 0.0 * one)[normal]],
-        )
+        one, normal, capped = np.eye(qvi.m), np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
+        pull = np.hstack([one, 0.0 * one])[normal]
+        blocks, limits, forces = [pull], [np.zeros(len(normal))], [pull]
         for side in (1.0, -1.0):
-            shear = _side(0.0 * one, side * one)
-            blocks += [_side(np.diag(-law.mu * signs), side * one), shear[capped]]
+            shear = np.hstack([0.0 * one, side * one])
+            blocks += [shear - np.hstack([np.diag(law.mu * signs), 0.0 * one]), shear[capped]]
             limits += [law.cohesion, law.cap[capped]]
             forces += [shear, shear[capped]]
         weights = np.concatenate([qvi.W, qvi.W])
         sizes = 1.0 / np.concatenate([np.ones(len(normal)), *(2 * [1.0 + law.mu, np.ones(len(capped))])])
         F = unit * weights[:, None] * np.concatenate(forces).T
-        return cls(sizes[:, None] * np.concatenate(blocks), sizes * np.concatenate(limits), F.reshape(2 * m, -1))
-
-
-def _side(left: Matrix, right: Matrix) -> Matrix:
-    return np.concatenate([left, right], axis=1)
+        return cls(sizes[:, None] * np.concatenate(blocks), sizes * np.concatenate(limits), F.reshape(2 * qvi.m, -1))
 
 
 @dataclass(eq=False)
@@ -113,8 +105,8 @@ class _Run:
     def keep(self, m: Vector) -> bool:
         """Judge multipliers (2m,); True if their certificate passes."""
         qvi = self.qvi
-        z, nu = self.compliance.unknowns(m)
-        certificate = certify(qvi, z, m[: qvi.m], m[qvi.m :], nu, self.tolerance)
+        state = self.compliance.state(m)
+        z, certificate = state[0], certify(qvi, *state, self.tolerance)
         entry = Iteration(
             len(self.best.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, self.pivots,
             time.perf_counter() - self.began,
@@ -124,7 +116,7 @@ class _Run:
         if certificate.accuracy < self.accuracy:
             self.accuracy = certificate.accuracy
             best = self.best
-            best.z, best.m_N, best.m_T, best.nu = z, m[: qvi.m], m[qvi.m :], nu
+            best.z, best.m_N, best.m_T, best.nu = state
         return certificate.passed
 
 
@@ -276,32 +268,32 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector) -> Vertex | None:
     Nor is there one if the time is over before the path ends, see `deadline`.
     """
     n = len(q)
+    x, basic = np.zeros(n), np.zeros(n, dtype=bool)
     if q.min(initial=0.0) >= 0.0:
-        return Vertex(np.zeros(n), np.zeros(n, dtype=bool), 0)
+        return Vertex(x, basic, 0)
     table = np.hstack([np.eye(n), -M, -d[:, None], q[:, None]])  # w − M x − d θ = q
     basis = np.arange(n)
     row, entering = int(np.argmin(q / d)), 2 * n
     for pivots in range(1, _PIVOTS * n):
-        _pivot(table, row, entering)
+        # The row is solved for the entering variable, which is eliminated from all others.
+        table[row] /= table[row, entering]
+        factors = table[:, entering].copy()
+        factors[row] = 0.0
+        table -= factors[:, None] * table[row]
+        table[:, entering] = 0.0
+        table[row, entering] = 1.0
         leaving, basis[row] = int(basis[row]), entering
         if leaving == 2 * n:
-            return _vertex(table, basis, pivots)
+            rows = np.flatnonzero(basis >= n)
+            x[basis[rows] - n] = np.maximum(table[rows, -1], 0.0)
+            basic[basis[rows] - n] = True
+            return Vertex(x, basic, pivots)
         entering = leaving + n if leaving < n else leaving - n
         found = _leaving_row(table, basis, entering)
         if found is None or deadline.over:
             return None
         row = found
     return None
-
-
-def _pivot(table: Matrix, row: int, column: int) -> None:
-    """Solve the row for the column's variable and eliminate it from all others."""
-    table[row] /= table[row, column]
-    factors = table[:, column].copy()
-    factors[row] = 0.0
-    table -= factors[:, None] * table[row]
-    table[:, column] = 0.0
-    table[row, column] = 1.0
 
 
 def _leaving_row(table: Matrix, basis: IntVector, entering: int) -> int | None:
@@ -318,15 +310,6 @@ def _leaving_row(table: Matrix, basis: IntVector, entering: int) -> int | None:
         return int(tied[0])
     last = tied[basis[tied] == 2 * len(basis)]
     return int(last[0]) if len(last) else int(tied[np.argmax(column[tied])])
-
-
-def _vertex(table: Matrix, basis: IntVector, pivots: int) -> Vertex:
-    n = len(basis)
-    x, basic = np.zeros(n), np.zeros(n, dtype=bool)
-    rows = np.flatnonzero(basis >= n)
-    x[basis[rows] - n] = np.maximum(table[rows, -1], 0.0)
-    basic[basis[rows] - n] = True
-    return Vertex(x, basic, pivots)
 
 
 # A second opinion on a solution: whether there is another one.
@@ -354,14 +337,9 @@ def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, 
     own = compliance.tractions(solution.z)
     for m in other_ends(qvi, compliance, both=doubted):
         difference = float(np.abs(compliance.bonded - compliance.relief(m) - own).max()) / size
-        if difference > _OTHER and _certified(qvi, compliance, m, tolerance):
+        if difference > _OTHER and certify(qvi, *compliance.state(m), tolerance).passed:
             return (
                 "The discrete problem has several solutions: there is another one, certified as well, whose contact "
                 f"tractions differ by up to {100.0 * difference:.2g} % of the largest. {WHAT_TO_DO}"
             )
     return ""
-
-
-def _certified(qvi: FrictionQVI, compliance: Compliance, m: Vector, tolerance: float) -> bool:
-    z, nu = compliance.unknowns(m)
-    return certify(qvi, z, m[: qvi.m], m[qvi.m :], nu, tolerance).passed

@@ -190,9 +190,10 @@ def uzawa(search: Search) -> Tries:
 
 def _hopeless(qvi: FrictionQVI) -> Outcome | None:
     """What is left of a problem whose plain linear system cannot be solved; None of others."""
-    if qvi.bonded_error <= _HOPELESS:
+    error = qvi.settled.error
+    if error <= _HOPELESS:
         return None
-    message = f"the linear system is solved to {qvi.bonded_error:.0e} only, in the energy norm"
+    message = f"the linear system is solved to {error:.0e} only, in the energy norm"
     return dataclasses.replace(Outcome.nothing(qvi, Status.ILL_CONDITIONED, message), hopeless=True)
 
 

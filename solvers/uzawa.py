@@ -84,8 +84,7 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
         if not np.isfinite(change):
             reason, message = Status.DIVERGED, "the multipliers are no longer finite"
         elif tested and change <= tolerance and number >= certify_at:
-            z, nu = compliance.unknowns(W2 * lam)
-            passed = certify(qvi, z, qvi.W * lam[:m], qvi.W * lam[m:], nu, tolerance).passed
+            passed = certify(qvi, *compliance.state(W2 * lam), tolerance).passed
             reason = Status.SOLVED if passed else Status.STALLED if change == 0.0 else None
             message = "the multipliers no longer change" if reason is Status.STALLED else ""
             certify_at = number + max(10, number // 10)
@@ -97,11 +96,8 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
         lam = new if reason is None else lam
     if history[-1].number != number:
         history.append(entry)
-    z, nu = compliance.unknowns(W2 * lam)
-    found = versions(("scipy",))
-    return Outcome(
-        reason, z, qvi.W * lam[:m], qvi.W * lam[m:], nu, history, number, message, setup=setup, versions=found
-    )
+    state, found = compliance.state(W2 * lam), versions(("scipy",))
+    return Outcome(reason, *state, history, number, message, setup=setup, versions=found)
 
 
 def _default_step(qvi: FrictionQVI, compliance: Compliance) -> float:

@@ -47,23 +47,23 @@ def test_every_method_counts_and_calls_back(method, capsys):
 
 
 def parts(found):
-    """The stress of a bracket, and its two displacements."""
-    return found.result, found.companion, found.own
+    """The stress of a bracket, and its displacement."""
+    return found.result, found.companion
 
 
 def test_a_bracket_counts_and_calls_back(capsys):
-    """The stress violates the law between its points: it is solved for again, twice, then displacements three times."""
+    """The stress violates the law between its points: it is solved for again, twice, then displacements twice."""
     result = solve(PLATE, law_on="points")
     called = []
     found = bracket(result, callback=called.append, verbose=True)
     counted = [entry.number for entry in called]
     lengths = [number for number, following in itertools.pairwise([*counted, 1]) if following == 1]
     assert counted == [number for length in lengths for number in range(1, length + 1)]
-    assert len(lengths) == 5
-    assert [lengths[0], *lengths[2:4]] == [each.solution.iterations for each in parts(found)]
+    assert len(lengths) == 4
+    assert [lengths[0], lengths[2]] == [each.solution.iterations for each in parts(found)]
     assert numbers(capsys.readouterr().out) == counted
     stopped = [each.solution for each in parts(bracket(result, max_iterations=1))]
-    assert [(each.iterations, each.status) for each in stopped] == 3 * [(1, Status.MAX_ITERATIONS)]
+    assert [(each.iterations, each.status) for each in stopped] == 2 * [(1, Status.MAX_ITERATIONS)]
     with pytest.raises(InputError, match="max_iterations"):
         bracket(result, max_iterations=0)
 

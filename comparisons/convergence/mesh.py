@@ -30,8 +30,6 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket import bracket
-from qvi_contact.files.export import json_ready
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.plots.style import GREY
 from qvi_contact.problem.conditions import Condition
@@ -162,7 +160,6 @@ DEPTHS: Final = (0, 2, 4, 6, 8, 10)
 PAPER_CELLS: Final = (2, 4, 8, 16, 32, 64, 128)
 
 _MOST: Final = 30_000  # unknowns of a mesh
-_BRACKETED: Final = 2_000  # unknowns up to which bounds are computed
 _OUT_OF_REACH: Final = 1e-9  # relative error asked of refine, so that it goes on to its limit of unknowns
 _MOST_REFINED: Final = 3_000
 
@@ -171,7 +168,7 @@ Record = dict[str, Any]
 
 def study(quick: bool) -> Study:
     """The study, or coarse meshes and few degrees of it."""
-    return Study("convergence-mesh", 4, "comparisons.convergence.mesh:run", [*_cases(quick)])
+    return Study("convergence-mesh", 5, "comparisons.convergence.mesh:run", [*_cases(quick)])
 
 
 def _cases(quick: bool) -> Iterator[Record]:
@@ -203,9 +200,7 @@ def run(case: Mapping[str, Any]) -> Record:
     Returns
     -------
     dict
-        "meshes", a list of records: status, message, unknowns, cells (their number), h (the shortest edge over the
-        body's width), force, energy (−J*), seconds of the solve; and where bounds were computed lower, upper, strain,
-        guaranteed and force_bounds
+        "meshes", a list of records: status, message, unknowns, cells (their number), force, seconds of the solve
 
     """
     problem = PROBLEMS[case["problem"]]
@@ -216,35 +211,19 @@ def run(case: Mapping[str, Any]) -> Record:
     stated = problem.equal(case["size"]) if case["sequence"] == EQUAL else problem.graded(case["size"])
     began = time.perf_counter()
     result = solve(stated, degree=case["degree"], tolerance=TOLERANCE)
-    found = _answer(problem, result, time.perf_counter() - began)
-    return {"meshes": [found | _bounds(problem, result)]}
+    return {"meshes": [_answer(problem, result, time.perf_counter() - began)]}
 
 
 def _answer(problem: Problem, result: ContactResult, seconds: float) -> Record:
     solved = result.status is Status.SOLVED
-    mesh = result.problem.mesh
-    shortest, _ = mesh.cell_range
     found: Record = {
         "status": result.status.value, "message": "" if solved else result.message, "seconds": seconds,
-        "unknowns": int(result.discretization.qvi.n), "cells": len(mesh.cells), "h": shortest / problem.size[0],
+        "unknowns": int(result.discretization.qvi.n), "cells": result.problem.mesh.cell_count,
         "accuracy": float(result.certificate.accuracy),
     }  # fmt: skip
     if solved:
-        force = float(getattr(result.contacts[problem.contact], problem.force))
-        found |= {"force": abs(force), "energy": -result.energies.complementary}
+        found["force"] = abs(float(getattr(result.contacts[problem.contact], problem.force)))
     return found
-
-
-def _bounds(problem: Problem, result: ContactResult) -> Record:
-    if result.status is not Status.SOLVED or result.discretization.qvi.n > _BRACKETED:
-        return {}
-    found = bracket(result)
-    force = found.forces.get(f"{problem.contact}.{problem.force}")
-    kept: Record = json_ready({  # bounds that are infinite are none
-        "lower": found.lower, "upper": found.upper, "strain": found.strain, "guaranteed": not found.reasons,
-        "force_bounds": None if force is None else [force.lower, force.upper],
-    })  # fmt: skip
-    return kept
 
 
 def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
@@ -254,14 +233,14 @@ def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
 
     def keep(done: RefinementRound) -> None:
         records.append({
-            "status": Status.SOLVED.value, "message": "", "seconds": time.perf_counter() - began, "h": None,
-            "unknowns": done.unknowns, "cells": done.cells, "force": abs(done.value), "estimate": done.estimate,
+            "status": Status.SOLVED.value, "message": "", "seconds": time.perf_counter() - began,
+            "unknowns": done.unknowns, "cells": done.cells, "force": abs(done.value),
         })  # fmt: skip
 
     quantity = f"{problem.contact}.{problem.force}"
     refine(problem.equal(1), None, _OUT_OF_REACH, quantity, degree=degree, max_unknowns=most, callback=keep,
            tolerance=TOLERANCE)  # fmt: skip
-    return list(json_ready(records))
+    return records
 
 
 def _by_the_paper(friction: float, cells: int) -> Record:
@@ -272,7 +251,7 @@ def _by_the_paper(friction: float, cells: int) -> Record:
     solved = solution.status is Status.SOLVED
     found: Record = {
         "status": solution.status.value, "message": "" if solved else solution.message, "unknowns": plate.qvi.n,
-        "seconds": time.perf_counter() - began, "cells": cells**2, "h": 1.0 / cells,
+        "seconds": time.perf_counter() - began, "cells": cells**2,
         "accuracy": float(solution.certificate.accuracy),
     }  # fmt: skip
     return found | ({"force": plate.force(solution.z)} if solved else {})
@@ -288,10 +267,9 @@ TARGET: Final = 1e-5
 """That of which sentences tell."""
 
 _USUAL: Final = 4  # the degree that `solve` takes
-_NUMBERS: Final = ("force", "energy", "unknowns", "cells", "h", "seconds", "lower", "upper", "strain", "estimate")
+_NUMBERS: Final = ("force", "unknowns", "cells", "seconds")
 _CASE: Final = ("problem", "sequence", "degree", "size")
 _REFERENCE_DEGREE: Final = 8
-_ROUNDING: Final = 1e-9  # relative, of bounds beside a reference
 
 
 def meshes_of(rows: Sequence[Row]) -> DataFrame:
@@ -305,7 +283,7 @@ def meshes_of(rows: Sequence[Row]) -> DataFrame:
         for row in rows
         for record in (row.result["meshes"] if row.status == DONE else [{"status": row.status, "message": row.reason}])
     ]
-    meshes = DataFrame(lines, columns=[*_CASE, "status", "message", "guaranteed", "force_bounds", *_NUMBERS])
+    meshes = DataFrame(lines, columns=[*_CASE, "status", "message", *_NUMBERS])
     meshes[list(_NUMBERS)] = meshes[list(_NUMBERS)].apply(to_numeric)
     meshes["solved"] = meshes.status == "solved"
     known = references_of(meshes).set_index("problem")
@@ -349,15 +327,10 @@ def cost(points: DataFrame, target: float) -> float:
     return found
 
 
-def _curves(meshes: DataFrame) -> dict[tuple[str, str, int], DataFrame]:
-    """Solved meshes with an error by problem, sequence and degree."""
-    shown = meshes[meshes.solved & meshes.error.notna()]
-    return dict(list(shown.groupby(["problem", "sequence", "degree"], sort=False)))
-
-
 def costs_of(meshes: DataFrame) -> DataFrame:
     """One line a problem and target that its reference can tell: unknowns by sequence, and the degree that is best."""
-    curves, lines = _curves(meshes), []
+    shown, lines = meshes[meshes.solved & meshes.error.notna()], []
+    curves = dict(list(shown.groupby(["problem", "sequence", "degree"], sort=False)))
     for problem, found in meshes.groupby("problem", sort=False):
         for target in TARGETS:
             if not target >= found.least.max():
@@ -376,28 +349,9 @@ def costs_of(meshes: DataFrame) -> DataFrame:
     return DataFrame(lines, columns=[*named, *degrees]).astype(dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), float))
 
 
-def brackets_of(meshes: DataFrame) -> DataFrame:
-    """One line a problem: brackets of the energy, how many are guaranteed, the closest gap, and bounds of the force.
-
-    Of those with bounds of the force it is told how many enclose the reference from elsewhere.
-    """
-    tried = meshes[meshes.solved & meshes.lower.notna() & meshes.upper.notna()]
-    known, lines = references_of(meshes).set_index("problem"), []
-    for problem, found in tried.groupby("problem", sort=False):
-        gap = (found.upper - found.lower) / found.strain
-        bounded = found[found.force_bounds.notna()]
-        value, slack = known.value[problem], known.uncertainty[problem] + _ROUNDING * known.value[problem]
-        inside = [
-            low - slack <= value <= high + slack
-            for low, high in (sorted(map(abs, each)) for each in bounded.force_bounds)
-        ]
-        lines.append((problem, len(found), int((found.guaranteed == True).sum()), gap.min(), len(inside), sum(inside)))  # noqa: E712
-    return DataFrame(lines, columns=["problem", "number", "guaranteed", "gap", "bounded", "inside"])
-
-
 def values_of(meshes: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    costs, brackets = costs_of(meshes), brackets_of(meshes)
+    costs = costs_of(meshes)
     chosen = costs[costs.target == TARGET]
     plates = chosen[chosen[PAPER].notna()]
     missed = plates[plates[PAPER] == np.inf]
@@ -410,9 +364,7 @@ def values_of(meshes: DataFrame) -> dict[str, Any]:
         "graded": span(chosen[GRADED]), "graded_missed": int((chosen[GRADED] == np.inf).sum()),
         "adaptive": span(chosen[ADAPTIVE]), "adaptive_missed": int((chosen[ADAPTIVE] == np.inf).sum()),
         "usual": _USUAL, "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()),
-        "brackets": int(brackets.number.sum()), "guaranteed": int(brackets.guaranteed.sum()),
-        "bounded": int(brackets.bounded.sum()), "inside": int(brackets.inside.sum()),
-        "closest": brackets.gap[brackets.gap > _ROUNDING].min(), "sequences": SEQUENCES, "tolerance": TOLERANCE,
+        "sequences": SEQUENCES, "tolerance": TOLERANCE,
     }  # fmt: skip
 
 
@@ -431,7 +383,7 @@ FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((f"degree {degree}" for degree in range(3, 13)), _known(_cost)),
     "degree": _known(fixed(".0f")),
     **dict.fromkeys(("unknowns", "cells"), fixed(".0f")), "seconds": seconds, "error": _known(scientific),
-    **dict.fromkeys(("force", "lower", "upper", "value"), _NINE), "gap": scientific, "uncertainty": scientific,
+    **dict.fromkeys(("force", "value"), _NINE), "uncertainty": scientific,
 }  # fmt: skip
 """Column of a table → how its values read."""
 
@@ -475,8 +427,8 @@ def report(rows: Sequence[Row]) -> Report:
     meshes = meshes_of(rows)
     costs = costs_of(meshes)
     tables = {
-        "costs": costs, "degrees": costs, "brackets": brackets_of(meshes),
-        "references": references_of(meshes), "failures": meshes[~meshes.solved], "meshes": meshes,
+        "costs": costs, "degrees": costs, "references": references_of(meshes), "failures": meshes[~meshes.solved],
+        "meshes": meshes,
     }  # fmt: skip
     figures = {"errors": drawn("errors", partial(_picture, meshes))}
     return render("comparisons.convergence", "convergence-mesh", values_of(meshes), tables, figures, rows,

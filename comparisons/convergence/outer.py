@@ -10,12 +10,12 @@ from pandas import DataFrame, Series
 
 from comparisons.convergence.bodies import PLACE, STATES, body, ending, in_words, timed
 from comparisons.lab.drawing import drawn, failing_band, legend_below, panelled, plain_ticks
-from comparisons.lab.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
+from comparisons.lab.numbers import NOTHING, count, fixed, scientific, seconds, significant
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE
-from solvers.certificate import uniqueness_bound
+from solvers.certificate.uniqueness import uniqueness_bound
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -178,16 +178,16 @@ FORMS: Final[Mapping[str, Form]] = {
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by problem, mesh, μ and loop.
 
-    The columns are those of `frame_of` and `in_words`, and solved, falling (stopped while its residuals fell), steps
-    (iterations if solved), rate (the `contraction`), ratio (time over that of the condensed method where both solve the
-    problem), and of the plain loop the bound μγ.
+    The columns are those of `frame_of` and `in_words`, and solved, steps (iterations if solved), rate (the
+    `contraction`), ratio (time over that of the condensed method where both solve the problem), and of the plain loop
+    the bound μγ.
     """
     runs = in_words(frame_of(rows, _NUMBERS, ("seconds", "residuals")))
     runs["solved"] = runs.status == "solved"
     runs["steps"] = runs.iterations.where(runs.solved)
     runs["rate"] = [contraction(each, TOLERANCE) if isinstance(each, list) else None for each in runs.residuals]
     runs["rate"] = runs.rate.astype(float)
-    runs["falling"], runs["bound"] = ~runs.solved & runs.rate.notna(), runs.friction / runs.sharper
+    runs["bound"] = runs.friction / runs.sharper
     direct = runs[(runs.loop == CONDENSED) & runs.solved & (runs.problem != "three")].set_index(PLACE).seconds
     runs["ratio"] = (runs.seconds / runs[PLACE].apply(tuple, axis=1).map(direct.to_dict())).where(runs.solved)
     runs["order"] = runs.problem.map({name: place for place, name in enumerate(runs.problem.unique())})
@@ -252,7 +252,7 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     found = single(runs)
     return {
-        "loops": _loops(found), "limits": _limits(found), "runs": found,
+        "loops": _loops(found), "runs": found,
         "solutions": _solutions(runs[runs.problem == "three"]),
     }  # fmt: skip
 
@@ -269,20 +269,6 @@ def _loops(found: DataFrame) -> DataFrame:
             "loop": loop, "share": _share(runs.solved), "hard": _share(hard.solved),
             "quicker": (beside.steps / beside.steps_plain).dropna().median(), "typical": times.median(),
             "slowest": times.max(),
-        })  # fmt: skip
-    return DataFrame(lines)
-
-
-def _limits(found: DataFrame) -> DataFrame:
-    """Which frictions the plain loop solves on the main mesh of each problem."""
-    lines = []
-    for name in main_bodies(found):
-        runs = found[(found.body == name) & (found.loop == PLAIN)]
-        failed, falling = runs[~runs.solved & ~runs.falling], runs[runs.falling]
-        lines.append({
-            "body": name, "share": _share(runs.solved), "farthest": significant(runs[runs.solved].friction.max()),
-            "fails": listing([f"{run.friction:g} ({run.status})" for run in failed.itertuples()]),
-            "falling": listing([f"{run.friction:g} ({significant(run.rate)})" for run in falling.itertuples()]),
         })  # fmt: skip
     return DataFrame(lines)
 

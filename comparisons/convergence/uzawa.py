@@ -1,4 +1,4 @@
-r"""How the paper's iteration converges: steps, their limit, meshes, other methods; and the report.
+r"""How the paper's iteration converges: its run, other steps, other methods; and the report.
 
 On slipping points (4.3) and (4.4) are gradient steps of the length ω_T/θ, θ the friction bound, for the dual operator,
 and (4.2) is one of the length ω_N on open points. With the compliance of the body seen by the contact at the solution,
@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from pandas import DataFrame, to_numeric
 from scipy.linalg import eigvalsh
-from scipy.stats import theilslopes
 
 from comparisons.convergence.bodies import PLACE, Reference, ending, in_words, reference, timed
 from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
-from comparisons.lab.numbers import NOTHING, count, fixed, listing, percent, scientific, significant, span
+from comparisons.lab.numbers import count, fixed, percent, scientific, significant, span
 from comparisons.lab.reports import Form, Report, crossed, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
 from comparisons.paper.reference import load
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 MOST: Final = 20_000
-"""Iterations of Uzawa at most, and on finer meshes."""
+"""Iterations of Uzawa at most."""
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = {
     "Uzawa": {"method": "uzawa", "max_iterations": MOST},
@@ -54,7 +53,7 @@ ACCURACY: Final = (("plate", 2, 0.1), ("plate", 2, 0.0), ("plate", 16, 0.1), ("p
 """(Problem, cells, μ) of the comparison at equal accuracy."""
 
 ITERATIONS: Final = 2000
-"""Of a run with a given step, and of the search for the limit."""
+"""Of the paper's run and of one with a given step."""
 
 TARGETS: Final = (1e-4, 1e-6)
 """Relative errors of the normal force of which it is noted when they are reached for good."""
@@ -62,10 +61,6 @@ TARGETS: Final = (1e-4, 1e-6)
 NEAR: Final = 1e-3
 STILL: Final = 1e-3
 
-SEARCHED: Final = (0.25, 16.0)
-"""Shares of the limit between which the observed one is searched."""
-
-_BISECTIONS: Final = 7
 _SHOWN: Final = 400  # iterations of the paper's run that are kept one by one
 _NOTHING: Final = 1e-9  # share of the largest eigenvalue below which one is zero
 _LAST_DIGIT: Final = 0.00501  # of P/2: half of the last digit printed, and rounding
@@ -75,14 +70,14 @@ Record = dict[str, Any]
 
 def study(quick: bool) -> Study:
     """The study, or coarse meshes of it."""
-    return Study("convergence-uzawa", 4, "comparisons.convergence.uzawa:run", [*_cases(quick)])
+    return Study("convergence-uzawa", 5, "comparisons.convergence.uzawa:run", [*_cases(quick)])
 
 
 def _cases(quick: bool) -> Iterator[Record]:
-    """The paper's run, steps, searches for their limit, meshes, and other methods.
+    """The paper's run, steps, and other methods.
 
     A step ω_T is a share of its limit, a power of √2 rounded so that it means the same on every machine, and None where
-    a run finds or has its own.
+    a run has its own.
     """
 
     def case(
@@ -94,18 +89,15 @@ def _cases(quick: bool) -> Iterator[Record]:
         return [("plate", number, mu) for number in cells for mu in ((0.1,) if quick else (0.05, 0.1, 0.2))]
 
     shares = [round(2.0 ** (power / 2.0), 6) for power in (range(-2, 3) if quick else range(-6, 5))]
-    finer = plates(2, 4) if quick else plates(2, 4, 8, 16, 32)
     yield from (case("paper", ("plate", load().cells, mu)) for mu in ((0.0, 0.1, 0.3) if quick else load().table))
     yield from (case("step", place, share) for place in (plates(2) if quick else plates(2, 8, 16)) for share in shares)
-    yield from (case("limit", place) for place in finer)
-    yield from (case("mesh", place, HALF) for place in finer)
     for place, method in product(ACCURACY[:1] if quick else ACCURACY, METHODS):
         targets = (1e-2, 1e-4) if quick else (1e-2, 1e-4, 1e-6, 1e-8)
         yield from (case(method, place, target=target) for target in targets)
 
 
 def run(case: Mapping[str, Any]) -> Record:
-    """Task of the study: Uzawa with a given step, the largest step it bears, the paper's run, or another method.
+    """Task of the study: Uzawa with a given step, the paper's run, or another method.
 
     Returns
     -------
@@ -125,7 +117,10 @@ def run(case: Mapping[str, Any]) -> Record:
     elif case["run"] == "paper":
         found = _paper(case, known, limits)
     else:
-        found = (_limit if case["run"] == "limit" else _given)(case, known, limits)
+        if limits[0] is None:
+            raise ArithmeticError("no point has a bound above zero: there is no limit that a step could be a share of")
+        omega = case["share"] * limits[0]
+        found = _course(known, _march(known, omega, HALF * limits[1], ITERATIONS), omega)
     tangential, unit = limits[0], known.body
     return {
         **found, "limit": None if tangential is None else tangential * unit.displacement, "condition": limits[2],
@@ -178,36 +173,6 @@ def _course(known: Reference, solution: QVISolution, omega: float) -> Record:
         "settles": bool(error <= NEAR and change <= STILL),
         "needed": {f"{target:.0e}": first_lasting(errors.tolist(), numbers, target) for target in TARGETS},
     }  # fmt: skip
-
-
-def _given(case: Mapping[str, Any], known: Reference, limits: Limits) -> Record:
-    """One share of the limit."""
-    if limits[0] is None:
-        raise ArithmeticError("no point has a bound above zero: there is no limit that a step could be a share of")
-    omega = case["share"] * limits[0]
-    iterations = MOST if case["run"] == "mesh" else ITERATIONS
-    return _course(known, _march(known, omega, HALF * limits[1], iterations), omega)
-
-
-def _limit(case: Mapping[str, Any], known: Reference, limits: Limits) -> Record:
-    """The largest share of the limit with which runs settle, by bisection in its logarithm.
-
-    Adds "largest" and "smallest", the largest share found that settles and the smallest that does not, None where all
-    shares of `SEARCHED` do the same. The rest is about the run with the first.
-    """
-    trials: dict[float | None, Record] = {}
-
-    def settles(share: float) -> bool:
-        trials[share] = _given({**case, "share": share}, known, limits)
-        return bool(trials[share]["settles"])
-
-    low, high = SEARCHED
-    largest, smallest = (high, None) if settles(high) else (None, low) if not settles(low) else (low, high)
-    if largest is not None and smallest is not None:
-        for _ in range(_BISECTIONS):
-            middle = float(np.sqrt(largest * smallest))
-            largest, smallest = (middle, smallest) if settles(middle) else (largest, middle)
-    return {**trials[smallest if largest is None else largest], "largest": largest, "smallest": smallest}
 
 
 def _paper(case: Mapping[str, Any], known: Reference, limits: Limits) -> Record:
@@ -264,7 +229,7 @@ SOON: Final = "to 1e-04"
 _TARGETS: Final = tuple(f"to {target:.0e}" for target in TARGETS)
 _NUMBERS: Final = (
     "share", "target", "omega", "limit", "condition", "force", "iterations", "settles", "last_error", "last_change",
-    "largest", "smallest", "printed", "after", "after_printed_rule", "before", "tractions",
+    "printed", "after", "after_printed_rule", "before", "tractions",
 )  # fmt: skip
 """Columns that are numbers, NaN where a run has none; see `run`."""
 
@@ -299,26 +264,9 @@ def paper_runs(runs: DataFrame) -> DataFrame:
     return found.assign(error=(found.after / found.force - 1.0).abs(), part=found.omega / found.limit)
 
 
-def growth(runs: DataFrame) -> DataFrame:
-    """For each μ: how iterations to 1e-4 and the condition grow with the cells a side, and where ω_T is too long."""
-    lines = []
-    for friction, found in of(runs, "mesh").sort_values("cells").groupby("friction"):
-        pairs = (found[["cells", name]].astype(float).dropna() for name in (SOON, "condition"))
-        order, condition = (
-            theilslopes(*np.log(each).T.to_numpy()[::-1])[0] if len(each) > 2 else np.nan for each in pairs
-        )
-        limits = of(runs, "limit")
-        short = limits[(limits.friction == friction) & limits.smallest.notna() & (limits.omega < load().omega_T)]
-        lines.append({
-            "friction": friction, "order": order, "growth": condition, "most": found[SOON].max(),
-            "beyond": listing([f"{cells}²" for cells in short.cells]),
-        })  # fmt: skip
-    return DataFrame(lines, columns=["friction", "order", "growth", "most", "beyond"])
-
-
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    paper, found, equal, limits = load(), paper_runs(runs), of(runs, *METHODS), of(runs, "limit")
+    paper, found, equal, steps = load(), paper_runs(runs), of(runs, *METHODS), of(runs, "step")
     rough, smooth = found[found.friction > 0.0], found[found.friction == 0.0]
     sliding = rough[rough.condition.notna()]
     met = {name: int(((found[name] - found.printed).abs() < _LAST_DIGIT).sum())
@@ -330,39 +278,27 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         "needed": span(rough[SOON][rough[SOON] > paper.iterations]), "shares": span(sliding.part, percent),
         "quickest": span(sliding["quickest"]), "printed": len(found), "accumulating": met["after"],
         "as_printed": met["after_printed_rule"], "smooth": largest_of(smooth.last_error, smooth),
-        # observed limits of ω_T beside that of theory, targets met by each method, finer meshes
-        "searches": len(limits), "safe": int((limits.largest >= 1.0).sum()),
-        "largest": span(limits.largest[limits.smallest.notna()]),
+        # whether steps up to the limit settle, and targets met by each method
+        "safe": int((steps[steps.share <= 1.0].settles == 1).sum()), "short": int((steps.share <= 1.0).sum()),
         "targets": {name: (int((each.status == "solved").sum()), len(each)) for name, each in counts.items()},
-        "slow": int(of(runs, "mesh")["to 1e-06"].isna().sum()), "meshes": len(of(runs, "mesh")),
-        "orders": span(growth(runs).order, lambda order: f"{-order:.2f}".replace("-", "−")),
         "iterations": paper.iterations, "omega": paper.omega_T, "half": HALF, "failed": int((~runs.has).sum()),
-        "steps": ITERATIONS, "long": MOST, "searched": SEARCHED, "near": NEAR, "still": STILL, "methods": METHODS,
+        "steps": ITERATIONS, "long": MOST, "near": NEAR, "still": STILL, "methods": METHODS,
     }  # fmt: skip
-
-
-def _power(order: float | None) -> str:
-    """Of a quantity that grows like (cells a side)^order: "h^−1.50"."""
-    return NOTHING if order is None or order != order else f"h^{'−' if order >= 0.0 else ''}{abs(order):.2f}"
 
 
 FORMS: Final[Mapping[str, Form]] = {
     "friction": fixed("g"), **dict.fromkeys(("printed", "after", "after_printed_rule", "force"), fixed(".2f")),
     **dict.fromkeys(("before", "error", "tractions"), partial(percent, digits=2)),
-    **dict.fromkeys((*_TARGETS, "quickest", "most"), count), "part": partial(significant, digits=2),
-    **dict.fromkeys(("condition", "smallest"), significant), "limit": partial(scientific, digits=3),
-    "omega": partial(scientific, digits=3), **dict.fromkeys(("order", "growth"), _power),
+    **dict.fromkeys((*_TARGETS, "quickest"), count), "part": partial(significant, digits=2), "condition": significant,
 }  # fmt: skip
 """Column of a table → how its numbers read."""
 
 
 def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
-    """The tables by name; "settles" is the largest step that does, ">" where no share searched fails."""
-    equal, limits = of(runs, *METHODS), of(runs, "limit")
-    settles = [NOTHING if good != good else f"{'> ' if bad != bad else ''}{significant(good)}"
-               for good, bad in zip(limits.largest, limits.smallest, strict=True)]  # fmt: skip
+    """The tables by name."""
+    equal = of(runs, *METHODS)
     return {
-        "paper": paper_runs(runs), "limits": limits.assign(settles=settles), "growth": growth(runs),
+        "paper": paper_runs(runs),
         "reach": crossed(  # the tightest target that is met
             equal.assign(problem=equal["where"]), "problem", "run",
             lambda found: scientific(found.target[found.status == "solved"].min(), 1), tuple(METHODS),

@@ -27,6 +27,7 @@ from solvers.basics.types import Sparse
 from solvers.certificate.certificate import certify
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import by_columns
 from solvers.inequality.traces import TractionFactor
 from solvers.solution import QVISolution
 
@@ -60,8 +61,8 @@ def save_qvi(path: str | Path, qvi: FrictionQVI, solution: QVISolution | None = 
         arrays |= _by_columns(name, getattr(qvi, name))
     arrays |= {name: getattr(qvi, name) for name in _VECTORS}
     if qvi.traces is not None:
-        arrays |= _by_columns("traces_rows", qvi.traces.rows)
-        arrays |= _by_columns("traces_interpolation", qvi.traces.interpolation)
+        arrays |= _by_columns("traces_rows", by_columns(qvi.traces.rows))
+        arrays |= _by_columns("traces_interpolation", by_columns(qvi.traces.interpolation))
     if solution is not None:
         arrays |= {f"solution_{name}": getattr(solution, name) for name in _SOLUTION}
         if solution.problem is not qvi and not _same(solution.problem, qvi):

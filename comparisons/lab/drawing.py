@@ -69,12 +69,6 @@ def plain_ticks(*axes: Any) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def powers_of_two(axes: "Axes") -> None:
-    """Numbers of cells along a logarithmic axis."""
-    axes.set_xscale("log", base=2)
-    axes.xaxis.set_major_formatter("{x:g}")
-
-
 def failing_band(axes: "Axes", low: float, high: float) -> None:
     """The shaded band in which the marks of what fails stand, and a grid."""
     axes.axhspan(low, high, color=GREY, alpha=0.18, linewidth=0)

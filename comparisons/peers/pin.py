@@ -30,8 +30,6 @@ MODELS_OF_PIN: Final[Mapping[str, tuple[str, Mapping[str, Any]]]] = {
     OWN: ("triangles", {"degree": 4}),
     "NGSolve, p = 3": ("ngsolve", {"order": 3}),
     "NGSolve, p = 4": ("ngsolve", {"order": 4}),
-    "GetFEM, P2": ("getfem", {"degree": 2}),
-    "GetFEM, P3": ("getfem", {"degree": 3}),
     f"NGSolve, p = 3{FINITE}": ("ngsolve", {"order": 3, "finite": True}),
 }
 """Name → key of `study.CODES`, options."""

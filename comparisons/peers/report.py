@@ -4,7 +4,7 @@ import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from pandas import DataFrame, concat, factorize, to_numeric
 
@@ -56,19 +56,6 @@ BOUNDS: Final = ("lower", "upper", "width", "strain_error")
 """The same of a bracket, see `codes.own`."""
 
 
-class Reference(NamedTuple):
-    """P/2 at one μ lies within value ± uncertainty [N/mm], by this source."""
-
-    value: float
-    uncertainty: float
-    source: str
-
-    @property
-    def floor(self) -> float:
-        """The same uncertainty, relative: errors below it are not resolved."""
-        return self.uncertainty / abs(self.value)
-
-
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by μ, model and mesh.
 
@@ -109,10 +96,11 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     runs["bounded"] = runs.solved & runs.low.notna()
     runs["first"] = factorize(runs.friction)[0]
     runs = runs.sort_values(["first", "order", "number"], kind="stable", ignore_index=True)
-    known = known_of(runs)
-    runs["floor"] = runs.friction.map({friction: each.floor for friction, each in known.items()})
-    value = runs.friction.map({friction: each.value for friction, each in known.items()})
-    runs["error"] = (runs.half_force / value - 1.0).abs().where(runs.solved)
+    known = {friction: reference(float(friction)) for friction in runs.friction.unique()}
+    value, uncertainty = (
+        runs.friction.map({mu: each[place] for mu, each in known.items() if each}) for place in (0, 1)
+    )
+    runs["floor"], runs["error"] = uncertainty / value, (runs.half_force / value - 1.0).abs().where(runs.solved)
     curves = runs[::-1].groupby(["first", "order"])  # numbers fall
     runs["lasting"] = curves.error.cummax()
     finest = runs.number.where(runs.error.notna()).groupby([runs["first"], runs.order]).transform("max")
@@ -147,48 +135,26 @@ def intervals_of(runs: DataFrame) -> DataFrame:
     "5 of 88".
     """
     lines = []
-    for _, here in _by_friction(runs):
-        sure = guaranteed(here)
-        if sure.empty or contradictory(here):
-            continue
-        best = sure.iloc[0]
-        forces = {key: here[(here.code == key) & here.solved].half_force for key in OTHERS}
+    for friction, sure in runs[runs.bounded].groupby("friction", sort=False):
+        best, here = sure.loc[(sure.high - sure.low).idxmin()], runs[(runs.friction == friction) & runs.solved]
+        forces = {key: here[here.code == key].half_force for key in OTHERS}
         outside = {key: int((~each.between(best.low, best.high)).sum()) for key, each in forces.items()}
         lines.append({**best, **{key: f"{outside[key]} of {len(each)}" for key, each in forces.items()}})
     return DataFrame(lines, columns=[*runs, *OTHERS])
 
 
 def contradictory(runs: DataFrame) -> bool:
-    """Whether no value of P/2 is inside all guaranteed bounds of these runs at one μ, so that some are wrong."""
-    sure = runs[runs.bounded]
-    return bool(sure.low.max() > sure.high.min())
+    """Whether at some μ no value of P/2 is inside all guaranteed bounds of these runs, so that some are wrong."""
+    sure = runs[runs.bounded].groupby("friction")
+    return bool((sure.low.max() > sure.high.min()).any())
 
 
-def known_of(runs: DataFrame) -> dict[float, Reference]:
-    """μ → the value that errors are relative to, where one is known."""
-    found = {float(friction): reference(here, float(friction)) for friction, here in _by_friction(runs)}
-    return {friction: each for friction, each in found.items() if each is not None}
-
-
-def _by_friction(runs: DataFrame) -> list[tuple[Any, DataFrame]]:
-    """μ → its runs, in the order of the study."""
-    return list(runs.groupby("friction", sort=False))
-
-
-def reference(here: DataFrame, friction: float) -> Reference | None:
-    """The limit or value that is known from elsewhere, or the narrowest guaranteed bounds of these runs if narrower.
-
-    Bounds that contradict each other are not taken.
-    """
-    known, at = [], 1.0 if friction >= STICKING else friction
+def reference(friction: float) -> tuple[float, float, str] | None:
+    """P/2, its uncertainty either way [N/mm], and the source, where it is known from elsewhere."""
+    at = 1.0 if friction >= STICKING else friction
     if at in LIMITS:
-        known.append(Reference(*LIMITS[at], LIMITS_SOURCE))
-    elif at in SETTLED:
-        known.append(Reference(SETTLED[at], UNCERTAINTY, SOURCE))
-    for run in [] if contradictory(here) else guaranteed(here).itertuples():
-        source = f"the guaranteed bounds of {run.run}"
-        known.append(Reference((run.low + run.high) / 2.0, (run.high - run.low) / 2.0, source))
-    return min(known, key=lambda each: each.uncertainty, default=None)
+        return (*LIMITS[at], LIMITS_SOURCE)
+    return (SETTLED[at], UNCERTAINTY, SOURCE) if at in SETTLED else None
 
 
 def costs_of(runs: DataFrame) -> DataFrame:
@@ -215,31 +181,13 @@ def compared_of(costs: DataFrame) -> DataFrame:
     return others.sort_values("seconds", kind="stable").drop_duplicates(["friction", "target"]).sort_index()
 
 
-def least_of(runs: DataFrame) -> DataFrame:
-    """The run of each code at each μ with the smallest lasting error that a finer mesh confirms."""
-    sure = runs[runs.confirmed & runs.lasting.notna()].sort_values("lasting", kind="stable")
-    return sure.drop_duplicates(["first", "code"]).sort_values(["first", "rank"])
-
-
-def _at_most(error: float, floor: float) -> float:
-    """What an error is at most, as far as is known: one that is not resolved has the uncertainty of the reference."""
-    return error if error > floor else error + floor
-
-
 def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences, with what errors cost, see `costs_of`."""
-    compared, least = compared_of(costs), least_of(runs)
-    triangles = least[least.code == TRIANGLES]
-    reached = [_at_most(run.lasting, run.floor) for run in triangles.itertuples()]
-    failed = runs[~runs.solved]
-    sure = {friction: guaranteed(here) for friction, here in _by_friction(runs)}
-    doubtful = [friction for friction, here in _by_friction(runs) if contradictory(here)]
+    compared, failed = compared_of(costs), runs[~runs.solved]
     return {
         "fine": _compared(compared, compared.target.min()),
         "coarse": _compared(compared, COARSE if compared.target.min() < COARSE else math.nan),
-        "triangles": max(reached, default=None),
-        "bounds": [{**found.iloc[0]} for friction, found in sure.items() if len(found) and friction not in doubtful],
-        "doubtful": [{"friction": friction, "count": len(sure[friction])} for friction in doubtful],
+        "bounds": intervals_of(runs).to_dict("records"), "doubtful": contradictory(runs),
         "runs": len(runs), "solved": int(runs.solved.sum()),
         "failing": listing([f"{number} of {CODES[code].name}" for code, number in failed.code.value_counts().items()]),
         "missing": [key for key in CODES if key not in set(runs.code)],
@@ -270,7 +218,8 @@ FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "setup": lambda times: seconds(min(times, default=None)), "time_ratio": _factor, "unknowns_own": count,
     "unknowns": count, "half_force": _force, "spread": percent,
     "peak": memory, "residual": _first, "low": _force, "high": _force, "lower": _force, "upper": _force,
-    "half": scientific, "width": scientific, "strain_error": scientific, "sure": lambda sure: "yes" if sure else "no",
+    "half": scientific, "width": scientific, "strain_error": scientific, "error": scientific,
+    "sure": lambda sure: "yes" if sure else "no",
     "message": lambda text: text or NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
@@ -278,33 +227,26 @@ FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
 
 def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name; `costs` is that of `costs_of`."""
-
-    def told(error: float, floor: float) -> str:
-        """An error; one that is not resolved as what it is at most."""
-        return f"{'' if error != error or error > floor else '≤ '}{scientific(_at_most(error, floor))}"
-
     shown = runs.assign(
-        shown=list(map(told, runs.error, runs.floor)), half=0.5 * (runs.high - runs.low) / runs.low,
+        half=0.5 * (runs.high - runs.low) / runs.low,
         sure=runs.guaranteed & runs.solved, lower=runs.lower.where(runs.guaranteed),
         upper=runs.upper.where(runs.guaranteed),
     )  # fmt: skip
-    least, absent = least_of(shown), [key for key in CODES if key not in set(runs.code)]
+    absent = [key for key in CODES if key not in set(runs.code)]
     remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
     bracket = shown.code == BRACKET
     return {
-        "compared": compared_of(costs), "least": least.assign(shown=list(map(told, least.lasting, least.floor))),
-        "intervals": intervals_of(shown), "failures": shown[~shown.solved], "missing": remedies, "costs": costs,
+        "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved],
+        "missing": remedies, "costs": costs,
         "brackets": shown[bracket], "rows": shown[~bracket],
     }  # fmt: skip
 
 
-def _settings(runs: DataFrame, known: Mapping[float, Reference]) -> dict[str, DataFrame]:
+def _settings(runs: DataFrame) -> dict[str, DataFrame]:
     """Values that errors are relative to, models with the memory of their processes before a case, and meshes."""
-    references = [
-        {"μ": f"{friction:g}", "P/2 [N/mm]": _force(each.value), "±": scientific(each.uncertainty),
-         "smallest error resolved": scientific(each.floor), "from": each.source}
-        for friction, each in known.items()
-    ]  # fmt: skip
+    known = {mu: found for mu in runs.friction.unique() if (found := reference(float(mu)))}
+    references = [{"μ": f"{mu:g}", "P/2 [N/mm]": _force(value), "±": scientific(uncertainty), "from": source}
+                  for mu, (value, uncertainty, source) in known.items()]  # fmt: skip
     models = []
     for name, found in runs.sort_values("order", kind="stable").groupby("model", sort=False):
         model, said = MODELS[str(name)], sorted(set(found.version.dropna()) - {""})
@@ -327,7 +269,7 @@ def _settings(runs: DataFrame, known: Mapping[float, Reference]) -> dict[str, Da
 def report(rows: Sequence[Row]) -> Report:
     """The report of these rows; the same rows give the same report."""
     runs = runs_of(rows)
-    known, costs = known_of(runs), costs_of(runs)
+    costs = costs_of(runs)
     # the command that measures the same, without the place of its files and of other Pythons
     counted = runs.mesh.isin([name for name, family in FAMILIES.items() if family.counted])
     words = ["python -m comparisons peers --friction", *(f"{friction:g}" for friction in runs.friction.unique())]
@@ -336,11 +278,11 @@ def report(rows: Sequence[Row]) -> Report:
     words += [f"--repeat {rows[0].case['repetitions']}"]
     values = {
         **values_of(runs, costs), "resolution": RESOLUTION, "codes": CODES, "command": " ".join(words),
-        "floor": max((each.floor for each in known.values()), default=None),
+        "floor": runs.floor.max(),
     }  # fmt: skip
     figures = {"best": drawn("best", partial(_fronts, runs)) if runs.error.notna().any() else ""}
-    settings = _settings(runs, known)
-    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows, settings, forms=FORMS)
+    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows, _settings(runs),
+                  forms=FORMS, failed=contradictory(runs))  # fmt: skip
 
 
 _COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfem": GREEN}
@@ -348,7 +290,7 @@ _COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfe
 
 def _fronts(runs: DataFrame) -> "Figure":
     """A panel for each μ: the best error that each code has over all its models and meshes, against time."""
-    groups = _by_friction(runs[runs.error.notna()])
+    groups = list(runs[runs.error.notna()].groupby("friction", sort=False))
     figure, panels = panelled(len(groups), 8.0, 2.9, 0.6)
     for axes, (friction, known) in zip(panels, groups, strict=True):
         for code, about in CODES.items():

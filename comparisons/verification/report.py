@@ -32,7 +32,7 @@ Document = dict[str, Any]
 _MODULES: Final = {
     "paper": "chapters.plate", "exact": "chapters.exact", "friction": "chapters.exact",
     "ssnv128": "chapters.benchmarks", "benchmarks": "chapters.benchmarks", "curves": "chapters.curves",
-    "limits": "chapters.limits", "not-unique": "chapters.limits", "invariance": "chapters.exact",
+    "limits": "chapters.limits", "invariance": "chapters.exact",
     "plate": "chapters.plate", "energies": "chapters.plate", "bounds": "chapters.bounds", "numbers": "chapters.numbers",
     "examples": "known",
 }  # fmt: skip

@@ -1,7 +1,7 @@
 """Bodies of wild problems: meshes of triangles, joints, and the parts of their boundary that get a condition each."""
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -97,7 +97,7 @@ def _grid(dice: Dice, length: float, traits: frozenset[str]) -> TriangleMesh:
     x, y = (_lines(dice, n, size, thin, start) for n, size in ((columns, width), (rows, height)))
     active = np.ones((rows, columns), dtype=bool)
     if "masks" in traits:
-        dice.pick(_MASKS)(dice, active)
+        _leave_out(dice, active)
     return TriangleMesh.grid(x, y, active)
 
 
@@ -118,8 +118,16 @@ def quadrilateral(dice: Dice, width: float, height: float) -> TriangleMesh:
     mesh = TriangleMesh.rectangle(cells, width, height)
     kind = dice.pick(("rectangle", "trapezoid", "skew", "step", "any"))
     x, y = mesh.vertices.T
-    if kind == "step":
-        return _stepped(mesh, width * dice.whole(1, cells[0] - 1) / cells[0], height * (1 - 1 / cells[1]))
+    if kind == "step":  # without what lies right of a line and above another one
+        at, above = width * dice.whole(1, cells[0] - 1) / cells[0], height * (1 - 1 / cells[1])
+        centre = mesh.corners.mean(axis=1)
+        whole = mesh.part(np.flatnonzero((centre[:, 0] < at) | (centre[:, 1] < above)), {})
+        low, high = mesh.vertices.min(axis=0) + _NEAR, mesh.vertices.max(axis=0) - _NEAR
+        whole = whole.with_edges("bottom", lambda _, y: y < low[1])
+        whole = whole.with_edges("left", lambda x, y: (x < low[0]) & (y > low[1]))
+        whole = whole.with_edges("top", lambda _, y: y > high[1])
+        whole = whole.with_edges("right", lambda x, _: x > high[0])
+        return whole.with_edges("step", lambda x, y: (x > low[0]) & (y > low[1]) & (y < high[1]) & (x < high[0]))
     if kind == "trapezoid":
         x = x + dice.between(-0.3, 0.5) * (x / width - 0.5) * (y / height) * width
     elif kind == "skew":
@@ -132,19 +140,6 @@ def quadrilateral(dice: Dice, width: float, height: float) -> TriangleMesh:
         x = x + inside * moves[:, 0] * width / cells[0]
         y = y + inside * moves[:, 1] * height / cells[1]
     return TriangleMesh(np.column_stack([x, y]), mesh.cells, mesh.edge_sets)
-
-
-def _stepped(mesh: TriangleMesh, at: float, above: float) -> TriangleMesh:
-    """Without what lies right of `at` and above `above`."""
-    centre = mesh.corners.mean(axis=1)
-    left = (centre[:, 0] < at) | (centre[:, 1] < above)
-    whole = mesh.part(np.flatnonzero(left), {})
-    low, high = mesh.vertices.min(axis=0) + _NEAR, mesh.vertices.max(axis=0) - _NEAR
-    whole = whole.with_edges("bottom", lambda _, y: y < low[1])
-    whole = whole.with_edges("left", lambda x, y: (x < low[0]) & (y > low[1]))
-    whole = whole.with_edges("top", lambda _, y: y > high[1])
-    whole = whole.with_edges("right", lambda x, _: x > high[0])
-    return whole.with_edges("step", lambda x, y: (x > low[0]) & (y > low[1]) & (y < high[1]) & (x < high[0]))
 
 
 def _star(dice: Dice, length: float) -> TriangleMesh:
@@ -258,64 +253,38 @@ def with_parts(dice: Dice, mesh: TriangleMesh) -> tuple[TriangleMesh, list[Part]
     return replace(mesh, edge_sets=sets), parts
 
 
-def _comb(dice: Dice, active: BoolArray) -> None:
-    """Teeth that hang down, or stand up."""
-    rows = slice(0, dice.whole(1, active.shape[0] - 1))
-    active[rows, dice.whole(0, 1) :: 2] = False
-    if dice.chance(0.5):
-        active[:] = active[::-1].copy()
-
-
-def _slit(dice: Dice, active: BoolArray) -> None:
-    """A row or column cut out from one end, not to the other."""
+def _leave_out(dice: Dice, active: BoolArray) -> None:  # noqa: C901 - a case each
+    """Cells left out of a grid, in one way or another."""
     rows, columns = active.shape
-    if dice.chance(0.5):
-        active[dice.whole(0, rows - 1), : dice.whole(1, columns - 1)] = False
-    else:
-        active[: dice.whole(1, rows - 1), dice.whole(0, columns - 1)] = False
-
-
-def _checkerboard(_: Dice, active: BoolArray) -> None:
-    """Cells that meet in corners only, held together by a row and a column."""
-    rows, columns = np.indices(active.shape)
-    active[(rows + columns) % 2 == 1] = False
-    active[-1] = active[:, 0] = True
-
-
-def _touching(dice: Dice, active: BoolArray) -> None:
-    """Two cells missing that meet in a corner, somewhere."""
-    row, column = dice.whole(0, active.shape[0] - 2), dice.whole(0, active.shape[1] - 2)
-    active[row, column] = active[row + 1, column + 1] = False
-
-
-def _corner(dice: Dice, active: BoolArray) -> None:
-    """One corner cut off: an L."""
-    active[dice.whole(1, active.shape[0] - 1) :, dice.whole(1, active.shape[1] - 1) :] = False
-
-
-def _stairs(_: Dice, active: BoolArray) -> None:
-    """Every row shorter than the one below."""
-    for row in range(len(active)):
-        active[row, max(1, active.shape[1] - row) :] = False
-
-
-def _waist(dice: Dice, active: BoolArray) -> None:
-    """Cut in from both sides."""
-    row = dice.whole(1, max(1, active.shape[0] - 2))
-    active[row, : dice.whole(0, 1)] = active[row, 2 + dice.whole(0, 1) :] = False
-
-
-def _window(dice: Dice, active: BoolArray) -> None:
-    """A hole."""
-    active[1 : dice.whole(2, active.shape[0] - 1), 1 : dice.whole(2, active.shape[1] - 1)] = False
-
-
-def _random(dice: Dice, active: BoolArray) -> None:
-    """Any cells left out."""
-    for place in np.ndindex(active.shape):
-        active[place] = not dice.chance(0.15)
-
-
-_MASKS: Final[tuple[Callable[[Dice, BoolArray], None], ...]] = (
-    _comb, _comb, _slit, _slit, _checkerboard, _touching, _corner, _stairs, _waist, _window, _window, _random,
-)  # fmt: skip
+    twice = ("comb", "comb", "slit", "slit")
+    kinds = (*twice, "checkerboard", "touching", "corner", "stairs", "waist", "window", "window", "any")
+    match dice.pick(kinds):
+        case "comb":  # teeth that hang down, or stand up
+            active[: dice.whole(1, rows - 1), dice.whole(0, 1) :: 2] = False
+            if dice.chance(0.5):
+                active[:] = active[::-1].copy()
+        case "slit":  # a row or column cut out from one end, not to the other
+            if dice.chance(0.5):
+                active[dice.whole(0, rows - 1), : dice.whole(1, columns - 1)] = False
+            else:
+                active[: dice.whole(1, rows - 1), dice.whole(0, columns - 1)] = False
+        case "checkerboard":  # cells that meet in corners only, held together by a row and a column
+            row, column = np.indices(active.shape)
+            active[(row + column) % 2 == 1] = False
+            active[-1] = active[:, 0] = True
+        case "touching":  # two cells missing that meet in a corner
+            across, up = dice.whole(0, rows - 2), dice.whole(0, columns - 2)
+            active[across, up] = active[across + 1, up + 1] = False
+        case "corner":  # an L
+            active[dice.whole(1, rows - 1) :, dice.whole(1, columns - 1) :] = False
+        case "stairs":  # every row shorter than the one below
+            for above in range(rows):
+                active[above, max(1, columns - above) :] = False
+        case "waist":  # cut in from both sides
+            across = dice.whole(1, max(1, rows - 2))
+            active[across, : dice.whole(0, 1)] = active[across, 2 + dice.whole(0, 1) :] = False
+        case "window":  # a hole
+            active[1 : dice.whole(2, rows - 1), 1 : dice.whole(2, columns - 1)] = False
+        case _:
+            for place in np.ndindex(active.shape):
+                active[place] = not dice.chance(0.15)

@@ -8,8 +8,7 @@ step changes is the doubt of the reference.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from pandas import DataFrame
@@ -24,7 +23,6 @@ from qvi_contact import (
     Material,
     Polynomial,
     QVIError,
-    Refinement,
     RigidPlate,
     SolveError,
     Symmetry,
@@ -39,24 +37,11 @@ from qvi_contact.refinement import RefinementStatus, places, reference_problem
 from qvi_contact.refinement.measure import Measure
 from solvers import Status
 
-_BASE: Final = "base"
-_PLATE: Final = "plate"
 _FRICTION: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
-_FORCES: Final = ("normal_force", "tangential_force")
 
 
-@dataclass(frozen=True)
-class Stated:
-    """What a number makes.
-
-    Attributes
-    ----------
-    problem : the problem
-    quantity : name of the quantity, as `refine` takes it
-    target : relative error asked for
-    degree : of the element
-
-    """
+class Stated(NamedTuple):
+    """What a number makes: a problem, a quantity as `refine` takes it, the relative error asked for, and the degree."""
 
     problem: ContactProblem
     quantity: str
@@ -65,73 +50,50 @@ class Stated:
 
 
 def stated(number: int) -> Stated:
-    """Problem `number`."""
+    """Problem `number`: a body on a rough obstacle that is flat, inclined or bent, held or pressed from above."""
     dice = Dice("estimates", number)
     width, height = dice.magnitude(-0.2, 0.5), 1.0
     mesh = quadrilateral(dice, width, height)
     strain = dice.magnitude(-4.0, -2.0)
     young, poisson = dice.pick((1.0, 2.1e5)), dice.pick((0.0, 0.2, 0.3, 0.45))
-    contacts = [_base(dice, strain * height, width)]
-    sides = [_side(dice, side, strain * young) for side in ("left", "right")]
-    guided = isinstance(sides[0], Symmetry)
-    above = _top(dice, strain, young, width, height, guided)
-    conditions: list[Condition] = [*contacts, *above, *sides]
-    contacts += [each for each in above if isinstance(each, Contact)]
+    push, stress, shape = strain * height, strain * young, dice.pick(("flat", "flat", "inclined", "bent"))
+    gap: Field = 0.0
+    if shape == "inclined":
+        gap = Polynomial([[0.0], [dice.between(-0.5, 0.5) * push / width]])
+    elif shape == "bent":
+        gap = Polynomial([[push / 4], [-push / width], [push / width**2]])  # push (x/width − ½)²
+    mu = dice.pick(_FRICTION)
+    friction: Field = Polynomial([[0.5 * mu], [0.5 * mu / width]]) if dice.chance(0.15) else mu
+    law: Law = "bilateral" if dice.chance(1.0 / 6.0) else "unilateral"
+    contacts = [Contact("bottom", friction, gap, name="base", law=law)]
+    sides: list[Condition] = []
+    for side, kinds in (("left", ("free", "free", "free", "symmetry", "loaded")), ("right", ("free", "loaded"))):
+        kind = dice.pick(kinds)
+        loaded = stress * dice.pick((0.05, -0.1)) if kind == "loaded" else 0.0
+        sides.append(Symmetry(side) if kind == "symmetry" else Traction(side, x=loaded, y=0.0))
+    guided, above = isinstance(sides[0], Symmetry), dice.pick(("held", "held", "pressed", "plate", "driven"))
+    loads = list[Condition]()
+    if above == "held":
+        loads.append(Displacement("top", x=0.0 if guided else push * dice.pick((0.0, 0.1, 0.3, -0.2)), y=-push))
+    elif above == "pressed":
+        rise = dice.pick((0.0, 0.5, -0.5)) * stress / width
+        shear = stress * dice.pick((0.0, 0.05, -0.1))
+        loads.append(Traction("top", x=shear, y=Polynomial([[-stress], [rise]])))
+    else:
+        mu = dice.pick(_FRICTION)
+        if above == "plate":
+            contacts.append(Contact("top", mu, -push, push * dice.pick((0.0, 0.1, -0.1)), name="plate"))
+        else:
+            plate = RigidPlate(force_y=-stress * width, pivot=(width / 2, height))
+            contacts.append(Contact("top", mu, name="plate", plate=plate))
+    conditions = [contacts[0], *loads, *contacts[1:], *sides]
     conditions += [Traction("step", 0.0, 0.0)] if "step" in mesh.edge_names else []
     problem = ContactProblem(mesh, Material(young, poisson, dice.pick(("stress", "strain"))), conditions)
-    quantity = dice.pick(("energy", *_forces(contacts, above, guided)))
+    # forces that equilibrium alone does not give, each twice
+    known = {"normal_force": above in ("pressed", "driven"), "tangential_force": above == "pressed" and not guided}
+    forces = [f"{each.name}.{force}" for each in contacts for force in known if not known[force]]
+    quantity = dice.pick(("energy", *forces, *forces))
     return Stated(problem, quantity, dice.magnitude(-4.5, -2.0), dice.pick((3, 4, 5, 5)))
-
-
-def _forces(contacts: list[Contact], above: list[Condition], guided: bool) -> list[str]:
-    """The forces that equilibrium alone does not give, each twice."""
-    pushed = any(isinstance(each, Traction) for each in above)
-    driven = any(each.plate is not None for each in contacts)
-    kinds = [*([] if pushed or driven else ["normal_force"]), *([] if pushed and not guided else ["tangential_force"])]
-    return 2 * [f"{each.name}.{kind}" for each in contacts for kind in kinds]
-
-
-def _base(dice: Dice, move: float, width: float) -> Contact:
-    """A rough obstacle below: flat, inclined, or bent away from the body."""
-    shape: Field = 0.0
-    kind = dice.pick(("flat", "flat", "inclined", "bent"))
-    if kind == "inclined":
-        slope = dice.between(-0.5, 0.5) * move / width
-        shape = Polynomial([[0.0], [slope]])
-    elif kind == "bent":
-        shape = Polynomial([[move / 4], [-move / width], [move / width**2]])  # move (x/width − ½)²
-    coefficient = dice.pick(_FRICTION)
-    rising = Polynomial([[0.5 * coefficient], [0.5 * coefficient / width]])
-    friction: Field = rising if dice.chance(0.15) else coefficient
-    law: Law = "bilateral" if dice.chance(1.0 / 6.0) else "unilateral"
-    return Contact("bottom", friction, shape, name=_BASE, law=law)
-
-
-def _top(dice: Dice, strain: float, young: float, width: float, height: float, guided: bool) -> list[Condition]:
-    """What presses from above, most often with some shear."""
-    push, stress = strain * height, strain * young
-    kind = dice.pick(("held", "held", "pressed", "plate", "driven"))
-    if kind == "held":
-        return [Displacement("top", x=0.0 if guided else push * dice.pick((0.0, 0.1, 0.3, -0.2)), y=-push)]
-    if kind == "pressed":
-        rise = dice.pick((0.0, 0.5, -0.5)) * stress / width
-        return [Traction("top", x=stress * dice.pick((0.0, 0.05, -0.1)), y=Polynomial([[-stress], [rise]]))]
-    friction = dice.pick(_FRICTION)
-    if kind == "plate":
-        offset = push * dice.pick((0.0, 0.1, -0.1))
-        return [Contact("top", friction, -push, offset, name=_PLATE)]
-    plate = RigidPlate(force_y=-stress * width, pivot=(width / 2, height))
-    return [Contact("top", friction, name=_PLATE, plate=plate)]
-
-
-def _side(dice: Dice, side: str, stress: float) -> Condition | Symmetry:
-    """Free, held normally, or loaded."""
-    kind = (
-        dice.pick(("free", "free", "free", "symmetry", "loaded")) if side == "left" else dice.pick(("free", "loaded"))
-    )
-    if kind == "symmetry":
-        return Symmetry(side)
-    return Traction(side, x=stress * dice.pick((0.05, -0.1)) if kind == "loaded" else 0.0, y=0.0)
 
 
 MOST_UNKNOWNS: Final = 1500
@@ -160,27 +122,21 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     said = {**asked, "status": found.status.value, "certainty": str(found.certainty), "message": found.message}
     if found.status is not RefinementStatus.REACHED:
         return said
-    try:
-        coarse, fine = _references(found, given.degree)
+    measure, problem, result, values = Measure.of(found.problem, found.quantity), found.problem, found.result, []
+    try:  # on meshes bisected once and twice
+        for more in (2, 3):
+            problem = reference_problem(problem, problem.mesh, places(problem, problem.mesh, result))
+            result = solve(problem, degree=given.degree + more)
+            if result.status not in (Status.SOLVED, Status.INACCURATE):  # the latter has digits enough
+                raise SolveError(result.message)
+            values.append(measure.value(result))
     except QVIError as error:
         return {**said, "message": f"no reference: {error}"}
+    coarse, fine = values
     return {
         **said, "unknowns": found.rounds[-1].unknowns, "rounds": len(found.rounds),
         "error": found.estimate, "off": (found.value - fine) / found.unit, "doubt": abs(fine - coarse) / found.unit,
     }  # fmt: skip
-
-
-def _references(found: Refinement, degree: int) -> tuple[float, float]:
-    """The quantity after either step."""
-    problem, result, values = found.problem, found.result, []
-    measure = Measure.of(problem, found.quantity)
-    for more in (2, 3):
-        problem = reference_problem(problem, problem.mesh, places(problem, problem.mesh, result))
-        result = solve(problem, degree=degree + more)
-        if result.status not in (Status.SOLVED, Status.INACCURATE):  # the latter has digits enough
-            raise SolveError(result.message)
-        values.append(measure.value(result))
-    return values[0], values[1]
 
 
 DOUBTFUL: Final = 0.2

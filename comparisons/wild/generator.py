@@ -4,9 +4,9 @@ Each family is wild in one way, and now and then in another one as well; "everyt
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -59,45 +59,26 @@ _NEAR: Final = (0.5, 0.499999, 0.4999, 0.49, -0.9, -0.99, -0.9999, -0.999999)
 """Poisson's ratios at the ends; 0.5 itself in plane stress alone, see "incompressible" for plane strain."""
 
 
-@dataclass(frozen=True)
-class Wild:
-    """What a family and a number make.
-
-    Attributes
-    ----------
-    problem : the problem
-    settings : keyword arguments for `solve`
-
-    """
+class Wild(NamedTuple):
+    """What a family and a number make: a problem, and keyword arguments for `solve`."""
 
     problem: ContactProblem
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any]
 
 
 def wild_problem(family: str, number: int) -> Wild:
     """Problem `number` of a family; raises `InputError` where the package refuses it."""
     dice = Dice(family, number)
-    traits = _traits(dice, family)
-    return Wild(_problem(dice, traits | _late(family, number)), _settings(Dice("settings", family, number), traits))
-
-
-def _settings(dice: Dice, traits: frozenset[str]) -> dict[str, Any]:
-    """Degree and kind of contact rows, for the most part the usual ones."""
-    often = "degrees" in traits
-    degree = dice.pick((3, 5, 6, 7, 8)) if dice.chance(0.9 if often else 0.15) else 4
-    return {"degree": degree, **({"law_on": "points"} if dice.chance(0.5 if often else 0.1) else {})}
-
-
-def _traits(dice: Dice, family: str) -> frozenset[str]:
     if family == "everything":
-        return frozenset(name for name in _TRAITS if dice.chance(0.5))
-    return frozenset({family, *(name for name in _TRAITS if dice.chance(_STRAY))})
-
-
-def _late(family: str, number: int) -> frozenset[str]:
-    """Traits of `_LATE` that other families have now and then: "everything" in half of its problems."""
-    dice = Dice("late", family, number)
-    return frozenset(name for name in _LATE if dice.chance(0.5 if family == "everything" else 0.0))
+        traits = frozenset(name for name in _TRAITS if dice.chance(0.5))
+    else:
+        traits = frozenset({family, *(name for name in _TRAITS if dice.chance(_STRAY))})
+    settings, often = Dice("settings", family, number), "degrees" in traits
+    degree = settings.pick((3, 5, 6, 7, 8)) if settings.chance(0.9 if often else 0.15) else 4
+    law_on = {"law_on": "points"} if settings.chance(0.5 if often else 0.1) else {}
+    late = Dice("late", family, number)  # of "everything" in half of its problems
+    traits |= {name for name in _LATE if late.chance(0.5 if family == "everything" else 0.0)}
+    return Wild(_problem(dice, traits), {"degree": degree, **law_on})
 
 
 def _material(dice: Dice, young: float, traits: frozenset[str], plane: Any) -> Material:
@@ -114,11 +95,10 @@ def _problem(dice: Dice, traits: frozenset[str]) -> ContactProblem:
     strain = dice.magnitude(-7.0, -1.0) if wild else dice.pick((1e-4, 1e-3, 1e-2))
     plane = dice.pick(("stress", "strain"))
     plane = "strain" if "incompressible" in traits else plane
-    mesh = body(dice, length, traits)
-    mesh, parts = with_parts(dice, mesh)
+    mesh, parts = with_parts(dice, body(dice, length, traits))
     wet = Dice("wet", dice.whole(0, 10**6)) if "fluids" in traits else None
     maker = Maker(dice, mesh, strain * young, strain * length, traits, wet)
-    conditions: list[Condition] = [condition for part in parts for condition in maker.condition(part)]
+    conditions: list[Condition] = [condition for part in parts for condition in maker.conditions(part)]
     conditions += [maker.contact(name, joint=True) for name in mesh.joint_names]
     material = _material(dice, young, traits, plane)
     regions = []
@@ -168,73 +148,66 @@ class Maker:
     traits: frozenset[str]
     wet: Dice | None = None
 
-    def condition(self, part: Part) -> list[Condition]:
+    def conditions(self, part: Part) -> list[Condition]:
         """What happens on a part: mostly something that holds or presses the body, now and then anything."""
-        if "idle" in self.traits:
+        dice, idle = self.dice, "idle" in self.traits
+        if idle:
             kinds: tuple[str, ...] = ("contact", "contact", "nothing", "support", "clamped", "symmetry")
         else:
             usual = {"bottom": ("contact",), "top": ("pressed", "pushed", "contact", "plate")}
             kinds = usual.get(part.side, ("nothing", "nothing", "symmetry", "loaded", "contact"))
-        if self.dice.chance(_FREE):
+        if dice.chance(_FREE):
             kinds = ("nothing", "loaded", "support", "clamped", "symmetry", "contact", "plate", "pressed", "pushed")
-        return self._made("loaded" if part.is_hole else self.dice.pick(kinds), part)
-
-    def _made(self, kind: str, part: Part) -> list[Condition]:
-        """A kind of condition on a part."""
-        match kind:
+        across, along, sign = _NORMAL[part.side] if part.straight else _SLANTED
+        match kind := "loaded" if part.is_hole else dice.pick(kinds):
             case "loaded":
                 return [Traction(part.name, self._field(self._load()), self._field(self._load()))]
-            case "support":
-                return self._guided(part, 0.0)
             case "clamped":
                 return [Displacement(part.name, 0.0, 0.0)]
             case "symmetry":
                 return [Symmetry(part.name)]
             case "contact" | "plate":
-                driven = kind == "plate" or ("plates" in self.traits and self.dice.chance(0.4))
+                driven = kind == "plate" or ("plates" in self.traits and dice.chance(0.4))
                 return [self.contact(part.name, plate=self._driver(part) if driven else None)]
-            case "pressed":
-                return self._pressed(part)
-            case "pushed":
-                return self._pushed(part)
+            case "pressed":  # and some shear
+                pressure = -sign * abs(self._load() or self.stress * (not idle))
+                shear = self._field(self._load()) if dice.chance(0.3) else 0.0
+                given: dict[str, Any] = {along: shear, across: self._field(pressure)}
+                return [Traction(part.name, **given)]
+            case "pushed" | "support":  # a displacement, most often into the body, and free or held along the side
+                move = self._field(-sign * abs(self._move())) if kind == "pushed" else 0.0
+                if kind == "pushed" and dice.chance(0.4):
+                    return [Displacement(part.name, **{across: move, along: self._field(self._move())})]
+                free: dict[str, Any] = {along: 0.0}
+                return [Displacement(part.name, **{across: move}), Traction(part.name, **free)]
         return [Traction(part.name, 0.0, 0.0)]
 
     def contact(self, edges: str, *, joint: bool = False, plate: RigidPlate | None = None) -> Contact:
         """A contact of any law."""
-        dice = self.dice
-        law = dice.pick(("unilateral", "bilateral", "tied")) if "laws" in self.traits and dice.chance(0.5) else ""
+        dice, traits = self.dice, self.traits
+        law = dice.pick(("unilateral", "bilateral", "tied")) if "laws" in traits and dice.chance(0.5) else ""
         gap = self._gap(joint)
         offset = self._field(self._move()) if dice.chance(0.15) else 0.0
-        fluid = self._fluid(law)
+        fluid: Field = 0.0  # constant, rising along an axis as water does, or of any other shape
+        if self.wet is not None and law != "tied" and not self.wet.chance(0.2):
+            size = abs(self.stress) * self.wet.pick((0.01, 0.1, 0.5, 1.0, 3.0, 100.0))
+            fluid = replace(self, dice=self.wet)._field(size, True, 0.6)
         if law == "tied":
             return Contact(edges, 0.0, gap, offset, law="tied", plate=plate, pore_pressure=fluid)
-        cohesion, cap = self._bounds()
+        cohesion: Field = 0.0
+        cap: float | None = None
+        if "laws" in traits or dice.chance(0.1):
+            size = abs(self.stress) * dice.pick((0.0, 0.03, 0.3, 1.0, 100.0))
+            cap = abs(self.stress) * dice.pick((0.0, 0.01, 0.2, 1.0, 10.0)) if dice.chance(0.3) else None
+            cohesion = self._field(size, True)
+        if "friction" in traits:
+            friction = dice.pick((0.0, dice.magnitude(-3.0, 3.0), dice.magnitude(-1.0, 1.0), 1000.0))
+        else:
+            friction = dice.pick((0.0, 0.05, 0.2, 0.3, 0.6, 1.0))
         return Contact(
-            edges, self._friction(), gap, offset, "", cohesion, cap,
+            edges, self._field(friction, True), gap, offset, "", cohesion, cap,
             "bilateral" if law == "bilateral" else "unilateral", plate, fluid,
         )  # fmt: skip
-
-    def _pressed(self, part: Part) -> list[Condition]:
-        """Pressure, and some shear."""
-        across, along, sign = _NORMAL[part.side] if part.straight else _SLANTED
-        pressure = -sign * abs(self._load() or self.stress * ("idle" not in self.traits))
-        shear = self._field(self._load()) if self.dice.chance(0.3) else 0.0
-        given: dict[str, Any] = {along: shear, across: self._field(pressure)}
-        return [Traction(part.name, **given)]
-
-    def _pushed(self, part: Part) -> list[Condition]:
-        """A given displacement, most often into the body, and free or held along the side."""
-        across, along, sign = _NORMAL[part.side] if part.straight else _SLANTED
-        move = self._field(-sign * abs(self._move()))
-        if self.dice.chance(0.4):
-            return [Displacement(part.name, **{across: move, along: self._field(self._move())})]
-        return self._guided(part, move)
-
-    def _guided(self, part: Part, move: Field) -> list[Condition]:
-        """A displacement across the side, no traction along it."""
-        across, along, _ = _NORMAL[part.side] if part.straight else _SLANTED
-        free: dict[str, Any] = {along: 0.0}
-        return [Displacement(part.name, **{across: move}), Traction(part.name, **free)]
 
     def _driver(self, part: Part) -> RigidPlate:
         """A plate that mostly presses, with a moment about a pivot that may be far away."""
@@ -261,12 +234,9 @@ class Maker:
         near = (float(self.mesh.vertices[:, 0].mean()), float(self.mesh.vertices[:, 1].mean()))
         pivot = (near[0] + far * extent * dice.sign(), near[1] + extent * dice.between(-1.0, 1.0))
         if "moment" in given and dice.chance(0.7):  # the moment of a force at the middle, plus a little
-            given["moment"] = self._balanced(given, near, pivot) + 0.1 * given["moment"]
+            arms = (near[0] - pivot[0]) * given.get("force_y", 0.0) - (near[1] - pivot[1]) * given.get("force_x", 0.0)
+            given["moment"] = arms + 0.1 * given["moment"]
         return RigidPlate(pivot=pivot, **given)
-
-    @staticmethod
-    def _balanced(given: dict[str, float], near: tuple[float, float], pivot: tuple[float, float]) -> float:
-        return (near[0] - pivot[0]) * given.get("force_y", 0.0) - (near[1] - pivot[1]) * given.get("force_x", 0.0)
 
     def _load(self) -> float:
         if "idle" in self.traits:
@@ -275,12 +245,6 @@ class Maker:
 
     def _move(self) -> float:
         return 0.0 if "idle" in self.traits else self.displacement * self.dice.pick((0.0, 0.2, -0.2, 1.0, -1.0))
-
-    def _friction(self) -> Field:
-        dice = self.dice
-        if "friction" in self.traits:
-            return self._field(dice.pick((0.0, dice.magnitude(-3.0, 3.0), dice.magnitude(-1.0, 1.0), 1000.0)), True)
-        return self._field(dice.pick((0.0, 0.05, 0.2, 0.3, 0.6, 1.0)), True)
 
     def _gap(self, joint: bool) -> Field:
         dice = self.dice
@@ -292,22 +256,6 @@ class Maker:
         if joint or dice.chance(0.6):
             return 0.0
         return self._field(self._move())
-
-    def _fluid(self, law: str) -> Field:
-        """The pressure of a fluid, constant, rising along an axis as water does, or of any other shape."""
-        if self.wet is None or law == "tied" or self.wet.chance(0.2):
-            return 0.0
-        size = abs(self.stress) * self.wet.pick((0.01, 0.1, 0.5, 1.0, 3.0, 100.0))
-        return replace(self, dice=self.wet)._field(size, True, 0.6)
-
-    def _bounds(self) -> tuple[Field, Field | None]:
-        """Cohesion and cap."""
-        dice = self.dice
-        if not ("laws" in self.traits or dice.chance(0.1)):
-            return 0.0, None
-        cohesion = abs(self.stress) * dice.pick((0.0, 0.03, 0.3, 1.0, 100.0))
-        cap = abs(self.stress) * dice.pick((0.0, 0.01, 0.2, 1.0, 10.0)) if dice.chance(0.3) else None
-        return self._field(cohesion, True), cap
 
     def _field(self, value: float, positive: bool = False, varied: float = 0.15) -> Field:
         """The value itself, or a function of its size: linear, with a kink, waves, a jump on a grid line."""
@@ -323,14 +271,9 @@ class Maker:
             start = (value if slope < 0.0 or not positive else 0.0) - slope * low
             return Polynomial([[start, 0.0], [slope, 0.0]] if axis == 0 else [[start, slope]])
         at = float(dice.pick(lines.tolist()))
-        return _shaped(kind, value, axis, at, size)
-
-
-def _shaped(kind: str, value: float, axis: int, at: float, size: float) -> Callable[..., Any]:
-    """A function that is no polynomial."""
-    shapes: dict[str, Callable[[Any], Any]] = {
-        "kink": lambda s: value * np.abs(s - at) / size,
-        "waves": lambda s: value * np.sin(3.0 * (s - at) / size) ** 2,
-        "jump": lambda s: np.where(s < at, value, 0.3 * value),
-    }
-    return lambda x, y: shapes[kind]((x, y)[axis])
+        shapes: dict[str, Callable[[Any], Any]] = {
+            "kink": lambda s: value * np.abs(s - at) / size,
+            "waves": lambda s: value * np.sin(3.0 * (s - at) / size) ** 2,
+            "jump": lambda s: np.where(s < at, value, 0.3 * value),
+        }
+        return lambda x, y: shapes[kind]((x, y)[axis])

@@ -16,7 +16,7 @@ computed from these. A side that is an arc is reached by the same polynomials, c
 | compatibility      | no stress with the same friction bounds has less complementary energy, see `compare`         |
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -58,7 +58,9 @@ def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
 def floor(problem: ContactProblem) -> float:
     """A stress that is as good as none: 1e-6 of the largest that loads, supports and obstacles pushed in suggest."""
     mesh = problem.mesh
-    stiffest = max(1.0 / _least(material.compliance) for material in problem.materials)
+    # an incompressible body is not compressed by any pressure
+    known = [np.linalg.eigvalsh(material.compliance) for material in problem.materials]
+    stiffest = max(1.0 / float(each[each > _ZERO * each.max()].min()) for each in known)
     stresses, moves = [_REST / _NOTHING * stiffest], [0.0]
     for kind, sizes in ((Traction, stresses), (Displacement, moves)):
         for given in problem.prescribed(kind):
@@ -74,12 +76,6 @@ def floor(problem: ContactProblem) -> float:
             length = float(edges.length.sum())
             stresses += [abs(force or 0.0) / length for force in (contact.plate.force_x, contact.plate.force_y)]
     return _NOTHING * max(*stresses, stiffest * max(moves) / mesh.length)
-
-
-def _least(compliance: FloatArray) -> float:
-    """The smallest eigenvalue that is not zero: an incompressible body is not compressed by any pressure."""
-    compliances = np.linalg.eigvalsh(compliance)
-    return float(compliances[compliances > _ZERO * compliances.max()].min())
 
 
 def _powers(degree: int) -> IntArray:
@@ -239,6 +235,10 @@ def _equilibrium(samples: Samples) -> Iterator[tuple[str, float]]:
         yield "tractions of neighbours", _relative(jump, samples.largest)
 
 
+def _integral(of: Callable[[float], FloatArray]) -> FloatArray:
+    return np.asarray(quad_vec(of, 0.0, 1.0, epsrel=_INTEGRATED, limit=_INTERVALS)[0])
+
+
 def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
     """Force on every edge, and the moment where the traction is a number, over the largest stress.
 
@@ -251,7 +251,16 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
         normals, _ = frames_along(edges, _NODES)
         direction = vectors_along(edges, given.direction, _NODES, turns=given.turns)
         found = (tractions(normals, samples.on(edges, _NODES)) * direction).sum(axis=2)
-        wanted = _forces(mesh, edges, given)
+
+        def along(t: float, given: Prescribed = given) -> FloatArray:
+            """The component v at t of every edge, times its direction d, (n, 2)."""
+            s = np.array([t])
+            turned = vectors_along(given.edges, given.direction, s, turns=given.turns)[:, 0]
+            return _values(given.value, *mesh.points_along(given.edges, s)) * turned
+
+        # what is no number may jump or have kinks
+        varies = callable(given.value) or edges.curved
+        wanted = _integral(along) if varies else np.asarray(given.value * given.direction)  # type: ignore[operator]
         if edges.curved:
             missed[given.index] += np.einsum("nq,nqk,q->nk", found, direction, _WEIGHTS) - wanted
             given_there[given.index] += 1
@@ -262,19 +271,6 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
             error = found - given.value
             yield f"moment of {given.name}", _relative(error @ (_WEIGHTS * (_NODES - 0.5)), samples.largest)
     yield "prescribed tractions on arcs", _relative(missed[given_there == 2], samples.largest)
-
-
-def _forces(mesh: TriangleMesh, edges: Edges, given: Prescribed) -> FloatArray:
-    """∫ d v dt (n, 2) of a prescribed component v along d on every edge, also of fields that jump or have kinks."""
-
-    def along(t: float) -> FloatArray:
-        s = np.array([t])
-        turned = vectors_along(edges, given.direction, s, turns=given.turns)[:, 0]
-        return _values(given.value, *mesh.points_along(edges, s)) * turned
-
-    if not callable(given.value) and not edges.curved:
-        return np.asarray(given.value * given.direction)
-    return np.asarray(quad_vec(along, 0.0, 1.0, epsrel=_INTEGRATED, limit=_INTERVALS)[0])
 
 
 def _plates(samples: Samples) -> Iterator[tuple[str, float]]:
@@ -330,7 +326,7 @@ def _fluids(samples: Samples, result: ContactResult) -> Iterator[tuple[str, floa
         def along(t: float, edges: Edges = edges, field: Field = field) -> FloatArray:
             return _values(field, *mesh.points_along(edges, np.array([t])))[:, 0]
 
-        force = quad_vec(along, 0.0, 1.0, epsrel=_INTEGRATED, limit=_INTERVALS)[0] if callable(field) else field
+        force = _integral(along) if callable(field) else field
         yield f"pore pressure on {contact.name}", _relative(taken @ (weights / 2.0) - force, samples.largest)
 
 
@@ -443,30 +439,13 @@ def enumerated(qvi: FrictionQVI, seconds: float) -> str:
     weights = np.concatenate([qvi.W, qvi.W]) / (qvi.contact_stiffness or 1.0)
     C, bonded = compliance.dense * weights, compliance.bonded / stress
     move = np.hstack([C[:, :m], C[:, m:], -C[:, m:]])  # by gaps, forward and backward slips
-    normal, shear = (bonded[:m], -move[:m]), (bonded[m:], -move[m:])
-    bound = (qvi.cohesion / stress - qvi.mu * normal[0], -qvi.mu[:, None] * normal[1])
-    answer = milp(
-        np.zeros(6 * m),
-        integrality=np.repeat([0, 1], 3 * m),
-        bounds=Bounds(0.0, np.repeat([_BIG, 1.0], 3 * m)),
-        constraints=_constraints(m, normal, shear, bound, _BIG * (1.0 + float(qvi.mu.max()))),
-        options={"time_limit": seconds},
-    )
-    return {_FOUND: EXISTS, _EMPTY: NONE}.get(answer.status, UNDECIDED)
-
-
-_Affine = tuple[FloatArray, FloatArray]
-
-
-def _constraints(m: int, normal: _Affine, shear: _Affine, bound: _Affine, far: float) -> LinearConstraint:
-    """In the unknowns gap, forward slip, backward slip, and the binary closed, forward, backward; (m,) each."""
-    one, no = np.eye(m), np.zeros((m, m))
-    none = np.zeros((m, 3 * m))
-    up = (bound[0] - shear[0], bound[1] - shear[1])
-    down = (bound[0] + shear[0], bound[1] + shear[1])
-    rows: list[tuple[FloatArray, FloatArray, FloatArray]] = [  # a y + b binaries ≤ upper
-        (normal[1], none, -normal[0]),
-        (-normal[1], -_BIG * np.hstack([one, no, no]), normal[0]),
+    one, no, none = np.eye(m), np.zeros((m, m)), np.zeros((m, 3 * m))
+    shear, far = (bonded[m:], -move[m:]), _BIG * (1.0 + float(qvi.mu.max()))
+    bound = (qvi.cohesion / stress - qvi.mu * bonded[:m], qvi.mu[:, None] * move[:m])
+    up, down = (tuple(b + sign * t for b, t in zip(bound, shear, strict=True)) for sign in (-1.0, 1.0))
+    rows: list[tuple[FloatArray, FloatArray, FloatArray]] = [  # a (gap, slips) + b (closed, forward, backward) ≤ upper
+        (-move[:m], none, -bonded[:m]),
+        (move[:m], -_BIG * np.hstack([one, no, no]), bonded[:m]),
         (-up[1], none, up[0]),
         (-down[1], none, down[0]),
         (up[1], far * np.hstack([no, one, no]), far - up[0]),
@@ -477,4 +456,8 @@ def _constraints(m: int, normal: _Affine, shear: _Affine, bound: _Affine, far: f
         (none, np.hstack([no, one, one]), np.ones(m)),
     ]
     left, binary, upper = (np.concatenate(parts) for parts in zip(*rows, strict=True))
-    return LinearConstraint(np.hstack([left, binary]), -np.inf, upper)
+    answer = milp(
+        np.zeros(6 * m), integrality=np.repeat([0, 1], 3 * m), bounds=Bounds(0.0, np.repeat([_BIG, 1.0], 3 * m)),
+        constraints=LinearConstraint(np.hstack([left, binary]), -np.inf, upper), options={"time_limit": seconds},
+    )  # fmt: skip
+    return {_FOUND: EXISTS, _EMPTY: NONE}.get(answer.status, UNDECIDED)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from pandas import DataFrame, Series, concat
+from pandas import DataFrame, concat
 
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, Study, frame_of
@@ -68,8 +68,12 @@ def stated(number: int) -> tuple[ContactProblem, str, int]:
     mesh = mesh.with_region("part", lambda x, _: x > middle)
     plane: Plane = dice.pick(("strain", "stress"))
     own, other = _strength(dice), _strength(dice)
-    contacts = [_contact(dice, "bottom")]
-    contacts += [_contact(dice, name) for name in mesh.joint_names]
+    contacts = list[Condition]()
+    for edges in ("bottom", *mesh.joint_names):
+        law: Law = dice.pick(("unilateral", "unilateral", "unilateral", "bilateral"))
+        friction = dice.pick((0.0, 0.3, 0.5, 0.7)) if law == "unilateral" else 0.0
+        cap = dice.between(0.2, 1.0) if dice.chance(0.3) else None
+        contacts.append(Contact(edges, friction, cohesion=dice.pick((0.0, 0.2)), shear_limit=cap, law=law))
     loads: list[Condition] = [
         Traction("top", x=dice.between(-0.05, 0.05), y=-dice.between(0.3, 1.0)),
         Traction("left", x=dice.between(0.02, 0.2), y=0.0, name="push"),
@@ -87,15 +91,12 @@ def _strength(dice: Dice) -> Strength | None:
                       NoTension(4.0 * c), NoTension(), None))  # fmt: skip
 
 
-def _contact(dice: Dice, edges: str) -> Contact:
-    law: Law = dice.pick(("unilateral", "unilateral", "unilateral", "bilateral"))
-    friction = dice.pick((0.0, 0.3, 0.5, 0.7)) if law == "unilateral" else 0.0
-    cap = dice.between(0.2, 1.0) if dice.chance(0.3) else None
-    return Contact(edges, friction, cohesion=dice.pick((0.0, 0.2)), shear_limit=cap, law=law)
-
-
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     """The task of the study: "strengths", "lower" and "upper", the proved ones, and why a side has no proof."""
+
+    def number(value: float) -> float | str:  # rows are JSON, which has no infinity
+        return float(value) if np.isfinite(value) else str(value)
+
     problem, load, degree = stated(case["number"])
     strengths = " and ".join(dict.fromkeys("rigid" if each.strength is None else each.strength.kind
                                            for each in problem.materials))  # fmt: skip
@@ -105,7 +106,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         limit = limit_load_factor(problem, [load], degree=degree)
     except QVIError as error:
         return {**asked, "status": type(error).__name__, "message": str(error)}
-    found = {**asked, "status": "solved", "lower": _number(limit.lower), "upper": _number(limit.upper)}
+    found = {**asked, "status": "solved", "lower": number(limit.lower), "upper": number(limit.upper)}
     if limit.lower == -np.inf:
         found["nothing"] = _why_nothing(problem, load, degree, limit.upper)
     try:
@@ -113,7 +114,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         *proved, _ = check(json.loads(json.dumps(proof)))
     except QVIError as error:
         return {**found, "missing_lower": str(error), "missing_upper": str(error)}
-    sides = {f"proved_{side}": None if value is None else _number(float(value))
+    sides = {f"proved_{side}": None if value is None else number(float(value))
              for side, value in zip(("lower", "upper"), proved, strict=True)}  # fmt: skip
     return {**found, **sides, **{f"missing_{side}": reason for side, reason in proof["missing"].items()}}
 
@@ -135,11 +136,6 @@ def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) 
     if lacking[1] < LASTING * lacking[0]:
         return "the mesh is too coarse"
     return "a finer mesh lacks as much strength, no motion proves it"
-
-
-def _number(value: float) -> float | str:
-    """A number, or a word for what is not finite, as rows are JSON."""
-    return float(value) if np.isfinite(value) else str(value)
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
@@ -184,15 +180,11 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _without_tension(strengths: Series) -> int:
-    """In how many runs a part takes no tension."""
-    return int(strengths.str.contains("no-tension").sum())
-
-
 def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same one."""
     runs = runs_of(rows)
     solved = runs[runs.status == "solved"]
+    solved = solved.assign(tension=solved.strengths.str.contains("no-tension"))
     strengths = solved.groupby("strengths").agg(
         runs=("held", "size"), held=("held", "sum"), below=("proved_lower", "count"), above=("proved_upper", "count")
     ).reset_index()  # fmt: skip
@@ -204,7 +196,7 @@ def report(rows: Sequence[Row]) -> Report:
     ]  # fmt: skip
     nothing = (
         solved[solved.nothing.notna() & (solved.nothing != "")]
-        .groupby("nothing").agg(runs=("held", "size"), tension=("strengths", _without_tension)).reset_index()
+        .groupby("nothing").agg(runs=("held", "size"), tension=("tension", "sum")).reset_index()
     )  # fmt: skip
     tables = {
         "strengths": strengths,

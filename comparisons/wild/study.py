@@ -25,8 +25,8 @@ from pandas import DataFrame, crosstab
 from comparisons.lab.numbers import seconds
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import PACKAGES, Row, Study, frame_of
-from comparisons.wild.generator import FAMILIES, Wild, wild_problem
-from comparisons.wild.judge import EXISTS, NONE, UNDECIDED, Comparison, compare, enumerated, wrong
+from comparisons.wild.generator import FAMILIES, wild_problem
+from comparisons.wild.judge import EXISTS, NONE, UNDECIDED, compare, enumerated, wrong
 from qvi_contact import ContactResult, InputError, QVIError, solve
 from solvers import Status
 from solvers.basics.names import known_name
@@ -67,54 +67,40 @@ def declared(families: Sequence[str], each: int, first: int = 0) -> Study:
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     """The task of the study: "outcome", "status", "message", "seconds" of the default, "warnings", and what follows."""
+    began = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = _outcome(case["family"], case["number"])
-    said = sorted({f"{each.category.__name__}: {each.message}" for each in caught})
-    return {**found, "warnings": said}
+        try:
+            wild = wild_problem(case["family"], case["number"])
+            result = solve(wild.problem, **wild.settings)
+            spent = time.perf_counter() - began
+            found = {"seconds": spent, **_judged(result, wild.settings["degree"])}
+        except Exception as error:  # whatever it is, but the package's own, it ought not to reach the user
+            outcome = REFUSED if isinstance(error, InputError) else OPEN if isinstance(error, QVIError) else FOREIGN
+            status = "" if outcome == REFUSED else type(error).__name__
+            spent = time.perf_counter() - began
+            found = {"seconds": spent, "outcome": outcome, "status": status, "message": str(error)}
+    return {**found, "warnings": sorted({f"{each.category.__name__}: {each.message}" for each in caught})}
 
 
-def _outcome(family: str, number: int) -> dict[str, Any]:
-    began = time.perf_counter()
-    try:
-        wild = wild_problem(family, number)
-        result = solve(wild.problem, **wild.settings)
-        seconds = time.perf_counter() - began
-        return {"seconds": seconds, **_judged(wild, result)}
-    except InputError as error:
-        said = {"outcome": REFUSED, "status": "", "message": str(error)}
-    except QVIError as error:
-        said = {"outcome": OPEN, "status": type(error).__name__, "message": str(error)}
-    except Exception as error:  # whatever it is, it ought not to reach the user
-        said = {"outcome": FOREIGN, "status": type(error).__name__, "message": str(error)}
-    return {"seconds": time.perf_counter() - began, **said}
-
-
-def _judged(wild: Wild, result: ContactResult) -> dict[str, Any]:
+def _judged(result: ContactResult, degree: int) -> dict[str, Any]:
+    """What a solve has found, beside a second method on the answer's own friction bounds."""
     said: dict[str, Any] = {"status": result.status.value, "message": result.message, "remarks": list(result.remarks)}
-    if result.status is Status.SOLVED:
-        degree = wild.settings.get("degree", 4)
-        errors = wrong(result, degree)
-        other, ended = _second(result, degree)
-        if other is not None and other.differs:
-            errors.append(f"{SECOND} is {other.distance:.1e} away, with {other.gain:.1e} less energy")
-        distance = None if other is None else other.distance
-        return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended, "distance": distance}
     if result.status.impossible:
         return {"outcome": INFEASIBLE, **said}
-    return {"outcome": OPEN, **said, **_solvable(result)}
-
-
-def _second(result: ContactResult, degree: int) -> tuple[Comparison | None, str]:
-    """A second method beside the answer, on the answer's own friction bounds, and how it ended."""
-    if result.solution.problem.m == 0:
-        return None, "no contact"
-    other = solve(
-        result.discretization, method="fixed-point", inner=SECOND, initial=result, max_iterations=1, variant="plain"
-    )
-    if not (other.has_state and other.history and other.history[0].inner_status is Status.SOLVED):
-        return None, other.status.value
-    return compare(result, other, degree), "compared"
+    if result.status is not Status.SOLVED:
+        return {"outcome": OPEN, **said, **_solvable(result)}
+    errors, distance, ended = wrong(result, degree), None, "no contact"
+    if result.solution.problem.m:
+        once: dict[str, Any] = {"method": "fixed-point", "inner": SECOND, "max_iterations": 1, "variant": "plain"}
+        other = solve(result.discretization, initial=result, **once)
+        ended = other.status.value
+        if other.has_state and other.history and other.history[0].inner_status is Status.SOLVED:
+            beside, ended = compare(result, other, degree), "compared"
+            distance = beside.distance
+            if beside.differs:
+                errors.append(f"{SECOND} is {distance:.1e} away, with {beside.gain:.1e} less energy")
+    return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended, "distance": distance}
 
 
 def _solvable(result: ContactResult) -> dict[str, Any]:
@@ -178,32 +164,23 @@ def values_of(problems: DataFrame) -> dict[str, Any]:
 
 def _reason(found: Any) -> str:
     """Why a problem has no answer, as far as is known; what is wrong with one; what an exception says."""
-    if found.outcome == BROKEN:
-        return str(found.reason)
-    if found.outcome == OPEN:
-        return _open_reason(found)
-    if found.outcome == WRONG:
-        return "; ".join(found.errors)
-    return str(found.message) if found.outcome == FOREIGN else ""
-
-
-def _open_reason(found: Any) -> str:
     rounding = found.status in ("ill_conditioned", "inaccurate")
-    if found.answer and found.answer == found.answer:
-        return f"{found.answer} finds an answer"
-    if found.exists == EXISTS and rounding:
-        return "there is a solution, and the answer found is short of the tolerance: rounding"
-    if found.exists == EXISTS:
-        return "there is a solution, and no method finds it"
-    if found.exists == NONE:
-        return "no state of contact solves it: admissible tractions need more pressure than the body has there"
-    if found.far is True:
-        return "the body moves to an obstacle hundreds of times farther away than it deforms: rounding"
-    if rounding:
-        return "an answer short of the tolerance: rounding"
-    if found.admissible is False:
-        return "no admissible traction"
-    return "too large to enumerate, or out of time: the load may be beyond a sliding limit"
+    reasons = (
+        (found.outcome == BROKEN, str(found.reason)),
+        (found.outcome == WRONG, "; ".join(found.errors) if found.outcome == WRONG else ""),
+        (found.outcome != OPEN, str(found.message) if found.outcome == FOREIGN else ""),
+        (found.answer and found.answer == found.answer, f"{found.answer} finds an answer"),
+        (found.exists == EXISTS and rounding,
+         "there is a solution, and the answer found is short of the tolerance: rounding"),
+        (found.exists == EXISTS, "there is a solution, and no method finds it"),
+        (found.exists == NONE,
+         "no state of contact solves it: admissible tractions need more pressure than the body has there"),
+        (found.far is True, "the body moves to an obstacle hundreds of times farther away than it deforms: rounding"),
+        (rounding, "an answer short of the tolerance: rounding"),
+        (found.admissible is False, "no admissible traction"),
+    )  # fmt: skip
+    otherwise = "too large to enumerate, or out of time: the load may be beyond a sliding limit"
+    return next((reason for holds, reason in reasons if holds), otherwise)
 
 
 def report(rows: Sequence[Row]) -> Report:

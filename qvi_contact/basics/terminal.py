@@ -42,18 +42,13 @@ class Command(click.Command):
         try:
             return super().invoke(ctx)
         except InputError as error:
-            option = self._typed(ctx, error.field)
-            if option is None:
+            typed = ctx.get_parameter_source(error.field) is click.core.ParameterSource.COMMANDLINE
+            options = [
+                each.opts[-1] for each in self.params if each.name == error.field and isinstance(each, click.Option)
+            ]
+            if not (typed and options):
                 raise
-            raise type(error)(option, error.value, error.remedy) from error
-
-    def _typed(self, ctx: click.Context, name: str) -> str | None:
-        """The option typed for a parameter; None if there is none."""
-        if ctx.get_parameter_source(name) is not click.core.ParameterSource.COMMANDLINE:
-            return None
-        return next(
-            (each.opts[-1] for each in self.params if each.name == name and isinstance(each, click.Option)), None
-        )
+            raise type(error)(options[0], error.value, error.remedy) from error
 
 
 class Group(click.Group):
@@ -70,16 +65,28 @@ def run(command: click.Command, name: str) -> None:
     libraries print when the process ends does not reach standard output. At SIGTERM a command leaves as at an interrupt
     from the keyboard: its temporary files and worker processes go, and the exit status is 143.
     """
-    _accept_any_character()
-    with _remembered_output() as output, _leaving_at_sigterm():
-        try:
+    for each in (sys.stdout, sys.stderr):
+        if isinstance(each, io.TextIOWrapper):  # terminals that cannot show a letter show a question mark
+            each.reconfigure(errors="replace")
+    stream = sys.stdout
+    output = _Output(stream)
+    if stream is not None:  # None where the shell has closed it
+        sys.stdout = cast("TextIO", output)
+    try:
+        with _leaving_at_sigterm():
             status = _status(command, name)
-            if sys.stdout is not None:  # None where the shell has closed it
-                sys.stdout.flush()
-        except OSError as error:
-            if error is not output.error:
-                raise
-            status = _unwritten(name, error)
+            if stream is not None:
+                output.flush()
+    except OSError as error:
+        if error is not output.error:
+            raise
+        status = 1  # as click has it if nobody reads it
+        if not isinstance(error, BrokenPipeError):
+            status = _complain(name, f"standard output: cannot be written ({error.strerror or error})")
+    finally:
+        sys.stdout = stream
+        if output.error is not None:
+            output.give_up()
     atexit.register(lead_nowhere)
     sys.exit(status)
 
@@ -163,34 +170,6 @@ class _Output:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
-
-
-@contextmanager
-def _remembered_output() -> Iterator[_Output]:
-    stream = sys.stdout
-    output = _Output(stream)
-    if stream is not None:
-        sys.stdout = cast("TextIO", output)
-    try:
-        yield output
-    finally:
-        sys.stdout = stream
-        if output.error is not None:
-            output.give_up()
-
-
-def _unwritten(name: str, error: OSError) -> int:
-    """Exit status of a command whose standard output could not be written; 1 as click has it if nobody reads it."""
-    if isinstance(error, BrokenPipeError):
-        return 1
-    return _complain(name, f"standard output: cannot be written ({error.strerror or error})")
-
-
-def _accept_any_character() -> None:
-    """Let terminals that cannot show a letter show a question mark."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
 
 
 def _complain(name: str, message: str) -> int:

@@ -94,14 +94,13 @@ class Units:
 
         Remarks, and the reasons of a bracket, name the dimension in brackets. It stays where its unit has no name.
         """
-        return _NUMBER.sub(lambda found: self._called(found[1]) or found[0], sentence)
 
-    def _called(self, dimension: str) -> str:
-        """The name of a dimension's unit; empty where it was not given, or one that it is made of."""
-        made_of = {name: str(getattr(self, name)) for name in dimension.split(" × ")}
-        if any(name == unit for name, unit in made_of.items()):
-            return ""
-        return made_of.get(dimension, self.engineering_force)
+        def called(found: re.Match[str]) -> str:
+            names = {name: str(getattr(self, name)) for name in found[1].split(" × ")}
+            unknown = any(name == unit for name, unit in names.items())
+            return found[0] if unknown else names.get(found[1], self.engineering_force)
+
+        return _NUMBER.sub(called, sentence)
 
     def _times_length(self, otherwise: str) -> str:
         force = _FORCES.get((self.stress, self.length))

@@ -1,7 +1,7 @@
 """Files that are either there whole or not there at all, archives of arrays read within limits, and HTML pages.
 
-Only regular files are replaced, by renaming. Links are followed; a file with several names or another owner keeps both
-and gets new contents, as do devices and pipes. Pages load nothing.
+Only regular files are replaced, by renaming, and keep their mode. Links are followed; devices and pipes are written
+into. Pages load nothing.
 """
 
 from __future__ import annotations
@@ -114,19 +114,19 @@ def _followed(path: Path) -> tuple[Path, os.stat_result | None]:
 
 
 def _put(temporary: Path, target: Path, earlier: os.stat_result | None) -> None:
-    """Rename onto nothing or a regular file of one name and the same owner; else write into what stands there."""
-    new = temporary.stat()
-    if earlier is None:
-        temporary.chmod(0o666 & ~_umask())
+    """Rename onto nothing or a regular file; else write into what stands there."""
+    if earlier is None or (stat.S_ISREG(earlier.st_mode) and _standard_stream(earlier) is None):
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask if earlier is None else stat.S_IMODE(earlier.st_mode))
         temporary.replace(target)
-    elif (stream := _standard_stream(earlier)) is not None:  # as /dev/stdout: in its turn, wherever it leads
-        with temporary.open("rb") as source, os.fdopen(os.dup(stream), "wb") as sink:
-            shutil.copyfileobj(source, sink)
-    elif stat.S_ISREG(earlier.st_mode) and earlier.st_nlink == 1 and _owners(earlier) == _owners(new):
-        temporary.chmod(stat.S_IMODE(earlier.st_mode))
-        temporary.replace(target)
-    else:
-        _overwrite(temporary, target)
+        return
+    stream = _standard_stream(earlier)  # as /dev/stdout: in its turn, wherever it leads
+    with (
+        temporary.open("rb") as source,
+        target.open("wb") if stream is None else os.fdopen(os.dup(stream), "wb") as sink,
+    ):
+        shutil.copyfileobj(source, sink)
 
 
 def _standard_stream(earlier: os.stat_result) -> int | None:
@@ -138,30 +138,6 @@ def _standard_stream(earlier: os.stat_result) -> int | None:
                     stream.flush()
                 return number
     return None
-
-
-def _overwrite(temporary: Path, target: Path) -> None:
-    """Write into what stands there; the whole contents are kept beside a file where that ends early."""
-    try:
-        with temporary.open("rb") as source, target.open("wb") as sink:
-            shutil.copyfileobj(source, sink)
-    except OSError as error:
-        if not target.is_file():
-            raise
-        kept = target.with_name(target.stem + temporary.name.removeprefix(".writing"))
-        temporary.replace(kept)
-        remedy = f"is written in part only ({error.strerror}): the whole of it is in {kept}"
-        raise InputError("output", str(target), remedy) from error
-
-
-def _owners(found: os.stat_result) -> tuple[int, int]:
-    return found.st_uid, found.st_gid
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -5,7 +5,7 @@ from qvi_contact.bracket.bounds import bracket, displacement, uniqueness
 from qvi_contact.bracket.branches import Branches, other_solutions
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.friction_norm import friction_norm as friction_norm
-from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference, Uniqueness
+from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
 from qvi_contact.bracket.outcome import document as document
 from qvi_contact.bracket.parts import Bounds, EdgeParts
 from qvi_contact.bracket.proved_norms import star_norm as star_norm
@@ -19,7 +19,6 @@ __all__ = [
     "Certainty",
     "CoulombBounds",
     "EdgeParts",
-    "ForceDifference",
     "Uniqueness",
     "bracket",
     "displacement",

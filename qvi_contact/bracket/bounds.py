@@ -6,9 +6,7 @@ points of every cell; what happens between those nobody sees.
 If the only datum that is not zero is a displacement a of one support or obstacle, constant along it, and no energy is
 lost in friction, all equations and inequalities are homogeneous. Then ∫ σ : ε(u) dx = a R with R the resultant that
 belongs to a, hence J(u) = ½ a R, and the bounds of J(u) are bounds of ½ a R: for a plate pressed into the body by U,
-a = g = −U, R = −P and P lies between −2 J*(τ)/U and 2 J(v)/U. Elsewhere the forces of two models of different kind are
-compared, the stress's and those of a displacement whose contacts have the laws of the problem with the pressure of its
-own forces.
+a = g = −U, R = −P and P lies between −2 J*(τ)/U and 2 J(v)/U.
 
 In `docs/theory.md`: (D19), (D20), (D21).
 """
@@ -34,7 +32,7 @@ from qvi_contact.bracket.fixed_bound import (
     fixed_bound_problem,
     with_bernstein_rows,
 )
-from qvi_contact.bracket.outcome import Bracket, BracketKind, ForceDifference, Uniqueness
+from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
 from qvi_contact.bracket.parts import (
     Bounds,
     CellFields,
@@ -46,7 +44,6 @@ from qvi_contact.bracket.parts import (
     initial_work,
     spring_parts,
     strain_energy,
-    tractions_on,
 )
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
@@ -54,12 +51,11 @@ from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.space import degree_beside, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
-from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
 from qvi_contact.problem.material import is_strained, varies
-from qvi_contact.solution.contact_line import leads_one_way, turning_senses
+from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
@@ -177,39 +173,6 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
     return {name: Bounds(*sorted(float(sign * 2.0 * bound / value) for bound in (lower, upper)))}
 
 
-def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, ForceDifference]:
-    """By contact how far the forces of a stress are from those of a displacement, |Σ_i ∫ τ B_i ds − z_i|.
-
-    The sum is over the coefficients that carry a force of the contact: what acts on a coefficient that supports hold is
-    theirs. Shear counts in the sense of the tangential force.
-    """
-    assert own.state is not None
-    known, contacts, unit = result.discretization, own.state.contacts, own.scales.stress * own.scales.length
-    forces = contacts.weights * own.state.tractions * unit
-    found, start = {}, 0
-    for rows, trace in zip(known.contacts, contacts.traces, strict=True):
-        chosen = slice(start, start + trace.count)
-        senses = turning_senses(known.problem.mesh.vertices, trace.edges)
-        parts = tractions_on(known, result.dofs, rows)
-        sums = []
-        for part, theirs, live, sense in zip(
-            parts,
-            forces.reshape(2, -1),
-            own.state.live.reshape(2, -1),
-            (np.ones(len(senses)), senses),
-            strict=True,
-        ):
-            products = bernstein.product_integrals(part.shape[1] - 1, trace.columns.shape[1] - 1)
-            moments = trace.lengths[:, None] * (sense[:, None] * part @ products)  # ∫ τ B_i ds on each edge
-            sums_at = np.bincount(trace.columns.ravel(), moments.ravel(), minlength=trace.count)
-            ours = sums_at * known.scales.stress * known.scales.length
-            difference = ours - trace.by_coefficient(sense) * theirs[chosen]
-            sums.append(float(difference[live[chosen]].sum()))
-        found[trace.name] = ForceDifference(abs(sums[0]), abs(sums[1]))
-        start += trace.count
-    return found
-
-
 def bracket(
     result: ContactResult,
     degree: int | None = None,
@@ -235,10 +198,10 @@ def bracket(
     The stress τ is that of the result, if it obeys the contact law on whole edges, else it is computed anew for the
     same bound; v are displacement elements on the same mesh (`solve_companion`). Which problem is bracketed says
     `Bracket.kind`: for laws without Coulomb friction the one stated; else s = μ|σ_N| is held fixed, and the gap is an
-    indicator, as it is without the part that comes from s itself. `Bracket.outer` measures it, and
-    `Bracket.force_differences` shows what it does to forces. The errors under Coulomb's law itself are bounded by
-    `Bracket.coulomb`. A step of a history is bracketed as the problem that it is when the slip of the steps before is
-    what was computed: what that slip is off by is not counted, and the bounds are called estimates.
+    indicator, as it is without the part that comes from s itself, which `Bracket.outer` measures. The errors under
+    Coulomb's law itself are bounded by `Bracket.coulomb`. A step of a history is bracketed as the problem that it is
+    when the slip of the steps before is what was computed: what that slip is off by is not counted, and the bounds are
+    called estimates.
 
     Parameters
     ----------
@@ -297,14 +260,14 @@ def bracket(
         if given.kind is BracketKind.GIVEN_BOUND:
             shared = _with_shares(result, tolerance, **options)
             shares = shared.shares if isinstance(shared, SharedStress) else {}
-            laws, slip = [*laws, None, given.bounds], [{}, {}, {name: s.slipping for name, s in shares.items()}]
+            laws, slip = [*laws, given.bounds], [{}, {name: s.slipping for name, s in shares.items()}]
         problem = given.discretization.problem
         companions = solve_companions(
             problem, laws, degree=degree, tolerance=tolerance, slip_directions=slip, **options
         )
         found = _assemble(given, stress, companions[0])
         if given.kind is BracketKind.GIVEN_BOUND:
-            _, own, companion = companions
+            companion = companions[1]
             reasons = dict.fromkeys((*earlier, *found.reasons[len(given.reasons) :], *companion.reasons))
             bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
             if isinstance(shared, SharedStress) and companion.has_state:
@@ -313,7 +276,6 @@ def bracket(
                 except (FactorisationError, MemoryError) as error:
                     bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
             found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
-            found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found

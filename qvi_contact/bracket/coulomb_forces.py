@@ -49,41 +49,21 @@ _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """One contact that is not tied: what of it is open, slips and presses.
+    """One contact that is not tied: what of it is open, slips and presses."""
 
-    Attributes
-    ----------
-    contact, trace, rows
-        The contact in the problem, in the displacements and in the stresses.
-    share : Share or None
-        s; None without Coulomb friction.
-    slipping : (n,) array
-        1 or −1 where v may slip along the tangent or against it, else 0.
-    start : int
-        Its first coefficient among those of all traces.
-    opening, slip : (n,) arrays
-        Coefficients of g − v_N and |v_T − w| ≥ 0 [length].
-    pressure, room : (e, q) arrays
-        Coefficients of |τ_N| and m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress].
-    cut : float
-        Share of the largest of each that counts as none.
-    sizes : (float, float)
-        Largest displacement [length] and traction [stress] on the contact.
-
-    """
-
-    contact: Contact
+    contact: Contact  # contact, trace, rows: the contact in the problem, in the displacements and in the stresses
     trace: DisplacementContact
     rows: ContactRows
-    share: Share | None
-    slipping: FloatArray
-    start: int
-    opening: FloatArray
+    share: Share | None  # s; None without Coulomb friction
+    slipping: FloatArray  # (n,): 1 or −1 where v may slip along the tangent or against it, else 0
+    start: int  # its first coefficient among those of all traces
+    opening: FloatArray  # opening, slip, (n,) each: coefficients of g − v_N and |v_T − w| ≥ 0 [length]
     slip: FloatArray
+    # pressure, room, (e, q) each: coefficients of |τ_N| and m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress]
     pressure: FloatArray
     room: FloatArray
-    cut: float
-    sizes: tuple[float, float]
+    cut: float  # share of the largest of each that counts as none
+    sizes: tuple[float, float]  # largest displacement [length] and traction [stress] on the contact
 
     @property
     def friction(self) -> float:

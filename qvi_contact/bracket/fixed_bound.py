@@ -25,28 +25,14 @@ _AT_ONCE: Final = 1000  # points that are looked for among edges
 
 @dataclass(frozen=True, eq=False)
 class FixedBoundProblem:
-    """A problem whose friction bound s is data.
+    """A problem whose friction bound s is data."""
 
-    Attributes
-    ----------
-    discretization : Discretization
-        Of the problem, in the units of the result, with rows that hold the law on whole edges.
-    kind : BracketKind
-        What it has to do with the problem stated.
-    threshold : (e, q) array
-        Bernstein coefficients of s on all contact edges that have rows, dimensionless.
-    lowered : bool
-        Whether s is below a bound that is data, which is no polynomial of that degree on some edge.
-    reasons : tuple of str
-        Why its solution is not that of the problem stated.
-
-    """
-
+    # of the problem, in the units of the result, with rows that hold the law on whole edges
     discretization: Discretization
-    kind: BracketKind
-    threshold: FloatArray
-    lowered: bool
-    reasons: tuple[str, ...]
+    kind: BracketKind  # what it has to do with the problem stated
+    threshold: FloatArray  # (e, q): Bernstein coefficients of s on all contact edges that have rows, dimensionless
+    lowered: bool  # whether s is below a bound that is data, which is no polynomial of that degree on some edge
+    reasons: tuple[str, ...]  # why its solution is not that of the problem stated
 
     @property
     def qvi(self) -> FrictionQVI:
@@ -93,23 +79,12 @@ def with_bernstein_rows(known: Discretization) -> Discretization:
 
 @dataclass(frozen=True, eq=False)
 class EarlierSlip:
-    """An offset of a contact and what the contact has slipped before, as a function of (x, y) [length].
+    """An offset of a contact and what the contact has slipped before, as a function of (x, y) [length]."""
 
-    Attributes
-    ----------
-    offset : float or function of (x, y)
-        What the problem prescribes.
-    first, along : (e, 2) arrays
-        Where edges begin, and the vectors to their ends.
-    slip : (e, q) array
-        Bernstein coefficients on each edge.
-
-    """
-
-    offset: Field
-    first: FloatArray
+    offset: Field  # what the problem prescribes
+    first: FloatArray  # first, along, (e, 2) each: where edges begin, and the vectors to their ends
     along: FloatArray
-    slip: FloatArray
+    slip: FloatArray  # (e, q): Bernstein coefficients on each edge
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """The sum at points of the edges."""
@@ -171,26 +146,16 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
 
 @dataclass(frozen=True, eq=False)
 class AdmissibleStress:
-    """A stress of the given problem.
+    """A stress of the given problem."""
 
-    Attributes
-    ----------
-    result : ContactResult
-        It carries the stress; solved for the given bound if that of the bracketed result violates the law somewhere.
-    excess, tension : (e,) arrays
-        What is left of violations on each contact edge, largest (|τ_T| − s)⁺ and (τ_N)⁺, dimensionless.
-    found : bool
-        Whether there is such a stress at all.
-    message : str
-        If not, why.
-
-    """
-
+    # it carries the stress; solved for the given bound if that of the bracketed result violates the law somewhere
     result: ContactResult
+    # excess, tension, (e,) each: what is left of violations on each contact edge, largest (|τ_T| − s)⁺ and (τ_N)⁺,
+    # dimensionless
     excess: FloatArray
     tension: FloatArray
-    found: bool = True
-    message: str = ""
+    found: bool = True  # whether there is such a stress at all
+    message: str = ""  # if not, why
 
 
 def admissible_stress(

@@ -154,27 +154,13 @@ class Stopped:
     place of s,
 
         ∫ (σ − τ) : ε(e₀ − R e₀) + Σ |t_k| (M_k − |σ − τ||R d_k|) ≤ δ.                          (D39)
-
-    Attributes
-    ----------
-    norm : float
-        The largest norm of such R on displacements with means 0, for all senses.
-    others : (n, n − j) array
-        Basis of the slips with means 0.
-    motions : (n, j) array
-        Slips d_k.
-    masses : (j,) array
-        M_k = ∫ ω ds over the group [energy per unit of displacement].
-    images : (j,) array
-        The largest |R d_k| for all senses [√energy per unit of displacement].
-
     """
 
-    norm: float
-    others: FloatArray
-    motions: FloatArray
-    masses: FloatArray
-    images: FloatArray
+    norm: float  # the largest norm of such R on displacements with means 0, for all senses
+    others: FloatArray  # (n, n − j): basis of the slips with means 0
+    motions: FloatArray  # (n, j): slips d_k
+    masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
+    images: FloatArray  # (j,): the largest |R d_k| for all senses [√energy per unit of displacement]
     energies: _Energies
     energy: float
 
@@ -191,27 +177,17 @@ class Stopped:
 
 @dataclass(frozen=True, eq=False)
 class _Energies:
-    """Least energies of displacements by what they are on contacts with Coulomb friction.
+    """Least energies of displacements by what they are on contacts with Coulomb friction."""
 
-    Attributes
-    ----------
-    traces : tuple of DisplacementContact
-        The contacts, n coefficients.
-    slips, presses : (n,) bool arrays
-        Coefficients along and across contacts with Coulomb friction that can change.
-    below, part : arrays
-        Energies of given slips, and of given normal parts without tangential ones; empty where they are too many.
-    unstrained : array
-        Basis of the slips without energy.
-
-    """
-
-    traces: tuple[DisplacementContact, ...]
+    traces: tuple[DisplacementContact, ...]  # the contacts, n coefficients
+    # slips, presses, (n,) each: coefficients along and across contacts with Coulomb friction that can change
     slips: BoolArray
     presses: BoolArray
+    # below, part: energies of given slips, and of given normal parts without tangential ones; empty where they are too
+    # many
     below: FloatArray
     part: FloatArray
-    unstrained: FloatArray
+    unstrained: FloatArray  # basis of the slips without energy
 
     @classmethod
     def of(cls, problem: ContactProblem) -> _Energies:

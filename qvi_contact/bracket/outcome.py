@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -50,13 +50,6 @@ class Uniqueness:
     message: str
 
 
-class ForceDifference(NamedTuple):
-    """By how much the forces of one contact differ between two models, ≥ 0 [stress × length]."""
-
-    normal: float
-    tangential: float
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Bracket:
     """Bounds of the energy of a contact problem, and where they are apart.
@@ -99,13 +92,6 @@ class Bracket:
         it from those of the energy, see `bracket.forces`.
     result, companion : ContactResult, CompanionResult
         The stress τ and the displacement v.
-    own : CompanionResult or None
-        Where the friction bound is held fixed, a second displacement whose contacts have their own laws, with the
-        pressure of its own forces; else None.
-    force_differences : mapping
-        By contact how far the forces of the bracketed result are from those of `own`. The gap does not see what the
-        bound held fixed does to forces, as both of its sides share it; these do. An estimate of the error of forces,
-        no bound.
     coulomb : CoulombBounds or None
         With Coulomb friction: bounds of the errors of stresses, displacements and forces under Coulomb's law itself.
     coulomb_reason : str
@@ -127,8 +113,6 @@ class Bracket:
     driven: Mapping[str, Bounds] = field(default_factory=dict)
     result: ContactResult | None = None
     companion: CompanionResult | None = None
-    own: CompanionResult | None = None
-    force_differences: Mapping[str, ForceDifference] = field(default_factory=dict)
     coulomb: CoulombBounds | None = None
     coulomb_reason: str = ""
 
@@ -257,10 +241,6 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
             name: {"lower": bounds.lower, "upper": bounds.upper, "unit": units.force}
             for name, bounds in bracket.forces.items()
         },
-        "force_differences": {
-            name: {"normal": found.normal, "tangential": found.tangential, "unit": units.force}
-            for name, found in bracket.force_differences.items()
-        },
         "coulomb": _coulomb(bracket, units),
         "companion": None
         if companion is None
@@ -269,7 +249,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
 
 
 def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
-    """Bounds, their parts, forces, and the same forces by displacements, for a terminal."""
+    """Bounds, their parts, and forces, those by displacements too, for a terminal."""
     units = units or Units()
     yield bracket.sentence(units)
     parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.shown_parts.items())
@@ -280,16 +260,12 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     for name, bounds in bracket.forces.items():
         kind = "" if bracket.coulomb is None else f", {bracket.coulomb.kind}"
         yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}{kind}"
-    for name, found in bracket.force_differences.items():
-        normal, tangential = (shown(force, _least(bracket.own), 3) for force in (found.normal, found.tangential))
-        forces = f"normal {normal}, tangential {tangential} {units.engineering_force}"
-        yield f"displacement model with its own friction bound: forces of {name} differ by {forces}"
     companion = bracket.companion
     if companion is not None and companion.has_state:
         yield f"displacement model, degree {companion.degree}, {companion.unknowns} unknowns, same friction bound:"
         for name, contact in companion.contacts.items():
             both = (contact.normal_force, contact.tangential_force)
-            normal, tangential = (shown(force, _least(companion)) for force in both)
+            normal, tangential = (shown(force, companion.scales.rounding.force) for force in both)
             yield f"  contact {name}: normal {normal}, tangential {tangential} {units.engineering_force}"
 
 
@@ -307,11 +283,6 @@ def _coulomb(bracket: Bracket, units: Units) -> dict[str, Any] | None:
         "solutions_apart": _finite(found.apart),
         "reach": _finite(found.reach),
     }
-
-
-def _least(companion: CompanionResult | None) -> float:
-    """Forces up to this are rounding."""
-    return 0.0 if companion is None else companion.scales.rounding.force
 
 
 def _quantity(value: float, unit: str) -> dict[str, Any]:

@@ -63,28 +63,17 @@ class EdgeParts:
 
 @dataclass(frozen=True, eq=False)
 class EdgeTractions:
-    """Tractions on the edges of all contacts that have rows, and the bound the law makes of them; dimensionless.
+    """Tractions on the edges of all contacts that have rows, and the bound the law makes of them; dimensionless."""
 
-    Attributes
-    ----------
-    normal, shear : (e, q) arrays
-        Bernstein coefficients of σ_N, as the law takes it, the pressure of fluids added, and of σ_T.
-    bound : (e, q) array
-        Coefficients of a bound s ≥ 0 of |σ_T| for the pressure of σ_N, each of them min(c + μ|σ_N|, t_max) of the
-        coefficients: no more than the law's where t_max comes into play inside an edge. A bound below which no
-        polynomial has coefficients ≥ 0 is replaced by its least value.
-    exact : (e,) bool array
-        Where it is the law's own.
-    size : float
-        The largest traction at the contact points.
-
-    """
-
+    # (e, q): Bernstein coefficients of σ_N, as the law takes it, the pressure of fluids added, and of σ_T
     normal: FloatArray
     shear: FloatArray
+    # (e, q): coefficients of a bound s ≥ 0 of |σ_T| for the pressure of σ_N, each of them min(c + μ|σ_N|, t_max) of the
+    # coefficients: no more than the law's where t_max comes into play inside an edge. A bound below which no polynomial
+    # has coefficients ≥ 0 is replaced by its least value
     bound: FloatArray
-    exact: BoolArray
-    size: float
+    exact: BoolArray  # (e,): where it is the law's own
+    size: float  # the largest traction at the contact points
 
     @classmethod
     def of(cls, discretization: Discretization, u: FloatArray) -> "EdgeTractions":

@@ -110,18 +110,10 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
 
 @dataclass(frozen=True, eq=False)
 class _Profile:
-    """What θ is along one side, in parts: continuous, linear where nothing is demanded.
+    """What θ is along one side, in parts: continuous, linear where nothing is demanded."""
 
-    Attributes
-    ----------
-    largest : float
-        max |θ|.
-    start, stop, steepest : (k,) arrays
-        Of each part the ends along the side, and no less than |dθ/da| on it.
-
-    """
-
-    largest: float
+    largest: float  # max |θ|
+    # start, stop, steepest, (k,) each: of each part the ends along the side, and no less than |dθ/da| on it
     start: FloatArray
     stop: FloatArray
     steepest: FloatArray
@@ -183,25 +175,13 @@ def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: f
 
 @dataclass(frozen=True, eq=False)
 class _Edge:
-    """What one edge of the boundary demands of v and of Rv.
+    """What one edge of the boundary demands of v and of Rv."""
 
-    Attributes
-    ----------
-    held : pair of bool
-        Whether v has no part along x, along y.
-    place : pair of float
-        Where it begins and ends along its side.
-    share : (Share, number of the edge, ±μ) or None
-        With Coulomb friction: the part of Rv across the edge is ±μ s times v along it.
-    pressed, rough : bool
-        Whether (Rv)_N, (Rv)_T must vanish because of a contact without Coulomb friction.
-
-    """
-
-    held: tuple[bool, bool]
-    place: tuple[float, float]
+    held: tuple[bool, bool]  # whether v has no part along x, along y
+    place: tuple[float, float]  # where it begins and ends along its side
+    # (Share, number of the edge, ±μ): with Coulomb friction: the part of Rv across the edge is ±μ s times v along it
     share: tuple[Share, int, float] | None
-    pressed: bool
+    pressed: bool  # pressed, rough: whether (Rv)_N, (Rv)_T must vanish because of a contact without Coulomb friction
     rough: bool
 
     def profile(self, a: int) -> tuple[float, float, float, FloatArray] | None:

@@ -46,19 +46,10 @@ _MET = 1e-8  # of the largest bound: what may be left of the shear that is wante
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A body alone.
+    """A body alone."""
 
-    Attributes
-    ----------
-    problem : ContactProblem
-        Its mesh and the conditions on its edges.
-    beyond : mapping
-        By contact that is a joint seen from the side its normal points to: the joint's name.
-
-    """
-
-    problem: ContactProblem
-    beyond: Mapping[str, str]
+    problem: ContactProblem  # its mesh and the conditions on its edges
+    beyond: Mapping[str, str]  # by contact that is a joint seen from the side its normal points to: the joint's name
 
     def edges_of(self, whole: ContactProblem, name: str) -> tuple[str, IntArray]:
         """The contact of the whole problem that one of its contacts is, and which of the edges there its own are."""
@@ -206,25 +197,13 @@ def shares_on(body: Body, whole: ContactProblem, shares: Mapping[str, Share]) ->
 
 @dataclass(frozen=True, eq=False)
 class SharedStress:
-    """A stress with continuous shares.
+    """A stress with continuous shares."""
 
-    Attributes
-    ----------
-    result : ContactResult
-        It carries the stress τ + η.
-    shares : mapping
-        s, by contact with Coulomb friction.
-    places : tuple of str
-        Where a contact reaches its bound of friction, or is open, but s must vanish; a sentence for each.
-    before : ContactResult
-        It carries τ.
-
-    """
-
-    result: ContactResult
-    shares: Mapping[str, Share]
+    result: ContactResult  # it carries the stress τ + η
+    shares: Mapping[str, Share]  # s, by contact with Coulomb friction
+    # where a contact reaches its bound of friction, or is open, but s must vanish; a sentence for each
     places: tuple[str, ...]
-    before: ContactResult
+    before: ContactResult  # it carries τ
 
 
 def with_numbers(problem: ContactProblem) -> ContactProblem:
@@ -419,22 +398,11 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
 
 @dataclass(frozen=True, eq=False)
 class LeastChange:
-    """Changes x of the unknowns of a stress of least ½ xᵀKx − load · x with given rows · x, which may be dependent.
+    """Changes x of the unknowns of a stress of least ½ xᵀKx − load · x with given rows · x, which may be dependent."""
 
-    Attributes
-    ----------
-    scales : (n,) and (r,) arrays
-        Units of x and of the rows.
-    matrix : sparse array
-        The equations, in these units.
-    factors
-        Those of the equations, slightly regularised.
-
-    """
-
-    scales: tuple[FloatArray, FloatArray]
-    matrix: sparse.csc_array
-    factors: Any
+    scales: tuple[FloatArray, FloatArray]  # (n,) and (r,): units of x and of the rows
+    matrix: sparse.csc_array  # the equations, in these units
+    factors: Any  # those of the equations, slightly regularised
 
     @classmethod
     def of(cls, qvi: FrictionQVI, rows: sparse.csr_array) -> "LeastChange":

@@ -6,8 +6,8 @@ __getattr__ = front(
     __name__,
     {
         "cli": ("group",),
-        "page.page": ("Request", "contact_rows", "result_page", "resultant_rows", "step_tables"),
-        "report": ("history_lines", "result_lines"),
+        "page.page": ("Request", "contact_rows", "result_page", "resultant_rows"),
+        "report": ("history_lines", "result_lines", "series_tables"),
         "progress_line": ("solving",),
     },
 )

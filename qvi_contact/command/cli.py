@@ -314,7 +314,7 @@ def check(file: str, as_json: bool, **given: Any) -> None:
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
-@_writes("plot", "vtk", plot="Draw the duality gap over the body: .png, .svg or .pdf.")
+@_writes("vtk", vtk="Write the fields for ParaView (.vtu), with what each cell adds to the gap of the bounds.")
 def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
 
@@ -326,7 +326,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
 
     \b
     Examples:
-        qvi-contact bracket examples/punch.toml --plot apart.png
+        qvi-contact bracket examples/punch.toml --vtk apart.vtu
         qvi-contact bracket examples/compressed_plate.toml --degree 3 --json
     """  # noqa: D301
     import math
@@ -350,7 +350,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        complete = write_all(targets, problem_file, SecondModel(result, known=found), {}, gap=True)
+        complete = write_all(targets, problem_file, SecondModel(result, known=found), {})
     if as_json:
         bounds = None if found is None else document(found, units)
         _show(problem_file, {"title": problem_file.title, **summary(result, units), "bracket": bounds})

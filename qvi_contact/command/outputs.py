@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -147,23 +146,16 @@ def write_all(
     page: Callable[[], str] = str,
     history: History | None = None,
     panels: Sequence[str] | None = None,
-    *,
-    gap: bool = False,
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
 
-    The displacement model has the result. The picture is that of the result or history, or of the duality gap.
+    The displacement model has the result. The picture is that of the result or history.
     """
 
     def plot(path: str) -> None:
         from qvi_contact import plots
-        from qvi_contact.plots.bounds import bracket_figure
 
-        if gap:
-            if second.companion is None or second.bracket is None or not math.isfinite(second.bracket.gap):
-                raise InputError("output", path, f"there is no duality gap to draw: {second.missing or 'no bound'}")
-            plots.save_figure(path, bracket_figure(second.bracket, file.units, file.title))
-        elif history is not None and history.steps[0].has_state and second.result.problem.contacts:
+        if history is not None and history.steps[0].has_state and second.result.problem.contacts:
             plots.save_figure(path, plots.history_figure(history, file.units, file.times, file.title))
         else:
             plots.save_figure(path, plots.result_figure(second.result, file.units, file.title, panels))

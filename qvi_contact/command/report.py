@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.errors import InputError
@@ -68,13 +68,9 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
 
 
 def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:
-    """One table for each contact and each plate, a row for each step, then what became of it all."""
+    """The tables of a history, then what became of it all."""
     least = Rounding.largest(step.rounding for step in history.steps)
-
-    def first(number: int, step: ContactResult) -> list[str]:
-        return [str(number + 1), f"{times[number]:.6g}", str(step.status)]
-
-    yield from contact_tables(history.steps, ["step", "t", "status"], first, least, units)
+    yield from _in_lines(series_tables(history.steps, "t", times, units))
     lost = shown(float(history.dissipated.sum()), least.energy)
     yield f"energy lost in friction: {lost} {units.engineering_energy}"
     yield from _remark_lines(history.steps, units)
@@ -84,51 +80,69 @@ def history_lines(history: History, times: Sequence[float], units: Units) -> Ite
 def sweep_lines(
     steps: Sequence[ContactResult], parameter: str, values: Sequence[float], message: str, units: Units
 ) -> Iterator[str]:
-    """One table for each contact and each plate, a row for each value, then the outcome."""
-    least = Rounding.largest(step.rounding for step in steps)
-    length = f"[{units.displacement}]"
-    swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
-
-    def first(number: int, step: ContactResult) -> list[str]:
-        return [f"{values[number]:.6g}", str(step.status), str(step.iterations)]
-
-    headings = [swept.get(parameter, parameter), "status", "iterations"]
-    yield from contact_tables(steps, headings, first, least, units)
+    """The tables of a sweep, then the outcome."""
+    yield from _in_lines(series_tables(steps, parameter, values, units))
     yield from _remark_lines(steps, units)
     yield message
 
 
-def contact_tables(
+Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
+"""A table: title, headings, rows."""
+
+
+def series_tables(
+    steps: Sequence[ContactResult], label: str, values: Sequence[float], units: Units
+) -> Iterator[Titled]:
+    """One table for each contact and each plate of several results: a row for each time "t", or value of a sweep."""
+    length = f"[{units.displacement}]"
+    swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
+
+    def first(number: int, step: ContactResult) -> list[str]:
+        value, status = f"{values[number]:.6g}", str(step.status)
+        return [str(number + 1), value, status] if label == "t" else [value, status, str(step.iterations)]
+
+    headings = ["step", "t", "status"] if label == "t" else [swept.get(label, label), "status", "iterations"]
+    return _contact_tables(steps, headings, first, units)
+
+
+def _contact_tables(
     steps: Sequence[ContactResult],
     headings: Sequence[str],
     first: Callable[[int, ContactResult], list[str]],
-    least: Rounding,
     units: Units,
-) -> Iterator[str]:
+) -> Iterator[Titled]:
     """One table for each contact and each plate: of each result, by its number from 0, the first columns and more."""
-    contacts = steps[0].problem.contacts
-    forces: dict[str, list[list[str]]] = {contact.name: [] for contact in contacts}
-    plates: dict[str, list[list[str]]] = {contact.name: [] for contact in contacts if contact.plate is not None}
-    parts: dict[str, list[Mapping[str, float]]] = {contact.name: [] for contact in contacts}
+    contacts, driven = (
+        steps[0].problem.contacts,
+        [each.name for each in steps[0].problem.contacts if each.plate is not None],
+    )
+    begun, known, moved, roundings = [], list[Mapping[str, Any]](), list[Mapping[str, Any]](), []
     for number, step in enumerate(steps):  # each is read once: those of a store are files
         lines = step.contacts if step.has_state else {}
-        for name, rows in forces.items():
-            pair = (lines[name].normal_force, lines[name].tangential_force) if lines else ()
-            rows.append([*first(number, step), *(shown(force, least.force) for force in pair)])
-        for name, rows in plates.items():
-            moved = plate_numbers(step, name) if lines else ()
-            rows.append([*first(number, step), *map(shown, moved, plate_limits(least))])
-        for name, known in parts.items():
-            known.append(lines[name].shares if lines else {})
-    for name, rows in forces.items():
-        yield f"contact {name}, forces in {units.engineering_force}"
-        states = [state for state in STATES if any(state in known for known in parts[name])]
-        told = [[*row, *shares(known, states)] for row, known in zip(rows, parts[name], strict=True)]
-        yield from table([*headings, "normal", "tangential", *states], told)
-        yield ""
-    for name, of_plate in plates.items():
-        yield f"obstacle {name}, motion and what it does to the body"
-        yield from table([*headings, *plate_headings(units)], of_plate)
+        begun.append(first(number, step))
+        known.append({name: (line.normal_force, line.tangential_force, line.shares) for name, line in lines.items()})
+        moved.append({name: plate_numbers(step, name) for name in driven if lines})
+        roundings.append(step.rounding)
+    least = Rounding.largest(roundings)
+    for name in (contact.name for contact in contacts):
+        states = [state for state in STATES if any(state in each[name][2] for each in known if each)]
+        rows = [
+            [*start, *(shown(force, least.force) for force in each[name][:2]), *shares(each[name][2], states)]
+            if each else start
+            for start, each in zip(begun, known, strict=True)
+        ]  # fmt: skip
+        title = f"contact {name}, forces in {units.engineering_force}"
+        yield title, [*headings, "normal", "tangential", *states], rows
+    for name in driven:
+        rows = [[*start, *map(shown, each.get(name, ()), plate_limits(least))]
+                for start, each in zip(begun, moved, strict=True)]  # fmt: skip
+        yield f"obstacle {name}, motion and what it does to the body", [*headings, *plate_headings(units)], rows
+
+
+def _in_lines(tables: Iterable[Titled]) -> Iterator[str]:
+    for title, headings, rows in tables:
+        yield title
+        yield from table(headings, rows)
         yield ""
 
 
@@ -216,14 +230,13 @@ def branches_lines(result: ContactResult, found: Branches | None, units: Units) 
         return
     yield from ("", units.filled(found.message))
     if len(found.results) > 1:
-        least = Rounding.largest(each.rounding for each in found.results)
 
         def first(number: int, _result: ContactResult) -> list[str]:
             distance = found.distances[number]
             return [str(number + 1), f"{100.0 * distance:.2g} %" if math.isfinite(distance) else ""]
 
         yield ""
-        yield from contact_tables(found.results, ["solution", "from displacements"], first, least, units)
+        yield from _in_lines(_contact_tables(found.results, ["solution", "from displacements"], first, units))
         yield WHAT_TO_DO
 
 

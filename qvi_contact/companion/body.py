@@ -42,25 +42,14 @@ _CORRECTIONS = 3
 
 @dataclass(frozen=True, eq=False)
 class Elasticity:
-    """The elastic body, dimensionless.
-
-    Attributes
-    ----------
-    space : DisplacementSpace
-        Displacements.
-    moduli : (cells, 3, 3) array
-        Stiffness C with σ = C ε + σ⁰, times the unit of compliance.
-    at_rest : function of cells and points, optional
-        σ⁰ of an initial strain (k, q, 3) at points (k, q, 2) of cells (k,), dimensionless.
-    springs : (k, k) sparse array, optional
-        M of springs along contacts, with the energy ½ dᵀM d of their stretches d, which follow the degrees of freedom
-        of `space`: displacements v have the shape (size,) with the stretches.
-
-    """
+    """The elastic body, dimensionless."""
 
     space: DisplacementSpace
-    moduli: FloatArray
+    moduli: FloatArray  # (cells, 3, 3): stiffness C with σ = C ε + σ⁰, times the unit of compliance
+    # σ⁰ of an initial strain (k, q, 3) at points (k, q, 2) of cells (k,), dimensionless
     at_rest: Callable[[IntArray, FloatArray], FloatArray] | None = None
+    # (k, k): M of springs along contacts, with the energy ½ dᵀM d of their stretches d, which follow the degrees of
+    # freedom of `space`: displacements v have the shape (size,) with the stretches
     springs: sparse.csr_array | None = None
 
     @property
@@ -266,38 +255,17 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
 
 @dataclass(eq=False)
 class CondensedBody:
-    """See the module; w (size,) counts all degrees of freedom in the axes of the supports, w_Γ those of `interface`.
-
-    Attributes
-    ----------
-    body : Elasticity
-        The body.
-    load : (size,) array
-        f.
-    supports : Supports
-        Prescribed degrees of freedom.
-    free : int array
-        The others, ascending.
-    interface : int array
-        Γ, numbers among all degrees of freedom, ascending.
-    S : (k, k) array
-        The condensed stiffness.
-    r : (k,) array
-        Right-hand side on Γ.
-    R : (k, j) array
-        Rigid motions.
-
-    """
+    """See the module; w (size,) counts all degrees of freedom in the axes of the supports, w_Γ those of `interface`."""
 
     body: Elasticity
-    load: FloatArray
-    supports: Supports
-    free: IntArray
-    interface: IntArray
+    load: FloatArray  # (size,): f
+    supports: Supports  # prescribed degrees of freedom
+    free: IntArray  # the others, ascending
+    interface: IntArray  # Γ, numbers among all degrees of freedom, ascending
     factor: Factorisation
-    S: FloatArray
-    r: FloatArray
-    R: FloatArray
+    S: FloatArray  # (k, k): the condensed stiffness
+    r: FloatArray  # (k,): right-hand side on Γ
+    R: FloatArray  # (k, j): rigid motions
     cholesky: tuple[FloatArray, bool]
 
     @classmethod

@@ -94,27 +94,14 @@ def edge_moments(
 
 @dataclass(frozen=True, eq=False)
 class Supports:
-    """Prescribed displacements.
+    """Prescribed displacements."""
 
-    Attributes
-    ----------
-    index, values : (f,) arrays
-        Degrees of freedom w that are prescribed, ascending, and their values.
-    axes, inverse : (size, size) sparse arrays
-        Q and R = Q⁻¹.
-    slanted : bool
-        Whether Q is not the identity.
-    reasons : tuple of str
-        Why they do not meet the data exactly; nothing if they do.
-
-    """
-
-    index: IntArray
+    index: IntArray  # index, values, (f,) each: degrees of freedom w that are prescribed, ascending, and their values
     values: FloatArray
-    axes: sparse.csr_array
+    axes: sparse.csr_array  # axes, inverse, (size, size) each: Q and R = Q⁻¹
     inverse: sparse.csr_array
-    slanted: bool
-    reasons: tuple[str, ...]
+    slanted: bool  # whether Q is not the identity
+    reasons: tuple[str, ...]  # why they do not meet the data exactly; nothing if they do
 
     def with_springs(self, count: int) -> "Supports":
         """The same, with as many degrees of freedom more that nothing prescribes."""

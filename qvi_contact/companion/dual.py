@@ -46,43 +46,19 @@ _VIOLATED = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """All contacts together; arrays over the n coefficients of all traces, or over 2 n with the normal ones first.
-
-    Attributes
-    ----------
-    traces : tuple of DisplacementContact
-        The contacts.
-    rows : (2 n, size + k) sparse array
-        c from the degrees of freedom of the body and the stretches d of its k springs, c = … − d.
-    sprung : (k,) int array
-        The coefficients that have springs.
-    springs : (k, k) sparse array
-        Their stiffness.
-    weights : (2 n,) array
-        W.
-    obstacle : (2 n,) array
-        g̃ = (g, w).
-    motions : (2 n, q) array
-        What c of the plates themselves does under each motion that a force drives.
-    moved : (2 n,) array
-        What c of the plates themselves is under their given motions.
-    resultants : (q,) array
-        The force or moment that goes with it, beyond that of a fluid in the contact.
-    fluid : (2 n,) array
-        ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c.
-
-    """
+    """All contacts together; arrays over the n coefficients of all traces, or over 2 n with the normal ones first."""
 
     traces: tuple[DisplacementContact, ...]
+    # (2 n, size + k): c from the degrees of freedom of the body and the stretches d of its k springs, c = … − d
     rows: sparse.csr_array
-    sprung: IntArray
-    springs: sparse.csr_array
-    weights: FloatArray
-    obstacle: FloatArray
-    motions: FloatArray
-    moved: FloatArray
-    resultants: FloatArray
-    fluid: FloatArray
+    sprung: IntArray  # (k,): the coefficients that have springs
+    springs: sparse.csr_array  # (k, k): their stiffness
+    weights: FloatArray  # (2 n,): W
+    obstacle: FloatArray  # (2 n,): g̃ = (g, w)
+    motions: FloatArray  # (2 n, q): what c of the plates themselves does under each motion that a force drives
+    moved: FloatArray  # (2 n,): what c of the plates themselves is under their given motions
+    resultants: FloatArray  # (q,): the force or moment that goes with it, beyond that of a fluid in the contact
+    fluid: FloatArray  # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c
 
     @classmethod
     def of(cls, traces: tuple[DisplacementContact, ...], size: int) -> "Contacts":
@@ -136,39 +112,16 @@ class Contacts:
 
 @dataclass(frozen=True, eq=False)
 class DualProblem:
-    """The algebraic problem and the way back.
-
-    Attributes
-    ----------
-    contacts : Contacts
-        The contacts.
-    body : CondensedBody
-        The body.
-    B : (2 n, k) array
-        c from w_Γ.
-    constant : (2 n,) array
-        c_D, plates moved as given.
-    movable : (2 n,) bool array
-        Where c can change.
-    live : (2 n,) bool array
-        Where there is a force: c can change, and does not follow from others.
-    limited : (n,) bool array
-        Coefficients that rows of the QVI belong to: those of contacts that are not tied.
-    equalities : int array
-        Which of the rigid motions, then plate motions, have a row of their own.
-    qvi : FrictionQVI
-        The problem.
-
-    """
+    """The algebraic problem and the way back."""
 
     contacts: Contacts
     body: CondensedBody
-    B: FloatArray
-    constant: FloatArray
-    movable: BoolArray
-    live: BoolArray
-    limited: BoolArray
-    equalities: IntArray
+    B: FloatArray  # (2 n, k): c from w_Γ
+    constant: FloatArray  # (2 n,): c_D, plates moved as given
+    movable: BoolArray  # (2 n,): where c can change
+    live: BoolArray  # (2 n,): where there is a force: c can change, and does not follow from others
+    limited: BoolArray  # (n,): coefficients that rows of the QVI belong to: those of contacts that are not tied
+    equalities: IntArray  # which of the rigid motions, then plate motions, have a row of their own
     qvi: FrictionQVI
 
     def displacements(self, solution: QVISolution) -> tuple[FloatArray, FloatArray]:

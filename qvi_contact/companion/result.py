@@ -107,37 +107,16 @@ class CompanionContact:
 
 @dataclass(frozen=True, eq=False)
 class CompanionState:
-    """A displacement that meets all conditions, dimensionless.
+    """A displacement that meets all conditions, dimensionless."""
 
-    Attributes
-    ----------
-    contacts : Contacts
-        The contacts; arrays over their n coefficients.
-    v : (size,) array
-        Degrees of freedom, after those of the body the stretches of springs.
-    c : (2 n,) array
-        Relative displacements, normal ones first.
-    plates : (q,) array
-        Motions of plates.
-    tractions : (2 n,) array
-        τ.
-    live : (2 n,) bool array
-        Where there is a force, see `DualProblem`; elsewhere τ is zero.
-    bound : (n,) array
-        Bound of |τ_T|.
-    load : (size,) array
-        Load vector.
-
-    """
-
-    contacts: Contacts
-    v: FloatArray
-    c: FloatArray
-    plates: FloatArray
-    tractions: FloatArray
-    live: BoolArray
-    bound: FloatArray
-    load: FloatArray
+    contacts: Contacts  # the contacts; arrays over their n coefficients
+    v: FloatArray  # (size,): degrees of freedom, after those of the body the stretches of springs
+    c: FloatArray  # (2 n,): relative displacements, normal ones first
+    plates: FloatArray  # (q,): motions of plates
+    tractions: FloatArray  # (2 n,): τ
+    live: BoolArray  # (2 n,): where there is a force, see `DualProblem`; elsewhere τ is zero
+    bound: FloatArray  # (n,): bound of |τ_T|
+    load: FloatArray  # (size,): load vector
 
 
 @dataclass(frozen=True, eq=False, repr=False)

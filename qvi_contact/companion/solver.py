@@ -30,7 +30,7 @@ from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
 from solvers.basics.progress import Log
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.choice import Request
+from solvers.factorisation.mkl import limited_blas
 
 _FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
 
@@ -136,7 +136,7 @@ def solve_companions(
     model = _Model.of(problem, cell)
     nothing = MappingProxyType[str, FloatArray]({})
     lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, slip_directions, fillvalue=nothing)]
-    with Request().limited_blas():
+    with limited_blas(1):
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
             load, size = model.load + model.body.initial_load, model.body.space.size
@@ -253,28 +253,13 @@ def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BodyAtRest:
-    """Displacements v that vanish where displacements are prescribed, and motions of plates that forces drive.
+    """Displacements v that vanish where displacements are prescribed, and motions of plates that forces drive."""
 
-    Attributes
-    ----------
-    contacts : Contacts
-        The contacts, n coefficients.
-    body : CondensedBody
-        The body.
-    B : (2 n, k + q) array
-        c, what the body moves beyond the plates, normal ones first, from w_Γ and the motions.
-    S : (k + q, k + q) array
-        The energy of both, ½ wᵀS w.
-    live : (2 n,) bool array
-        Where c can change.
-
-    """
-
-    contacts: Contacts
+    contacts: Contacts  # the contacts, n coefficients
     body: CondensedBody
-    B: FloatArray
-    S: FloatArray
-    live: BoolArray
+    B: FloatArray  # (2 n, k + q): c, what the body moves beyond the plates, normal ones first, from w_Γ and the motions
+    S: FloatArray  # (k + q, k + q): the energy of both, ½ wᵀS w
+    live: BoolArray  # (2 n,): where c can change
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int | None = None) -> BodyAtRest:
@@ -291,7 +276,7 @@ class BodyAtRest:
         model = _Model.of(problem, triangle(degree))
         contacts = Contacts.of(model.traces(None, {})[0], model.body.space.size)
         held = replace(model.held, values=np.zeros_like(model.held.values))
-        with Request().limited_blas():
+        with limited_blas(1):
             body = CondensedBody.of(model.body, np.zeros_like(model.load), held, contacts.rows)
         moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions
         B = np.hstack([moved, -driven])

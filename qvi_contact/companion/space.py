@@ -177,22 +177,11 @@ class _Counts(Element):  # type: ignore[misc]  # scikit-fem has no types
 
 @dataclass(frozen=True, eq=False)
 class CurvedCells:
-    """What arcs add to the triangles of a mesh that have some; dimensionless.
+    """What arcs add to the triangles of a mesh that have some; dimensionless."""
 
-    Attributes
-    ----------
-    numbers : (c,) int array
-        The cells.
-    corners : (c, 3, 2) array
-        Their corners.
-    bends : (c, 3, k) array
-        How their sides bend, see `TriangleMesh.sides`.
-
-    """
-
-    numbers: IntArray
-    corners: FloatArray
-    bends: FloatArray
+    numbers: IntArray  # (c,): the cells
+    corners: FloatArray  # (c, 3, 2): their corners
+    bends: FloatArray  # (c, 3, k): how their sides bend, see `TriangleMesh.sides`
 
     @classmethod
     def of(cls, mesh: TriangleMesh, length: float) -> "CurvedCells":
@@ -284,34 +273,15 @@ def _sum(coefficients: FloatArray, at: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class DisplacementSpace:
-    """Displacements of degree p on the cells of a mesh; lengths divided by L, places relative to the mesh's origin.
-
-    Attributes
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    cell : Triangle
-        The reference triangle, with n coefficients.
-    origins : (cells, 2) array
-        Where the first corner of each cell lies.
-    frames : (cells, 2, 2) array
-        Its axes as columns: a reference point t lies at origin + frame t.
-    table : (cells, n) int array
-        Coefficients of a scalar field on each cell.
-    block : (cells,) int array
-        Number of the block each cell belongs to; blocks are separated by joints.
-    curved : CurvedCells
-        Cells with sides that are arcs.
-
-    """
+    """Displacements of degree p on the cells of a mesh; lengths divided by L, places relative to the mesh's origin."""
 
     mesh: TriangleMesh
-    cell: Triangle
-    origins: FloatArray
-    frames: FloatArray
-    table: IntArray
-    block: IntArray
-    curved: CurvedCells
+    cell: Triangle  # the reference triangle, with n coefficients
+    origins: FloatArray  # (cells, 2): where the first corner of each cell lies
+    frames: FloatArray  # (cells, 2, 2): its axes as columns: a reference point t lies at origin + frame t
+    table: IntArray  # (cells, n): coefficients of a scalar field on each cell
+    block: IntArray  # (cells,): number of the block each cell belongs to; blocks are separated by joints
+    curved: CurvedCells  # cells with sides that are arcs
 
     @classmethod
     def of(cls, problem: ContactProblem, cell: Triangle, length: float) -> "DisplacementSpace":

@@ -46,66 +46,35 @@ _OnEdges: TypeAlias = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class DisplacementContact:
-    """One contact; dimensionless, arrays over its n coefficients unless said otherwise.
+    """One contact; dimensionless, arrays over its n coefficients unless said otherwise."""
 
-    Attributes
-    ----------
-    name, law
-        Of the contact.
-    edges : Edges
-        In the mesh's order.
-    columns : (e, p + 1) int array
-        Coefficients on each edge, numbers below n.
-    turned : (e, p + 1) array
-        −1 where c_T of a coefficient counts against the edge's tangent, else 1.
-    places : (n, 2) array
-        Where the coefficients sit.
-    weights : (n,) array
-        W = ∫ B_i ds.
-    normal, tangential : (n, size) sparse arrays
-        c_N and c_T from the degrees of freedom of the body.
-    friction, cohesion, shear_limit : (n,) arrays
-        μ_i, c_i and the cap; cohesion is the whole bound, and μ zero, where the bound is given.
-    gap, offset : (n,) arrays
-        Coefficients of g and w.
-    fluid : (n,) array
-        ∫ p_w B_i ds of the pressure of a fluid in the contact; tractions and laws are effective ones, σ_N + p_w.
-    bound : (e, q) array or None
-        Bernstein coefficients of the given bound s on each edge.
-    motions : tuple of (component, normal (n,), tangential (n,), resultant)
-        For each force or moment on a plate what c of the plate itself is when it moves by 1, and the force or moment.
-    moved : (2, n) array
-        What c of the plate itself is under its given motion.
-    lengths : (e,) array
-        Of the edges.
-    slipping : (n,) array
-        ±1 where displacements may slip in one sense only, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where they are
-        free.
-    stiffness : two (e, p + 1, p + 1) arrays, or None
-        ∫ k_N B_i B_j ds and ∫ k_T B_i B_j ds on each edge, of springs; the latter for c_T as `turned`.
-
-    """
-
-    name: str
+    name: str  # name, law: of the contact
     law: Law
-    edges: Edges
-    columns: IntArray
-    turned: FloatArray
-    places: FloatArray
-    weights: FloatArray
-    normal: sparse.csr_array
+    edges: Edges  # in the mesh's order
+    columns: IntArray  # (e, p + 1): coefficients on each edge, numbers below n
+    turned: FloatArray  # (e, p + 1): −1 where c_T of a coefficient counts against the edge's tangent, else 1
+    places: FloatArray  # (n, 2): where the coefficients sit
+    weights: FloatArray  # (n,): W = ∫ B_i ds
+    normal: sparse.csr_array  # normal, tangential, (n, size) each: c_N and c_T from the degrees of freedom of the body
     tangential: sparse.csr_array
+    # (n,): μ_i, c_i and the cap; cohesion is the whole bound, and μ zero, where the bound is given
     friction: FloatArray
     cohesion: FloatArray
     shear_limit: FloatArray
-    gap: FloatArray
+    gap: FloatArray  # gap, offset, (n,) each: coefficients of g and w
     offset: FloatArray
+    # (n,): ∫ p_w B_i ds of the pressure of a fluid in the contact; tractions and laws are effective ones, σ_N + p_w
     fluid: FloatArray
-    bound: FloatArray | None
+    bound: FloatArray | None  # (e, q): Bernstein coefficients of the given bound s on each edge
+    # for each force or moment on a plate what c of the plate itself is when it moves by 1, and the force or moment
     motions: tuple[tuple[str, FloatArray, FloatArray, float], ...]
-    moved: FloatArray
-    lengths: FloatArray
+    moved: FloatArray  # (2, n): what c of the plate itself is under its given motion
+    lengths: FloatArray  # (e,): of the edges
+    # (n,): ±1 where displacements may slip in one sense only, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where they
+    # are free
     slipping: FloatArray
+    # two (e, p + 1, p + 1): ∫ k_N B_i B_j ds and ∫ k_T B_i B_j ds on each edge, of springs; the latter for c_T as
+    # `turned`
     stiffness: tuple[FloatArray | None, FloatArray | None]
 
     @property

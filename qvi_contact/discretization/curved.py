@@ -110,25 +110,12 @@ def _given(degree: int) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class CurvedTriangles:
-    """The triangles of a mesh that have arcs.
-
-    Attributes
-    ----------
-    element : HsiehCloughTocher
-        The element.
-    numbers : (c,) int array
-        Which cells of the mesh they are.
-    triangles : AffineTriangles
-        The straight triangles, dimensionless.
-    bends : (c, 3, k) array
-        How their sides bend, see `mesh.edges`.
-
-    """
+    """The triangles of a mesh that have arcs."""
 
     element: HsiehCloughTocher
-    numbers: IntArray
-    triangles: AffineTriangles
-    bends: FloatArray
+    numbers: IntArray  # (c,): which cells of the mesh they are
+    triangles: AffineTriangles  # the straight triangles, dimensionless
+    bends: FloatArray  # (c, 3, k): how their sides bend, see `mesh.edges`
 
     def __len__(self) -> int:
         return len(self.numbers)

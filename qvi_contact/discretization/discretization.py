@@ -36,7 +36,6 @@ from qvi_contact.errors import InputError, refuse_arguments
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import PicklesFields
-from solvers.inequality.rows import by_columns
 
 DEFAULT_DEGREE: Final = 4
 """Degree of the Airy function where none is given."""
@@ -72,7 +71,7 @@ class _Rows(NamedTuple):
             E = sparse.csc_array((data.ravel(), places.ravel(), starts), shape=(count, count))
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
-            traction = TractionFactor(by_columns(Y), E)
+            traction = TractionFactor(Y, E)
             found = ContactMatrices(rows[:m], rows[m:], weights, plates.resultants.A, traction)
             read_only(found.N, found.T, found.A, found.W)
             return cls(found, traces)
@@ -223,9 +222,9 @@ class Discretization(PicklesFields):
         `Scales` cannot foresee every load, such as an obstacle that drags the body along by friction. Stresses far
         below the unit would be lost in the tolerances of solvers and certificate.
         """
-        if not 0.0 < self.qvi.rough_stress() < _TOO_SMALL or self.qvi.bonded_error > _UNRELIABLE:
+        if not 0.0 < self.qvi.bonded_state.rough_stress < _TOO_SMALL or self.qvi.settled.error > _UNRELIABLE:
             return self
-        size = float(np.sqrt(2.0 * self.qvi.bonded_energy))
+        size = float(np.sqrt(2.0 * self.qvi.settled.strain_energy))
         if not _NOISE < size < _TOO_SMALL:
             return self
         return _discretized(self.problem, self.space, self.rule, replace(self.scales, stress=self.scales.stress * size))

@@ -60,36 +60,16 @@ _AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine fu
 
 @dataclass(frozen=True, eq=False)
 class BodyLoad:
-    """What body forces and initial strains add to the energies of n triangles.
+    """What body forces and initial strains add to the energies of n triangles."""
 
-    Attributes
-    ----------
-    constants : (n, k) array
-        U⁻ᵀ s.
-    rests : (n,) array
-        The energy that no degree of freedom changes.
-    shifts : (n, interior) array
-        −K_vv⁻¹ l_v.
-
-    """
-
-    constants: FloatArray
-    rests: FloatArray
-    shifts: FloatArray
+    constants: FloatArray  # (n, k): U⁻ᵀ s
+    rests: FloatArray  # (n,): the energy that no degree of freedom changes
+    shifts: FloatArray  # (n, interior): −K_vv⁻¹ l_v
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleEnergy(PicklesFields):
     """The energies of all triangles of a body, dimensionless.
-
-    Attributes
-    ----------
-    space : StressSpace
-        Mesh and element.
-    materials : (cells,) int array
-        Which of the compliances each cell has.
-    compliances : (k, 3, 3) array
-        Dimensionless compliances c of (xx, yy, xy).
 
     Raises
     ------
@@ -99,8 +79,8 @@ class TriangleEnergy(PicklesFields):
     """
 
     space: StressSpace
-    materials: IntArray
-    compliances: FloatArray
+    materials: IntArray  # (cells,): which of the compliances each cell has
+    compliances: FloatArray  # (k, 3, 3): dimensionless compliances c of (xx, yy, xy)
 
     def __post_init__(self) -> None:
         elongations = self.space.triangles.elongations
@@ -235,22 +215,11 @@ def _stress_load(
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """The rows of all springs, dimensionless.
+    """The rows of all springs, dimensionless."""
 
-    Attributes
-    ----------
-    rows : (r, N) sparse array
-        S.
-    constant : (r,) array
-        s, of body forces and fluids.
-    places : (r, 2) array
-        Where they are.
-
-    """
-
-    rows: sparse.csr_array
-    constant: FloatArray
-    places: FloatArray
+    rows: sparse.csr_array  # (r, N) sparse: S
+    constant: FloatArray  # (r,): s, of body forces and fluids
+    places: FloatArray  # (r, 2): where they are
 
     @property
     def key(self) -> tuple[bytes, bytes]:
@@ -289,20 +258,9 @@ class Springs:
 
 @dataclass(frozen=True, eq=False)
 class BodyStiffness(PicklesFields):
-    """K of (D2) and its root R: the energy of a body on the unknowns that supports leave.
+    """K of (D2) and its root R: the energy of a body on the unknowns that supports leave."""
 
-    Attributes
-    ----------
-    supports : Supports
-        The degrees of freedom u = B z + u₀.
-    energy : TriangleEnergy
-        The energies of the triangles.
-    springs : Springs or None
-        Springs along contacts.
-
-    """
-
-    supports: Supports
+    supports: Supports  # the degrees of freedom u = B z + u₀
     energy: TriangleEnergy
     springs: Springs | None = None
 
@@ -371,23 +329,12 @@ class Root(PicklesFields):
     """z ↦ r(z) = R z + r₀ with ½|r|² the strain energy: U w + U⁻ᵀs triangle by triangle, √(2 rest), then springs.
 
     It is evaluated without the cancellation inside K.
-
-    Attributes
-    ----------
-    stiffness : BodyStiffness
-        Supports and energies.
-    particular : (N,) array
-        u₀.
-    body : BodyLoad or None
-        What a body force adds.
-    springs : (r,) array or None
-        What body forces and fluids add to rows of `BodyStiffness.springs`.
-
     """
 
     stiffness: BodyStiffness
-    particular: FloatArray
-    body: BodyLoad | None
+    particular: FloatArray  # (N,): u₀
+    body: BodyLoad | None  # what a body force adds
+    # (r,) or None: what body forces and fluids add to rows of `BodyStiffness.springs`
     springs: FloatArray | None = None
 
     def apply(self, z: FloatArray) -> FloatArray:

@@ -54,22 +54,11 @@ _NEARER: Final = 1.0 - 1e-9  # share of a distance that is less
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """From which vertex each vertex of a mesh counts.
+    """From which vertex each vertex of a mesh counts."""
 
-    Attributes
-    ----------
-    vertices : (v, 2) array
-        Dimensionless coordinates.
-    centres : (c,) int array
-        Vertices that are centres, the one with the smallest cells first.
-    owner : (v,) int array
-        The centre of each vertex.
-
-    """
-
-    vertices: FloatArray
-    centres: IntArray
-    owner: IntArray
+    vertices: FloatArray  # (v, 2): dimensionless coordinates
+    centres: IntArray  # (c,): vertices that are centres, the one with the smallest cells first
+    owner: IntArray  # (v,): the centre of each vertex
 
     @classmethod
     def of(cls, vertices: FloatArray, sizes: FloatArray, preferred: BoolArray) -> "Frames":
@@ -138,22 +127,11 @@ def shifts(arms: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """The cuts of a mesh, one for each hole.
-
-    Attributes
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    paths : tuple of int arrays
-        Vertices along each cut, from the rim of its hole to the outside or to another hole.
-    start : int
-        The first of their degrees of freedom; three a cut.
-
-    """
+    """The cuts of a mesh, one for each hole."""
 
     mesh: TriangleMesh
-    paths: tuple[IntArray, ...]
-    start: int
+    paths: tuple[IntArray, ...]  # vertices along each cut, from the rim of its hole to the outside or to another hole
+    start: int  # the first of their degrees of freedom; three a cut
 
     def __len__(self) -> int:
         return len(self.paths)

@@ -34,22 +34,11 @@ _ON_ARCS: Final = 8  # points more for sums of products with frames that turn by
 
 @dataclass(frozen=True, eq=False)
 class EdgePoints:
-    """Gauss points on edges of the boundary or of joints.
-
-    Attributes
-    ----------
-    space : StressSpace
-        Mesh and element.
-    edges : Edges
-        The n edges.
-    count : int
-        Gauss points an edge, q. Arrays over points have shape (n q,), edge by edge.
-
-    """
+    """Gauss points on edges of the boundary or of joints."""
 
     space: StressSpace
     edges: Edges
-    count: int
+    count: int  # Gauss points an edge, q. Arrays over points have shape (n q,), edge by edge.
 
     @property
     def reference(self) -> FloatArray:
@@ -197,78 +186,43 @@ def spanned(values: FloatArray, functions: FloatArray) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What bounds |σ_T| by min(c + μ|σ_N|, t_max), at points or for rows of a contact.
+    """What bounds |σ_T| by min(c + μ|σ_N|, t_max), at points or for rows of a contact."""
 
-    Attributes
-    ----------
-    friction : (m,) array
-        μ.
-    cohesion, cap : (m,) arrays
-        c and t_max, dimensionless; infinity where there is no limit.
-
-    """
-
-    friction: FloatArray
+    friction: FloatArray  # (m,): μ
+    # (m,): c and t_max, dimensionless; infinity where there is no limit
     cohesion: FloatArray
     cap: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class ContactRows:
-    """The rows of (D2) that belong to one contact.
-
-    Attributes
-    ----------
-    name : str
-        Name of the contact.
-    law : "unilateral", "bilateral" or "tied"
-        Law across the contact.
-    joint : bool
-        Whether it lies inside the body.
-    rows : slice
-        Its rows in `FrictionQVI.N` and `FrictionQVI.T`, `EdgeRule.count` an edge; none for a tied contact, which
-        limits no traction.
-    rule : EdgeRule
-        What the rows of an edge are.
-    points : EdgePoints
-        The m Gauss points, as many as rows, where results are given.
-    row_limits : Limits
-        What bounds the rows.
-    friction : (m,) array
-        μ at the points.
-    cohesion, shear_limit : (m,) arrays
-        c and t_max at the points, dimensionless; infinity where there is no limit.
-    gap, offset : (m,) arrays
-        Obstacle position g and tangential offset w at the points, dimensionless.
-    pore_pressure : (m,) array
-        Pressure p_w of a fluid in the contact at the points, dimensionless; σ_N' = σ_N + p_w obeys the law. It is the
-        polynomial through as many points an edge that is nearest in the mean square, so that every edge keeps its
-        resultant force and moment.
-    pore_misfit : float
-        Largest difference of that polynomial from p_w, dimensionless.
-    motion : (2, m) array
-        Given displacement of a rigid plate at the points, along n and along t, dimensionless; beside gap and offset.
-    reach : float
-        An obstacle that is farther counts as that far, see `Scales`.
-
-    """
+    """The rows of (D2) that belong to one contact."""
 
     name: str
-    law: Law
-    joint: bool
+    law: Law  # across the contact
+    joint: bool  # whether it lies inside the body
+    # its rows in `FrictionQVI.N` and `FrictionQVI.T`, `EdgeRule.count` an edge; none for a tied contact, which limits
+    # no traction
     rows: slice
-    rule: EdgeRule
-    points: EdgePoints
+    rule: EdgeRule  # what the rows of an edge are
+    points: EdgePoints  # the m Gauss points, as many as rows, where results are given
     row_limits: Limits
-    friction: FloatArray
+    friction: FloatArray  # (m,): μ at the points
+    # (m,): c and t_max at the points, dimensionless; infinity where there is no limit
     cohesion: FloatArray
     shear_limit: FloatArray
+    # (m,): obstacle position g and tangential offset w at the points, dimensionless
     gap: FloatArray
     offset: FloatArray
+    # (m,): pressure p_w of a fluid in the contact at the points, dimensionless; σ_N' = σ_N + p_w obeys the law. It is
+    # the polynomial through as many points an edge that is nearest in the mean square, so that every edge keeps its
+    # resultant force and moment.
     pore_pressure: FloatArray
-    pore_misfit: float
+    pore_misfit: float  # largest difference of that polynomial from p_w, dimensionless
+    # (2, m): given displacement of a rigid plate at the points, along n and along t, dimensionless; beside gap and
+    # offset
     motion: FloatArray
-    reach: float = np.inf
+    reach: float = np.inf  # an obstacle that is farther counts as that far, see `Scales`
 
     @property
     def beyond(self) -> FloatArray:

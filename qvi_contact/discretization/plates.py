@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_force, physical, potential_at
@@ -30,7 +29,6 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.problem import ContactProblem
-from solvers.inequality.rows import checked_matrix
 
 COMPONENTS = ("force_x", "force_y", "moment")
 
@@ -42,51 +40,25 @@ _SAME = 1e-9  # share of a distance up to which two are one
 
 @dataclass(frozen=True)
 class PlateRow:
-    """One equality row.
-
-    Attributes
-    ----------
-    contact : str
-        Name of the contact.
-    component : str
-        "force_x", "force_y" or "moment".
-    given : float
-        The prescribed resultant [stress × length], moments about the pivot [stress × length²].
-    size : float
-        The resultant that 1 on the row's right-hand side stands for.
-    motion : float
-        Minus this times the row's multiplier is the plate's motion [length], for a moment the rotation [rad].
-
-    """
+    """One equality row."""
 
     contact: str
-    component: str
-    given: float
-    size: float
+    component: str  # "force_x", "force_y" or "moment"
+    given: float  # the prescribed resultant [stress × length], moments about the pivot [stress × length²]
+    size: float  # the resultant that 1 on the row's right-hand side stands for
+    # minus this times the row's multiplier is the plate's motion [length], for a moment the rotation [rad]
     motion: float
 
 
 @dataclass(frozen=True, eq=False)
 class PlateRows:
-    """Equality rows in the unknowns z.
-
-    Attributes
-    ----------
-    resultants : Resultants
-        Where the rows A are from.
-    b : (p,) array
-        Their right-hand sides.
-    rows : tuple of PlateRow
-        What they are.
-    determined : tuple of PlateRow
-        Resultants left out because equilibrium with the other loads gives them anyway; motions in these components
-        are not determined, and taken as zero.
-
-    """
+    """Equality rows in the unknowns z."""
 
     resultants: Resultants
-    b: FloatArray
+    b: FloatArray  # (p,): their right-hand sides
     rows: tuple[PlateRow, ...]
+    # resultants left out because equilibrium with the other loads gives them anyway; motions in these components are
+    # not determined, and taken as zero
     determined: tuple[PlateRow, ...]
 
 
@@ -167,25 +139,13 @@ def _of_potential(problem: ContactProblem, scales: Scales, driven: _Driven) -> f
 
 @dataclass(frozen=True, eq=False)
 class Resultants:
-    """Resultants of driven plates as rows, the same whatever they are.
+    """Resultants of driven plates as rows, the same whatever they are."""
 
-    Attributes
-    ----------
-    full : (r, N) array
-        From all degrees of freedom.
-    kept : list of int
-        Rows that those before them do not determine.
-    combinations : mapping of int to array
-        The others as combinations of the kept ones before them.
-    A : (p, n) sparse array
-        The kept rows on the unknowns.
-
-    """
-
-    full: FloatArray
-    kept: list[int]
+    full: FloatArray  # (r, N): from all degrees of freedom
+    kept: list[int]  # rows that those before them do not determine
+    # the others as combinations of the kept ones before them
     combinations: dict[int, FloatArray]
-    A: sparse.csc_array
+    A: FloatArray  # (p, n): the kept rows on the unknowns
 
     @classmethod
     def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, driven: Sequence[_Driven]) -> Resultants:
@@ -210,7 +170,7 @@ class Resultants:
                     independent.append(index)
                 else:
                     combinations[index] = combination
-            return cls(full, independent, combinations, checked_matrix("A", A[independent]))
+            return cls(full, independent, combinations, A[independent])
 
         return problem.mesh.kept(cls, key, made)
 

@@ -23,29 +23,15 @@ _SAMPLES = 8  # points between the ends of an edge where data are looked at
 
 @dataclass(frozen=True)
 class Scales:
-    """Units of the dimensionless problem.
+    """Units of the dimensionless problem."""
 
-    Attributes
-    ----------
-    length : float
-        L, the longer side of the bounding box [length].
-    stress : float
-        S, the largest stress the data suggest [stress].
-    compliance : float
-        C = max(c11, c22) of the body's materials [1/stress].
-    loaded : bool
-        Whether S comes from loads or displacements, not from a body at rest.
-    reach : float
-        An obstacle farther than this from the body counts as that far [D]: where the body does not reach it, nothing
-        but the width of the gap depends on it, and numbers decades apart would drown the rest in rounding. Infinite
-        where a body did reach one that had been moved.
-
-    """
-
-    length: float
-    stress: float
-    compliance: float
-    loaded: bool = True
+    length: float  # L, the longer side of the bounding box [length]
+    stress: float  # S, the largest stress the data suggest [stress]
+    compliance: float  # C = max(c11, c22) of the body's materials [1/stress]
+    loaded: bool = True  # whether S comes from loads or displacements, not from a body at rest
+    # an obstacle farther than this from the body counts as that far [D]: where the body does not reach it, nothing but
+    # the width of the gap depends on it, and numbers decades apart would drown the rest in rounding. Infinite where a
+    # body did reach one that had been moved.
     reach: float = REACH
 
     @property
@@ -147,21 +133,11 @@ def _plate_stresses(problem: ContactProblem) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class _Bounds:
-    """What a support or obstacle does to u: lower ≤ d·u ≤ upper at points, d one direction for each edge.
+    """What a support or obstacle does to u: lower ≤ d·u ≤ upper at points, d one direction for each edge."""
 
-    Attributes
-    ----------
-    direction : (n, 2) array
-        Unit vectors.
-    values : (n, q) array
-        Where it is, along them [length].
-    below, above : bool
-        Whether it bounds d·u from below and from above.
-
-    """
-
-    direction: FloatArray
-    values: FloatArray
+    direction: FloatArray  # (n, 2): unit vectors
+    values: FloatArray  # (n, q): where it is, along them [length]
+    # whether it bounds d·u from below and from above
     below: bool
     above: bool
 

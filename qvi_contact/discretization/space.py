@@ -62,26 +62,17 @@ class EdgeRule:
 
     The rows of (D2) on an edge are q numbers ρ. From them follow the tractions at q Gauss points, V ρ, where results
     are given and works integrated.
-
-    Attributes
-    ----------
-    law_on : "edges" or "points"
-        What the rows are.
-    points, weights : (q,) arrays
-        Gauss points on [0, 1], and weights of sum 1.
-    places, shares : (q,) arrays
-        Where friction, cohesion and cap are evaluated for the rows, and the weights W of the rows over the edge's
-        length, of sum 1. The same as points and weights for Gauss rows; i/(q − 1) and 1/q for Bernstein coefficients.
-    to_points, from_points : (q, q) arrays
-        V and V⁻¹; the identity for Gauss rows.
-
     """
 
-    law_on: LawOn
+    law_on: LawOn  # what the rows are
+    # (q,): Gauss points on [0, 1], and weights of sum 1
     points: FloatArray
     weights: FloatArray
+    # (q,): where friction, cohesion and cap are evaluated for the rows, and the weights W of the rows over the edge's
+    # length, of sum 1. The same as points and weights for Gauss rows; i/(q − 1) and 1/q for Bernstein coefficients.
     places: FloatArray
     shares: FloatArray
+    # (q, q): V and V⁻¹; the identity for Gauss rows
     to_points: FloatArray
     from_points: FloatArray
 
@@ -121,15 +112,9 @@ def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of a matrix, each with l entries at most.
+    """Rows of a matrix, each with l entries at most."""
 
-    Attributes
-    ----------
-    columns, values : (m, l) arrays
-        Entries of each row, at different columns; zeros are none.
-
-    """
-
+    # (m, l): entries of each row, at different columns; zeros are none
     columns: IntArray
     values: FloatArray
 
@@ -163,22 +148,12 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class EdgeFunctionals:
-    """The same r linear functionals on each of n edges.
+    """The same r linear functionals on each of n edges."""
 
-    Attributes
-    ----------
-    columns : (n, l) int array
-        Degrees of freedom of each edge: (Φ, Φ_x, Φ_y) at its first end, at its second, and its own.
-    values : (n, r, l) array
-        The functionals.
-    size : int
-        Degrees of freedom N of the body.
-
-    """
-
+    # (n, l): degrees of freedom of each edge: (Φ, Φ_x, Φ_y) at its first end, at its second, and its own
     columns: IntArray
-    values: FloatArray
-    size: int
+    values: FloatArray  # (n, r, l): the functionals
+    size: int  # degrees of freedom N of the body
 
     def take(self, index: IntArray) -> EdgeFunctionals:
         """Those of some of the edges."""
@@ -201,30 +176,14 @@ class EdgeFunctionals:
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """Degrees of freedom of a body, triangle by triangle as differences w to an affine function.
+    """Degrees of freedom of a body, triangle by triangle as differences w to an affine function."""
 
-    Attributes
-    ----------
-    arms : (n, 2, 2) array
-        From the first corner of each triangle to the others.
-    dofs : (n, shared) int array
-        Degrees of freedom of each triangle.
-    units : (n, shared) array
-        What one unit of them is: value = unit × degree of freedom.
-    size : int
-        Degrees of freedom of the body.
-    across : (c,) int array
-        Triangles whose corners count from several affine functions.
-    beyond : (9 c, size) sparse array, or None if there are none
-        What is added to the values in their corners; see `Frames.beyond`.
-
-    """
-
-    arms: FloatArray
-    dofs: IntArray
-    units: FloatArray
-    size: int
-    across: IntArray
+    arms: FloatArray  # (n, 2, 2): from the first corner of each triangle to the others
+    dofs: IntArray  # (n, shared): degrees of freedom of each triangle
+    units: FloatArray  # (n, shared): what one unit of them is: value = unit × degree of freedom
+    size: int  # degrees of freedom of the body
+    across: IntArray  # (c,): triangles whose corners count from several affine functions
+    # (9 c, size) sparse, or None if there are none: what is added to the values in their corners; see `Frames.beyond`
     beyond: sparse.csr_array | None
 
     def apply(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -307,18 +266,10 @@ class StressSpace(PicklesFields):
     """The C1 functions of one degree on a mesh of triangles, dimensionless.
 
     What depends on mesh and degree alone is computed once for all problems that are discretised there.
-
-    Attributes
-    ----------
-    mesh : TriangleMesh
-        The mesh.
-    degree : int
-        Degree p of Φ.
-
     """
 
     mesh: TriangleMesh
-    degree: int
+    degree: int  # degree p of Φ
 
     @cached_property
     def element(self) -> HsiehCloughTocher:

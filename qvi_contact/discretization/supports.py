@@ -53,34 +53,18 @@ _WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pi
 
 @dataclass(frozen=True, eq=False)
 class PrescribedTraction:
-    """One component of the traction, prescribed on edges: d·σn = value.
+    """One component of the traction, prescribed on edges: d·σn = value."""
 
-    Attributes
-    ----------
-    name : str
-        What messages call it, such as "Traction.x".
-    edges : Edges
-        n edges of the boundary.
-    direction : (n, 2) array
-        Unit vector d on each edge: a Cartesian one, or ± the edge's normal or tangent.
-    turns : bool
-        Whether d turns along arcs, as normals and tangents do.
-    value : function of (x, y)
-        The component [dimensionless] at points x, y [length], arrays of one shape; φ is part of it. Where d·n ≠ 0 the
-        part of it that Φ makes up is value − φ d·n.
-    potential : function of (x, y), or None
-        φ [dimensionless] at points [length]; None where there is none.
-    constant : float or None
-        What Φ makes up of it, if that is known to be one number [dimensionless]; then `value` is that number.
-
-    """
-
-    name: str
-    edges: Edges
-    direction: FloatArray
+    name: str  # what messages call it, such as "Traction.x"
+    edges: Edges  # n edges of the boundary
+    direction: FloatArray  # (n, 2): unit vector d on each edge: a Cartesian one, or ± the edge's normal or tangent
+    # function of (x, y): the component [dimensionless] at points x, y [length], arrays of one shape; φ is part of it.
+    # Where d·n ≠ 0 the part of it that Φ makes up is value − φ d·n.
     value: Callable[[FloatArray, FloatArray], FloatArray]
+    # φ [dimensionless] at points [length]; None where there is none
     potential: Callable[[FloatArray, FloatArray], FloatArray] | None = None
-    turns: bool = False
+    turns: bool = False  # whether d turns along arcs, as normals and tangents do
+    # what Φ makes up of it, if that is known to be one number [dimensionless]; then `value` is that
     constant: float | None = None
 
     def take(self, index: IntArray | BoolArray) -> PrescribedTraction:
@@ -148,18 +132,10 @@ class Supports(PicklesFields):
     Rows are taken along lines, part by part of one centre and beginning at it or where cells are small, so that degrees
     of freedom there do not follow from large ones far away; edges across parts come last and tie the centres, and edges
     across the cut of a hole, whose jump nothing but these determines.
-
-    Attributes
-    ----------
-    space : StressSpace
-        Mesh and element.
-    components : tuple of Component
-        What is prescribed, but for its values.
-
     """
 
     space: StressSpace
-    components: tuple[Component, ...]
+    components: tuple[Component, ...]  # what is prescribed, but for its values
 
     @classmethod
     def on(cls, space: StressSpace, given: Sequence[PrescribedTraction], kept: Kept) -> Supports:
@@ -370,24 +346,12 @@ def _of_component_on_arcs(space: StressSpace, components: Sequence[Component], i
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """B of u = B z: degrees of freedom that are unknowns, that follow from these, and that vanish.
+    """B of u = B z: degrees of freedom that are unknowns, that follow from these, and that vanish."""
 
-    Attributes
-    ----------
-    size : int
-        N.
-    kept : (n,) int array
-        Degrees of freedom that are unknowns; z are their values.
-    following : (a,) int array
-        Those that follow.
-    row, column, factor : (k,) arrays
-        What they are of the unknowns, entry by entry: u[following[row]] = Σ factor z[column], sorted by rows.
-
-    """
-
-    size: int
-    kept: IntArray
-    following: IntArray
+    size: int  # N
+    kept: IntArray  # (n,): degrees of freedom that are unknowns; z are their values
+    following: IntArray  # (a,): those that follow
+    # (k,): what they are of the unknowns, entry by entry: u[following[row]] = Σ factor z[column], sorted by rows
     row: IntArray
     column: IntArray
     factor: FloatArray
@@ -479,20 +443,11 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """The solutions u = B z + u₀ of C u = d, by as many degrees of freedom as there are independent rows.
+    """The solutions u = B z + u₀ of C u = d, by as many degrees of freedom as there are independent rows."""
 
-    Attributes
-    ----------
-    C : Rows of (m, N)
-        The rows.
-    rows, pivots : (r,) int arrays
-        Independent rows in the order in which they were taken, and the degree of freedom that each is solved for.
-    basis : Basis
-        B.
-
-    """
-
-    C: Rows
+    C: Rows  # (m, N)
+    # (r,): independent rows in the order in which they were taken, and the degree of freedom that each is solved
+    # for
     rows: IntArray
     pivots: IntArray
     basis: Basis

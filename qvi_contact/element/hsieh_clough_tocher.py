@@ -25,16 +25,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.triangle import (
-    CORNERS,
-    EDGES,
-    AffineTriangles,
-    bernstein,
-    exponents,
-    gradient,
-    hessian,
-    quadrature,
-)
+from qvi_contact.element.triangle import CORNERS, EDGES, AffineTriangles, bernstein, exponents, gradient, quadrature
 from qvi_contact.errors import InputError
 
 LOWEST, HIGHEST = 3, 12
@@ -61,31 +52,17 @@ class HsiehCloughTocher:
     Local functions are those of corner 0, 1, 2 (three each), of edge 0, 1, 2 (see `EDGES`; N_2 … N_(p−2), then
     Q_1 … Q_(p−2)), then the interior ones. On a triangle the first `shared` belong to the degrees of freedom of the
     triangle itself, the interior ones are images of those on the reference triangle.
-
-    Attributes
-    ----------
-    degree : int
-        p.
-    dimension, shared, interior, on_edge : int
-        Number of functions, of those that belong to corners and edges, of interior ones, and of those of one edge.
-    coefficients : (3, count, dimension) array
-        Bernstein coefficients of the functions on the reference triangle, part by part: part s holds edge s and has
-        the corners of `EDGES[s]` and the barycentre.
-
     """
 
     def __init__(self, degree: int) -> None:
-        self.degree = degree
-        self.dimension = 3 * (degree**2 - degree + 2) // 2
-        self.on_edge = 2 * degree - 5
+        self.degree, self.traction_degree = degree, degree - 2  # of Φ: p; of σ_N and σ_T on an edge
+        self.dimension = 3 * (degree**2 - degree + 2) // 2  # number of functions
+        self.on_edge = 2 * degree - 5  # of those of one edge, of all edges and corners, and of interior ones
         self.shared = 9 + 3 * self.on_edge
         self.interior = self.dimension - self.shared
+        # Bernstein coefficients on the reference triangle (3, count, dimension), part by part: part s holds edge s and
+        # has the corners of `EDGES[s]` and the barycentre
         self.coefficients = self._dual_basis(self._smooth_functions())
-
-    @property
-    def traction_degree(self) -> int:
-        """Degree p − 2 of σ_N and σ_T on an edge."""
-        return self.degree - 2
 
     @cached_property
     def _parts(self) -> list[FloatArray]:
@@ -97,7 +74,8 @@ class HsiehCloughTocher:
     @cached_property
     def _hessians(self) -> FloatArray:
         """Of each part, from coefficients to those of the Hessian, shape (3, 3, count of degree p − 2, count)."""
-        return np.stack([hessian(self.degree, slopes) for slopes in self._parts])
+        pairs = [(gradient(self.degree, slopes), gradient(self.degree - 1, slopes)) for slopes in self._parts]
+        return np.stack([[y[0] @ x[0], y[1] @ x[1], y[0] @ x[1]] for x, y in pairs])
 
     @cached_property
     def _gradients(self) -> FloatArray:
@@ -168,22 +146,17 @@ class HsiehCloughTocher:
         return np.asarray(flat @ functions).reshape(smooth.shape)
 
     @cached_property
-    def _derivatives(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def derivatives(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Bernstein coefficients of values, gradients and Hessians, (part, component, count, dimension) each."""
         functions = self.coefficients[:, None]
         return functions, self._gradients @ functions, self._hessians @ functions
-
-    @property
-    def hessian_coefficients(self) -> FloatArray:
-        """Bernstein coefficients of (Φ_xx, Φ_yy, Φ_xy) of degree p − 2, (part, component, count, dimension)."""
-        return self._derivatives[2]
 
     @cached_property
     def _weighted_hessians(self) -> FloatArray:
         """(xx, yy, xy) at quadrature points of the reference triangle times √weight, shape (3, q, dimension)."""
         points, weights = quadrature(2 * self.degree - 4)
         values = bernstein(self.degree - 2, points) * np.sqrt(_AREA / 3.0 * weights)[:, None]
-        return np.asarray(np.moveaxis(values @ self._derivatives[2], 1, 0)).reshape(3, -1, self.dimension)
+        return np.asarray(np.moveaxis(values @ self.derivatives[2], 1, 0)).reshape(3, -1, self.dimension)
 
     @cached_property
     def _energies(self) -> FloatArray:
@@ -196,36 +169,14 @@ class HsiehCloughTocher:
         return np.stack(symmetric).reshape(len(_PAIRS), -1)
 
     def energies(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """∫ c σ:τ of the reference functions on each triangle, exactly; shape (n, dimension, dimension).
-
-        Parameters
-        ----------
-        triangles : AffineTriangles
-            The n triangles.
-        compliances : (n, 3, 3) or (3, 3) array
-            Compliance c of each.
-
-        """
+        """∫ c σ:τ of the reference functions on n triangles, exactly, (n, dimension, dimension), with c (n, 3, 3)."""
         maps = triangles.stress_maps
         weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
         chosen = np.stack([weights[:, a, b] for a, b in _PAIRS], axis=1)
         return np.asarray(chosen @ self._energies).reshape(-1, self.dimension, self.dimension)
 
     def energy_rows(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """Rows S with SᵀS = `energies`, stresses at quadrature points: what small energies are not lost in.
-
-        Parameters
-        ----------
-        triangles : AffineTriangles
-            The n triangles.
-        compliances : (n, 3, 3) array
-            Compliance c of each.
-
-        Returns
-        -------
-        (n, 3 q, dimension) array
-
-        """
+        """Rows S (n, 3 q, dimension), SᵀS = `energies`, stresses at q points: what small energies are not lost in."""
         upper = compliance_roots(compliances).swapaxes(1, 2) * np.sqrt(triangles.scales)[:, None, None]
         rows = np.einsum("nab,bqd->naqd", upper @ triangles.stress_maps, self._weighted_hessians)
         return np.asarray(rows).reshape(len(triangles), -1, self.dimension)
@@ -240,7 +191,11 @@ class HsiehCloughTocher:
         for v in range(3):
             B[:, 3 * v, 3 * v] = 1.0
             B[:, 3 * v + 1 : 3 * v + 3, 3 * v + 1 : 3 * v + 3] = triangles.jacobians.swapaxes(1, 2)
-        h, t, alpha, beta = _edge_frames(triangles.corners)
+        a, b = (triangles.corners[:, ends] for ends in np.transpose(EDGES))
+        h = np.hypot(*np.moveaxis(b - a, -1, 0))
+        t, median = (b - a) / h[..., None], triangles.corners - (a + b) / 2.0
+        alpha = t[..., 0] * median[..., 1] - t[..., 1] * median[..., 0]
+        beta = (median * t).sum(axis=2)
         normals = self.degree - 3  # coefficients N_k of an edge
         start = 9 + self.on_edge * np.arange(3)[:, None]
         N, Q = start + np.arange(normals), start + normals + np.arange(normals + 1)
@@ -254,20 +209,10 @@ class HsiehCloughTocher:
         return B
 
     def reference_functions(self, barycentric: FloatArray, order: int) -> FloatArray:
-        """Values (1), gradients (2) or Hessians (3 components xx, yy, xy) on the reference triangle.
+        """Values (1), gradients (2) or Hessians (3 components xx, yy, xy) on the reference triangle, by order 0, 1, 2.
 
-        Parameters
-        ----------
-        barycentric : (..., 3) array
-            Points. Where parts meet any of them gives values and gradients; of the Hessian, which jumps, that of the
-            part opposite the corner whose coordinate is smallest, the first such.
-        order : int
-            0, 1 or 2.
-
-        Returns
-        -------
-        (..., components, dimension) array
-
+        At points (..., 3), shape (..., components, dimension). Where parts meet any of them gives values and gradients;
+        of the Hessian, which jumps, that of the part opposite the corner whose coordinate is smallest, the first such.
         """
         at = np.asarray(barycentric, dtype=float)
         flat = at.reshape(-1, 3)
@@ -277,35 +222,9 @@ class HsiehCloughTocher:
             inside = np.flatnonzero(part == s)
             low = flat[inside, s]
             local = np.column_stack([flat[inside, a] - low, flat[inside, b] - low, 3.0 * low])
-            tables = self._derivatives[order][s]
+            tables = self.derivatives[order][s]
             found[inside] = np.moveaxis(bernstein(self.degree - order, local) @ tables, 0, 1)
         return found.reshape(*at.shape[:-1], *found.shape[1:])
-
-    def functions(self, triangles: AffineTriangles, barycentric: FloatArray, order: int) -> FloatArray:
-        """Φ, (Φ_x, Φ_y) or (Φ_xx, Φ_yy, Φ_xy) of the functions of triangles.
-
-        Parameters
-        ----------
-        triangles : AffineTriangles
-            The n triangles, whose degrees of freedom the shared functions belong to.
-        barycentric : (p, 3) or (n, p, 3) array
-            Points in every triangle, or in each.
-        order : int
-            0, 1 or 2.
-
-        Returns
-        -------
-        (n, p, components, dimension) array
-
-        """
-        reference = self.reference_functions(barycentric, order)
-        if order == 1:
-            reference = triangles.inverses.swapaxes(1, 2)[:, None] @ reference
-        if order == 2:
-            reference = triangles.hessian_maps[:, None] @ reference
-        shared = reference[..., : self.shared] @ self.transformations(triangles)[:, None]
-        inner = np.broadcast_to(reference[..., self.shared :], (*shared.shape[:-1], self.interior))
-        return np.concatenate([shared, inner], axis=-1)
 
 
 def _on_line(degree: int, corner: int) -> IntArray:
@@ -317,16 +236,6 @@ def _on_line(degree: int, corner: int) -> IntArray:
 def _corner(degree: int, corner: int) -> int:
     """The coefficient that is the value in a corner."""
     return int(np.flatnonzero(exponents(degree)[:, corner] == degree)[0])
-
-
-def _edge_frames(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Of edges of triangles (n, 3, 2): length h, tangent t (n, 3, 2), and the median's parts α along n, β along t."""
-    a, b = (corners[:, ends] for ends in np.transpose(EDGES))
-    along = b - a
-    h = np.hypot(along[..., 0], along[..., 1])
-    t, median = along / h[..., None], corners - (a + b) / 2.0
-    alpha = t[..., 0] * median[..., 1] - t[..., 1] * median[..., 0]
-    return h, t, alpha, (median * t).sum(axis=2)
 
 
 def compliance_roots(compliances: FloatArray) -> FloatArray:

@@ -9,12 +9,11 @@ asked to be followed: what that explains is no reason to halve a part.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.legendre import gauss_legendre
 
@@ -32,29 +31,15 @@ _ENDS: Final = bernstein.SAMPLES[[0, -1]]  # of a part: a jump may lie between i
 
 @dataclass(frozen=True, eq=False)
 class EdgeQuadrature:
-    """A function at Gauss points of k parts of edges.
+    """A function at Gauss points of k parts of edges."""
 
-    Attributes
-    ----------
-    count : int
-        Number of edges n.
-    edge : (k,) int array
-        The edge that each part belongs to; every edge has one part or more.
-    t, weights : (k, q) arrays
-        Points and weights on the reference edges; the weights of every edge have the sum 1.
-    values : (k, q) array
-        The function.
-    error : float
-        Integral of what parts that were not divided further leave of it.
-
-    """
-
-    count: int
-    edge: IntArray
+    count: int  # number of edges n
+    edge: IntArray  # (k,): the edge that each part belongs to; every edge has one part or more
+    # (k, q): points and weights on the reference edges; the weights of every edge have the sum 1
     t: FloatArray
     weights: FloatArray
-    values: FloatArray
-    error: float
+    values: FloatArray  # (k, q): the function
+    error: float  # integral of what parts that were not divided further leave of it
 
     def coefficients(self, degree: int) -> FloatArray:
         """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square.
@@ -69,20 +54,14 @@ class EdgeQuadrature:
         Of every edge the smallest parts are left out that together are next to nothing: nearer to a jump or a singular
         point nobody looks.
         """
-        seen = self._seen()
-        shapes = legendre.basis(coefficients.shape[1] - 1, self.t[seen])
-        values = (shapes @ coefficients[self.edge[seen], :, None])[..., 0]
-        return float(np.abs(values - self.values[seen]).max(initial=0.0))
-
-    def _seen(self) -> BoolArray:
-        """Parts that count where values are compared (k,)."""
         share = self.weights.sum(axis=1)
         order = np.lexsort([share, self.edge])
         covered = np.cumsum(share[order])
         before = np.searchsorted(self.edge[order], self.edge[order])  # parts of earlier edges
-        seen = np.zeros(len(share), dtype=bool)
-        seen[order] = covered - np.concatenate([[0.0], covered])[before] > _UNSEEN
-        return seen
+        seen = order[covered - np.concatenate([[0.0], covered])[before] > _UNSEEN]
+        shapes = legendre.basis(coefficients.shape[1] - 1, self.t[seen])
+        values = (shapes @ coefficients[self.edge[seen], :, None])[..., 0]
+        return float(np.abs(values - self.values[seen]).max(initial=0.0))
 
     def integrals(self, shapes: FloatArray) -> FloatArray:
         """∫₀¹ f s_j dt on every edge (n, j) of shape functions s_j at the points, (k, q, j)."""
@@ -143,19 +122,10 @@ def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
 
 
 def adapted(function: Function, count: int, points: int = 8, rounding: FloatArray | None = None) -> EdgeQuadrature:
-    """Quadrature of a function on edges.
+    """Quadrature of a function on so many edges, with so many Gauss points on each part.
 
-    Parameters
-    ----------
-    function : Function
-        The function.
-    count : int
-        Number of edges n.
-    points : int
-        Gauss points of every part. Polynomials of a degree below it have one part an edge.
-    rounding : (n,) array, optional
-        How far rounding of coordinates may move a point along the reference edge; by default nothing.
-
+    Polynomials of a degree below that have one part an edge. Rounding of coordinates may move a point of each edge by
+    `rounding` (n,) along the reference edge, by default not at all.
     """
     every, t = np.arange(count), gauss_legendre(points)[0]
     rounding = np.zeros(count) if rounding is None else rounding
@@ -166,7 +136,9 @@ def adapted(function: Function, count: int, points: int = 8, rounding: FloatArra
     size = max(float(np.abs(values).max()) for values in (samples, whole.values))
     unseen = np.abs(samples - whole.values @ bernstein.to_samples(points)).max(axis=1)
     even = unseen <= whole.allowed(size, rounding)
-    divided, error = _divided(function, whole.take(np.flatnonzero(~even)), samples, size, rounding)
+    divided, error = list[_Parts](), 0.0
+    if not even.all():
+        divided, error = _divided(function, whole.take(np.flatnonzero(~even)), samples, size, rounding)
     return _quadrature(count, [whole.take(np.flatnonzero(even)), *divided], error)
 
 
@@ -175,8 +147,9 @@ def _divided(
 ) -> tuple[list[_Parts], float]:
     """Parts that follow the function, and the integral of what is left, as a share of one edge."""
     points, edges = waiting.values.shape[1], len(waiting.edge)
-    t, w = gauss_legendre(points)
-    to_halves, to_ends = _to_parts(points)
+    t, w = gauss_legendre(points)  # from there to the points of a part's halves, and just inside its ends
+    to_halves = bernstein.gauss_interpolation(points, np.concatenate([t / 2.0, (1.0 + t) / 2.0]))
+    to_ends = bernstein.gauss_interpolation(points, _ENDS)
     found, left = list[_Parts](), np.zeros(0)
     for _ in range(_DEEPEST):
         if not 0 < len(waiting.edge) <= _MOST * edges:
@@ -192,17 +165,6 @@ def _divided(
         found.append(waiting.take(np.flatnonzero(close)))
         waiting, left = halves.take(np.flatnonzero(np.repeat(~close, 2))), left[~close]
     return [*found, waiting], float(left.sum())
-
-
-@cache
-def _to_parts(points: int) -> tuple[FloatArray, FloatArray]:
-    """From values at the Gauss points of a part to those at the points of its halves, and just inside its ends."""
-    t = gauss_legendre(points)[0]
-    to_halves = bernstein.gauss_interpolation(points, np.concatenate([t / 2.0, (1.0 + t) / 2.0]))
-    to_ends = bernstein.gauss_interpolation(points, _ENDS)
-    for matrix in (to_halves, to_ends):
-        matrix.flags.writeable = False
-    return to_halves, to_ends
 
 
 def _quadrature(count: int, parts: list[_Parts], error: float) -> EdgeQuadrature:

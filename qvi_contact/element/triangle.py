@@ -61,23 +61,8 @@ def _lowered(degree: int) -> FloatArray:
 
 
 def gradient(degree: int, slopes: FloatArray) -> FloatArray:
-    """From coefficients to those of (∂/∂x, ∂/∂y), shape (2, count of degree − 1, count).
-
-    Parameters
-    ----------
-    degree : int
-        Degree of the polynomial, at least 1.
-    slopes : (3, 2) array
-        Gradients of the barycentric coordinates.
-
-    """
+    """From coefficients to those of (∂/∂x, ∂/∂y), shape (2, count of degree − 1, count), by ∇λ (3, 2)."""
     return np.asarray(np.einsum("ax,acf->xcf", slopes, _lowered(degree)))
-
-
-def hessian(degree: int, slopes: FloatArray) -> FloatArray:
-    """From coefficients to those of (∂²/∂x², ∂²/∂y², ∂²/∂x∂y), shape (3, count of degree − 2, count)."""
-    first, second = gradient(degree, slopes), gradient(degree - 1, slopes)
-    return np.stack([second[0] @ first[0], second[1] @ first[1], second[0] @ first[1]])
 
 
 @cache
@@ -111,16 +96,9 @@ def triangle_lattice(divisions: int) -> tuple[FloatArray, IntArray]:
 
 @dataclass(frozen=True, eq=False)
 class AffineTriangles:
-    """Triangles as images x = X₀ + J (ξ − Ξ₀) of the reference triangle with corners Ξ.
+    """Triangles as images x = X₀ + J (ξ − Ξ₀) of the reference triangle with corners Ξ."""
 
-    Attributes
-    ----------
-    corners : (n, 3, 2) array
-        Corners X of the triangles, in any sense of rotation.
-
-    """
-
-    corners: FloatArray
+    corners: FloatArray  # (n, 3, 2): corners X of the triangles, in any sense of rotation
 
     def __len__(self) -> int:
         return len(self.corners)
@@ -154,14 +132,9 @@ class AffineTriangles:
         return np.asarray(np.square(sides).sum(axis=2).max(axis=1) / (self.scales * np.sqrt(0.75)))
 
     @cached_property
-    def inverses(self) -> FloatArray:
-        """J⁻¹ = ∂ξ/∂x, shape (n, 2, 2)."""
-        return np.asarray(np.linalg.inv(self.jacobians))
-
-    @cached_property
     def hessian_maps(self) -> FloatArray:
         """From (Φ_ξξ, Φ_ηη, Φ_ξη) to (Φ_xx, Φ_yy, Φ_xy), shape (n, 3, 3)."""
-        (a, b), (c, d) = self.inverses.transpose(1, 2, 0)
+        (a, b), (c, d) = np.linalg.inv(self.jacobians).transpose(1, 2, 0)
         rows = [[a * a, c * c, 2.0 * a * c], [b * b, d * d, 2.0 * b * d], [a * b, c * d, a * d + b * c]]
         return np.moveaxis(np.array(rows), 2, 0)
 

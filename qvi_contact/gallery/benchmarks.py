@@ -1,6 +1,6 @@
 """Published contact problems of several bodies: rings, a press fit, pins in holes, the corner of a block.
 
-Circles are true arcs.
+Circles are true arcs. `sectors` are the edges of each circle in a quarter, `friction` is the coefficient μ.
 """
 
 from collections.abc import Sequence
@@ -17,23 +17,15 @@ from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
 
 _MOST: Final = 1000  # sectors
+_QUARTER: Final = (Symmetry("start"), Symmetry("end"))
 
 
 def rings(sectors: int = 8, swing: float = 0.0, *, whole: bool = False) -> ContactProblem:
     """Two rings, one in the other, under outer pressure, without friction: Code_Aster's test SSNP167.
 
     Radii 0.2, 0.6 and 1 m, plane strain, E = 1e9 Pa, ν = 0.2; the pressure p = 1e7 + `swing` cos 2θ acts outside. They
-    press on each other by 9.2592593e6 + 1.3571791 `swing` cos 2θ (Lamé; Michell for the second harmonic).
-
-    Parameters
-    ----------
-    sectors : int
-        Edges of each circle in a quarter.
-    swing : float
-        Amplitude of the second harmonic of the pressure [Pa].
-    whole : bool
-        All of the rings, the contact "joint" being a closed line, rather than a quarter between lines of symmetry.
-
+    press on each other by 9.2592593e6 + 1.3571791 `swing` cos 2θ (Lamé; Michell for the second harmonic). The `whole`
+    of the rings is taken, the contact "joint" being a closed line, or a quarter between lines of symmetry.
     """
     mesh = _nested((0.2, 0.6, 1.0), sectors, 4 if whole else 1, "joint", ("inner", "joint", "outer"))
 
@@ -42,19 +34,18 @@ def rings(sectors: int = 8, swing: float = 0.0, *, whole: bool = False) -> Conta
 
     outside = Traction("outer", normal=pressure if swing else -1e7, tangential=0.0)
     conditions: list[Condition] = [Contact.frictionless("joint"), outside, Traction("inner", 0.0, 0.0)]
-    return ContactProblem(mesh, Material(1e9, 0.2, "strain"), [*conditions, *_halves(whole)])
+    return ContactProblem(mesh, Material(1e9, 0.2, "strain"), [*conditions, *([] if whole else _QUARTER)])
 
 
 def press_fit(sectors: int = 8, friction: float = 0.0, *, whole: bool = False) -> ContactProblem:
     """A shaft in a hub with an interference: the pressure is p = E δ (b² − a²)/(2 a b²) = 61.8 MPa (Lamé).
 
-    Radii a = 25 and b = 50 mm, δ = 0.02 mm, E = 206 000 MPa, ν = 0.3, plane stress. Parameters are those of `rings`,
-    and friction.
+    Radii a = 25 and b = 50 mm, δ = 0.02 mm, E = 206 000 MPa, ν = 0.3, plane stress; `whole` as in `rings`.
     """
     mesh = _nested((5.0, 25.0, 50.0), sectors, 4 if whole else 1, "shaft", ("shaft", "outer"), centre=(0.0, 0.0))
     contact = Contact("shaft", friction=friction, gap=-0.02)
     outside = Traction("outer", normal=0.0, tangential=0.0)
-    return ContactProblem(mesh, Material(206e3, 0.3), [contact, outside, *_halves(whole)])
+    return ContactProblem(mesh, Material(206e3, 0.3), [contact, outside, *([] if whole else _QUARTER)])
 
 
 def press_fit_torque(
@@ -62,20 +53,9 @@ def press_fit_torque(
 ) -> ContactProblem:
     """A hollow shaft in a hub with an interference, twisted: it slips at the torque 2π μ p R².
 
-    As `press_fit`, with a bore of radius 5 mm in the shaft: p = 59.927 MPa (Lamé). The torque acts as shear in that
-    bore, and the outside of the hub is kept from turning.
-
-    Parameters
-    ----------
-    friction : float
-        Coefficient of friction μ.
-    torque : float
-        Counterclockwise, for a unit of thickness [N mm/mm].
-    turn : float, optional
-        Displacement along the bore instead of a torque [mm].
-    sectors : int
-        Edges of each circle in a quarter.
-
+    As `press_fit`, with a bore of radius 5 mm in the shaft: p = 59.927 MPa (Lamé). The torque [N mm/mm],
+    counterclockwise, acts as shear in that bore, or the bore is moved along by `turn` [mm] instead. The outside of the
+    hub is kept from turning.
     """
     mesh = _nested((5.0, 25.0, 50.0), sectors, 4, "shaft", ("shaft", "outer", "inner"))
     shear = torque / (2.0 * np.pi * 5.0**3)
@@ -86,10 +66,6 @@ def press_fit_torque(
     return ContactProblem(mesh, Material(206e3, 0.3), [Contact("shaft", friction=friction, gap=-0.02), *held, *bore])
 
 
-def _halves(whole: bool) -> list[Condition]:
-    return [] if whole else [Symmetry("start"), Symmetry("end")]
-
-
 def cylinder_in_bore(
     sectors: int = 16, friction: float = 0.0, *, extent: float = 100.0, share: float = 1.0
 ) -> ContactProblem:
@@ -98,19 +74,8 @@ def cylinder_in_bore(
     Radii 60 and 59.99 mm, both E = 210 000 MPa, ν = 0.3, plane stress, 1875 N/mm along x. Without friction the contact
     is |θ| < 59.298° under the pressure of `persson_pressure`; Code_Aster's test SSNV127 has μ = 0.4. The upper half is
     taken, y = 0 being a line of symmetry. The load, which the closed form has on the axis of the cylinder, is spread
-    over |x| < 1.2: the difference is 4e-5 of the pressure, and grows with the square of that length.
-
-    Parameters
-    ----------
-    sectors : int
-        Edges of the circle in a quarter.
-    friction : float
-        Coefficient of friction μ.
-    extent : float
-        Radius at which the plate is held, over that of the bore.
-    share : float
-        Part of the load.
-
+    over |x| < 1.2: the difference is 4e-5 of the pressure, and grows with the square of that length. The plate is held
+    at `extent` times the radius of the bore; `share` is the part of the load.
     """
     radii = 1.2, 60.0, 60.0 * positive_number("extent", extent)
     mesh = _loaded(_nested(radii, sectors, 2, "bore", ("bore", "outer"), centre=(0.0, 0.0)), 1.2)
@@ -144,14 +109,6 @@ def loaded_pin(sectors: int = 16, friction: float = 0.1) -> ContactProblem:
     Where the axis meets the hole, at (50, 0), the sheet slips along the pin to both sides. The shear traction changes
     its sign there, so that the stresses at this very point depend on the mesh: σ_xx is −155 MPa on equal edges and
     −148 where they are graded to it. Displacements do not, u_x = 0.7387 mm.
-
-    Parameters
-    ----------
-    sectors : int
-        Edges of the hole in a quarter.
-    friction : float
-        Coefficient of friction μ.
-
     """
     corner = np.arctan2(1.0, -2.0)
     count = whole_number("sectors", sectors, _MOST)
@@ -197,20 +154,11 @@ def _pulled(force: float, half: float) -> list[Condition]:
 def block_corner(friction: float | None, cells: int = 4, depth: int = 0) -> ContactProblem:
     """A square block on a large block of the same material: stresses σ ~ r^(λ−1) in the corners of the contact.
 
-    The block is [−1, 1] × [0, 2], the other [−4, 4] × [−4, 0]. Its top is pressed down by 1e-3; λ is
-    `CORNER_EXPONENTS`[μ]. With friction the top is moved to the right by 1e-2 as well, so that all of the base slips:
-    this is λ of the leading corner at x = 1. Without friction, and for `friction` None, which makes both bodies one,
-    nothing else is singular: top and bottom are free to move along. Plane strain, E = 1, ν = 0.3.
-
-    Parameters
-    ----------
-    friction : float or None
-        Coefficient of friction μ; None for bodies that stick.
-    cells : int
-        Cells along a length of 1.
-    depth : int
-        How often the triangles at x = 1 are halved in size.
-
+    The block is [−1, 1] × [0, 2], the other [−4, 4] × [−4, 0], with so many `cells` along a length of 1, and the
+    triangles at x = 1 halved in size `depth` times. Its top is pressed down by 1e-3; λ is `CORNER_EXPONENTS`[μ]. With
+    friction the top is moved to the right by 1e-2 as well, so that all of the base slips: this is λ of the leading
+    corner at x = 1. Without friction, and for `friction` None, which makes both bodies one, nothing else is singular:
+    top and bottom are free to move along. Plane strain, E = 1, ν = 0.3.
     """
     count = whole_number("cells", cells, _MOST)
     x, y = np.linspace(-4.0, 4.0, 8 * count + 1), np.linspace(-4.0, 2.0, 6 * count + 1)
@@ -254,7 +202,6 @@ def _nested(
     return fan(lines, closed=quarters == 4, centre=centre, joints={joint: len(first) - 1}, arcs=arcs)
 
 
-_LARGEST_SHARE: Final = 1000  # sectors
 _JOINED: Final = 1.5  # half-width of the joint over that of the contact
 _NEAR: Final = 0.4  # radius of the last round line about the contact over that of the body
 
@@ -266,17 +213,8 @@ def cylinder_on_block(share: float = 0.01, sectors: int = 6, depth: int = 4) -> 
     of 35 000 N/mm: all of it would be finite strain. Hertz has the half-width a = 6.2146 √share mm and the peak
     pressure p₀ = 3585.36 √share MPa; he takes both bodies for half planes, which neglects terms of the order (a/R)².
 
-    The right half of a half cylinder is taken, with the load spread over its flat side. The contact is "contact".
-
-    Parameters
-    ----------
-    share : float
-        Part of the load.
-    sectors : int
-        Triangles around the contact in a quarter.
-    depth : int
-        How often the triangles at the end of the contact are halved in size.
-
+    The right half of a half cylinder is taken, with the load spread over its flat side. The contact is "contact". There
+    are so many triangles around it in a quarter, and those at its end are halved in size `depth` times.
     """
     half_width = 6.2146 * float(np.sqrt(positive_number("share", share)))
     mesh = _welded(_half_disc(50.0, half_width, sectors, 1), _block(100.0, 200.0, half_width, sectors), half_width)
@@ -304,7 +242,7 @@ def half_discs(share: float = 1e-4, sectors: int = 6, depth: int = 4) -> Contact
     c = a √(1 − Q/(μP)) = 0.496511 √share mm, with the shear stress μ (p₀ √(1 − x²/a²) − p₀ (c/a) √(1 − x²/c²)) there.
 
     A rigid plate holds the flat side of the disc above and does not turn; the other flat side is held. The contact is
-    "contact". Parameters are those of `cylinder_on_block`.
+    "contact"; `share`, `sectors` and `depth` are those of `cylinder_on_block`.
     """
     root = float(np.sqrt(positive_number("share", share)))
     half_width, stick = 0.680778 * root, 0.496511 * root
@@ -335,7 +273,7 @@ def _half_disc(radius: float, half_width: float, sectors: int, quarters: int) ->
     """
     joined = _JOINED * half_width
     height = np.sqrt(radius**2 - joined**2)
-    shares = np.linspace(0.0, 1.0, quarters * whole_number("sectors", sectors, _LARGEST_SHARE) + 1)
+    shares = np.linspace(0.0, 1.0, quarters * whole_number("sectors", sectors, _MOST) + 1)
 
     def line(distance: float) -> FloatArray:
         start = np.arcsin(max(distance**2 - joined**2, 0.0) / (2.0 * height * distance))
@@ -357,7 +295,7 @@ def _half_disc(radius: float, half_width: float, sectors: int, quarters: int) ->
 
 def _block(width: float, height: float, half_width: float, sectors: int) -> list[FloatArray]:
     """Lines around (0, 0) in a rectangle below it and to the right, up to its sides."""
-    corner, count = np.arctan2(height, width), whole_number("sectors", sectors, _LARGEST_SHARE)
+    corner, count = np.arctan2(height, width), whole_number("sectors", sectors, _MOST)
     low = max(1, round(count * corner / (0.5 * np.pi)))
     parts = np.linspace(0.0, corner, low + 1), np.linspace(corner, 0.5 * np.pi, max(1, count - low) + 1)[1:]
     angles = -np.concatenate(parts)[::-1]

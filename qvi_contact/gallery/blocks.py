@@ -5,7 +5,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, IntArray, finite_number, positive_number, whole_number
+from qvi_contact.basics.checks import BoolArray, finite_number, whole_number
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
@@ -13,7 +13,7 @@ from qvi_contact.problem.fields import Polynomial
 from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
 
-Opening: TypeAlias = tuple[int, int, int, int]
+Opening: TypeAlias = Sequence[int]
 """Half blocks left of it, courses below it, its width in half blocks, and its height in courses."""
 
 DOOR_AND_WINDOW: Final[tuple[Opening, ...]] = ((3, 0, 2, 4), (8, 2, 3, 3))
@@ -22,6 +22,7 @@ DOOR_AND_WINDOW: Final[tuple[Opening, ...]] = ((3, 0, 2, 4), (8, 2, 3, 3))
 _MOST: Final = 200  # courses, blocks a course, or blocks along the face
 _BLOCK, _COURSE = 0.5, 0.25  # length and height of a block [m]
 _WATER: Final = 10.0  # weight of water [kN/m³]
+_HEIGHT: Final = 12.0  # of the slope [m]
 
 
 def masonry_wall(
@@ -32,15 +33,13 @@ def masonry_wall(
     friction: float = 0.6,
     cohesion: float = 0.0,
     wind: float = 2.0,
-    roof: float = 0.0,
-    weight: float = 20.0,
 ) -> ContactProblem:
     """A wall of blocks in running bond with openings, under its weight and wind from the left, in its plane.
 
-    Blocks are 0.5 m long and 0.25 m high, with E = 5 GPa, ν = 0.2, in plane stress. Head joints of each course lie over
-    the middle of the blocks below; half blocks fill the ends. A lintel, one course high and resting on half a block at
-    each side, spans each opening. All joints are unilateral contacts with the same friction and cohesion: "beds",
-    "heads", and "ground" below the wall. Loads are "body" (weight), "wind" on the left side, and "roof" on the top.
+    Blocks are 0.5 m long and 0.25 m high, with γ = 20 kN/m³, E = 5 GPa, ν = 0.2, in plane stress. Head joints of each
+    course lie over the middle of the blocks below; half blocks fill the ends. A lintel, one course high and resting on
+    half a block at each side, spans each opening. All joints are unilateral contacts with the same friction and
+    cohesion: "beds", "heads", and "ground" below the wall. Loads are "body" (weight), and "wind" on the left side.
 
     Without openings and cohesion, a wall of n blocks of the length a in each course slides at the wind μ γ n a, along
     every bed alike. A stack of single blocks of the total height h tips at γ a²/h if friction holds.
@@ -58,35 +57,17 @@ def masonry_wall(
         Shear that joints carry without pressure [kPa].
     wind : float
         Pressure on the left side [kPa].
-    roof : float
-        Pressure on the top [kPa].
-    weight : float
-        Weight γ of the blocks [kN/m³].
-
-    Raises
-    ------
-    InputError
-        If an opening or its lintel does not fit into the wall, or a number is out of its range.
 
     """
-    active, heads = _bond(_number("courses", courses), 2 * _number("blocks", blocks), openings)
+    active, heads = _bond(whole_number("courses", courses, _MOST), 2 * whole_number("blocks", blocks, _MOST), openings)
     mesh = _wall_mesh(active, heads)
     joints = [Contact(name, friction, cohesion=cohesion) for name in ("ground", *mesh.joint_names)]
     loads: list[Condition] = [
         Traction("windward", x=finite_number("wind", wind), y=0.0, name="wind"),
-        Traction("top", x=0.0, y=-finite_number("roof", roof), name="roof"),
-        Traction("free", x=0.0, y=0.0),
+        *(Traction(name, x=0.0, y=0.0) for name in ("top", "free")),
     ]
-    return ContactProblem(mesh, Material(5e6, 0.2, "stress"), [*joints, *loads], body_potential=_heavy(weight))
-
-
-def _number(name: str, value: int) -> int:
-    return whole_number(name, value, _MOST)
-
-
-def _heavy(weight: float) -> Polynomial:
-    """Potential of a weight [kN/m³]: γ y."""
-    return Polynomial([[0.0, positive_number("weight", weight)]])
+    material, weight = Material(5e6, 0.2, "stress"), Polynomial([[0.0, 20.0]])
+    return ContactProblem(mesh, material, [*joints, *loads], body_potential=weight)
 
 
 def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolArray, BoolArray]:
@@ -95,7 +76,12 @@ def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolA
     row, line = np.meshgrid(np.arange(courses), np.arange(halves + 1), indexing="ij")
     heads = (row + line) % 2 == 0
     for opening in openings:
-        left, bottom, right, top = _checked_opening(opening)
+        if len(opening) != 4:
+            remedy = "give four whole numbers: half blocks left, courses below, width, height"
+            raise InputError("openings", opening, remedy)
+        bottom = opening[1] and whole_number("openings", opening[1], _MOST)
+        left, across, up = (whole_number("openings", opening[k], 2 * _MOST) for k in (0, 2, 3))
+        right, top = left + across, bottom + up
         if right >= halves or top >= courses:
             raise InputError("openings", opening, "leave half a block at each side and a course above for the lintel")
         space = (slice(bottom, top + 1), slice(left - 1, right + 1))
@@ -106,16 +92,6 @@ def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolA
         heads[top, left : right + 1] = False
         heads[top, [left - 1, right + 1]] = True
     return active, heads
-
-
-def _checked_opening(opening: Opening) -> Opening:
-    """Its left and lower, right and upper end: half blocks and courses."""
-    if len(opening) != 4:
-        raise InputError("openings", opening, "give four whole numbers: half blocks left, courses below, width, height")
-    left, bottom, width, height = opening
-    below = bottom and whole_number("openings", bottom, _MOST)
-    first, across, up = (whole_number("openings", value, 2 * _MOST) for value in (left, width, height))
-    return first, below, first + across, below + up
 
 
 def _wall_mesh(active: BoolArray, heads: BoolArray) -> TriangleMesh:
@@ -146,19 +122,17 @@ def jointed_slope(
     crest: int = 2,
     *,
     dip: float = 30.0,
-    height: float = 12.0,
     friction: float = 0.7,
     cohesion: float = 0.0,
-    weight: float = 25.0,
     crack_water: float = 1.0,
 ) -> ContactProblem:
     """A rock slope whose bedding planes dip out of its face, cut by cross joints, with water in a tension crack.
 
-    The face rises twice as steeply as the bedding: tan ψ = 2 tan β. Bedding planes meet it at the toe and at equal
-    distances above; vertical cross joints divide the layers into blocks, staggered from layer to layer. The crack is
-    vertical, behind the crest, and as deep as the lowest bedding plane is there. The rock is in plane strain, with
-    E = 10 GPa, ν = 0.25. The contacts are "bedding" and "cross joints"; loads are "body" (weight) and "water" in the
-    crack.
+    The face rises to 12 m, twice as steeply as the bedding: tan ψ = 2 tan β. Bedding planes meet it at the toe and at
+    equal distances above; vertical cross joints divide the layers into blocks, staggered from layer to layer. The crack
+    is vertical, behind the crest, and as deep as the lowest bedding plane is there. The rock is in plane strain, with γ
+    = 25 kN/m³, E = 10 GPa, ν = 0.25. The contacts are "bedding" and "cross joints"; loads are "body" (weight) and
+    "water" in the crack.
 
     With the weight W above the lowest plane, its length L, the depth z of the crack, and the thrust V = γ_w z²/2 of the
     water, everything above that plane slides at the multiple α of V where
@@ -176,36 +150,29 @@ def jointed_slope(
         Length of the crest, in columns as wide as the run of the face between two bedding planes; less than `rows`.
     dip : float
         Angle β of the bedding [°], from 5 to 60.
-    height : float
-        Height of the slope [m].
-    friction, cohesion, weight : float
+    friction, cohesion : float
         As of `masonry_wall`, of the rock and its joints.
     crack_water : float
         Weight of the water, as a multiple of 10 kN/m³; 0 leaves the crack dry.
 
-    Raises
-    ------
-    InputError
-        If a number is out of its range.
-
     """
-    columns = _number("rows", rows) + _number("crest", crest)
+    columns = whole_number("rows", rows, _MOST) + whole_number("crest", crest, _MOST)
     if crest >= rows:
         raise InputError("crest", crest, f"give less than rows = {rows}: the lowest plane must end in the crack")
     if not 5.0 <= finite_number("dip", dip) <= 60.0:
         raise InputError("dip", dip, "give an angle from 5 to 60 degrees")
-    rise = positive_number("height", height) / (2.0 * rows)
+    rise = _HEIGHT / (2.0 * rows)
     run = rise / float(np.tan(np.radians(dip)))
     water = _WATER * finite_number("crack_water", crack_water)
     conditions: list[Condition] = [
         *(Contact(name, friction, cohesion=cohesion) for name in ("bedding", "cross joints")),
-        Traction("crack", normal=Polynomial([[-water * height, water]]), tangential=0.0, name="water"),
+        Traction("crack", normal=Polynomial([[-water * _HEIGHT, water]]), tangential=0.0, name="water"),
         *(Traction(side, x=0.0, y=0.0) for side in ("bench", "face", "crest")),
         *(Symmetry(side) for side in ("front", "rear")),
         Displacement("underground", x=0.0, y=0.0),
     ]
-    mesh = _slope_mesh(rows, columns, (run, rise))
-    return ContactProblem(mesh, Material(1e7, 0.25, "strain"), conditions, body_potential=_heavy(weight))
+    mesh, material = _slope_mesh(rows, columns, (run, rise)), Material(1e7, 0.25, "strain")
+    return ContactProblem(mesh, material, conditions, body_potential=Polynomial([[0.0, 25.0]]))
 
 
 def _slope_mesh(rows: int, columns: int, size: tuple[float, float]) -> TriangleMesh:
@@ -221,11 +188,6 @@ def _slope_mesh(rows: int, columns: int, size: tuple[float, float]) -> TriangleM
             cells += [((i, top), (i + 1, top), foot), ((i, top), foot, (i + 1, top + 2))]
     places, numbers = np.unique(np.array(cells).reshape(-1, 2), axis=0, return_inverse=True)
     mesh = TriangleMesh(places * size, numbers.reshape(-1, 3))
-    return _with_slope_names(mesh, places, rows, columns, before)
-
-
-def _with_slope_names(mesh: TriangleMesh, places: IntArray, rows: int, columns: int, before: int) -> TriangleMesh:
-    """The mesh with joints, and names of the parts of its boundary; `places` are i, j of its vertices."""
     i, j = places[mesh.topology.ends].transpose(2, 0, 1)
     layer, outside = (j - i).min(axis=1), mesh.topology.boundary
     above = (layer >= 0) & (i >= 0).all(axis=1)

@@ -103,27 +103,10 @@ def problem_from_state(
     sides: Mapping[str, str],
     contacts: tuple[Condition, ...] = (),
 ) -> ContactProblem:
-    """A problem whose answer is the state.
+    """A problem whose answer is the state, on a full rectangle with the names of sides of `TriangleMesh.grid`.
 
-    Parameters
-    ----------
-    state : ExactState
-        The state.
-    mesh : TriangleMesh
-        A full rectangle, whose sides are called as `TriangleMesh.grid` calls them.
-    material : Material
-        The material the state was made for.
-    sides : mapping
-        For each side of the rectangle two letters, for components x and y: "t" takes the traction, "u" the
-        displacement from the state. "cc" leaves the side to `contacts`.
-    contacts : tuple of conditions
-        Conditions of those sides.
-
-    Raises
-    ------
-    InputError
-        If a side has another specification.
-
+    The material is that of the state. `sides` has for each side two letters, for components x and y: "t" takes the
+    traction, "u" the displacement from the state; "cc" leaves the side to the conditions in `contacts`.
     """
     conditions: list[Condition] = list(contacts)
     for side in SIDES:

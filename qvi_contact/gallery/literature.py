@@ -26,6 +26,9 @@ on 2.860, 2.723, 2.287, 1.981 and 1.541e-5 m: the published value is 2.7 % low a
 """
 
 
+_BLOCK_SIDES: Final = {"bottom": "cc", "right": "uu", "top": "tt", "left": "tt"}
+
+
 def compressed_plate(
     friction: Field,
     cells: tuple[int, int] = (2, 2),
@@ -43,21 +46,9 @@ def compressed_plate(
     "plate" on y = height, pushed down by `displacement`. Without friction the answer is the uniform stress
     σ_yy = −E U/height in plane stress. The default units are MPa and a length of 1.
 
-    Parameters
-    ----------
-    friction : float or function of (x, y)
-        Coefficient of friction μ.
-    cells : (int, int)
-        Cells along x and y, each cut into two triangles; the paper, which has rectangles, takes (2, 2).
-    width, height : float
-        Size of the quarter [length].
-    young, poisson, plane
-        Material data, see `Material`.
-    displacement : float
-        Displacement U of the quarter's own top [length]; the paper prints it as the relative one.
-    grading : float
-        Ratio of each cell to the one before it, in both directions: below 1 the cells shrink towards the free corner.
-
+    Cells are those of `TriangleMesh.rectangle`; the paper, which has rectangles, takes (2, 2). With a `grading` below 1
+    they shrink towards the free corner. The `displacement` U is that of the quarter's own top; the paper prints it as
+    the relative one.
     """
     mesh = TriangleMesh.rectangle(cells, width, height, grading=grading)
     conditions: list[Condition] = [
@@ -98,9 +89,8 @@ def sliding_block(
     stress = uniform(material, side_stress, -pressure, friction * pressure).stress
     state = ExactState(stress, displacement)
     mesh = TriangleMesh.rectangle(cells, width, 1.0, grading=grading)
-    sides = {"bottom": "cc", "right": "uu", "top": "tt", "left": "tt"}
     base = Contact("bottom", friction=friction, name="base")
-    return problem_from_state(state, mesh, material, sides, (base,)), state
+    return problem_from_state(state, mesh, material, _BLOCK_SIDES, (base,)), state
 
 
 def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0) -> ContactProblem:
@@ -117,14 +107,6 @@ def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0) -> Contact
 
     Source: Code_Aster, Manuel de validation V6.04.128, "SSNV128 - Plaque avec contact et frottement sur un plan
     rigide"; proposed by GRECO. Small displacements are assumed here. Units: Pa, m.
-
-    Parameters
-    ----------
-    cells : (int, int)
-        Cells along x and y.
-    friction : float or function of (x, y)
-        Coefficient of friction μ; the source has 1.
-
     """
     mesh = TriangleMesh.rectangle(cells, 0.04, 0.04)
     conditions: list[Condition] = [
@@ -150,11 +132,13 @@ def stick_slip_block(
     """A block whose curved base sticks for x < x_t and slips beyond, with the exact answer.
 
     On [0, 2] × [0, 1], with E = 1000, ν = 0.3 and p = 100, the stress function is Φ = −p x²/2 + a x³ y +
-    k (x⁴ − 3x²y²)/12, that is
+    k (x⁴ − 3x²y²)/12, with a = `shear`/12 and k = `pressure_drop`/4, as σ_T is `shear` at x = 2 and the pressure loses
+    `pressure_drop` up to there:
 
         σ_xx = −k x²/2,    σ_yy = −p + 6a x y + k (x² − y²/2),    σ_xy = −3a x² + k x y.
 
-    With the compliance c (see `Material`; c33 = 2 (c11 − c12)), rotation c₀ and lift d the displacement is
+    With the compliance c (see `Material`; c33 = 2 (c11 − c12)), `rotation` c₀ and `lift` d, which move body and
+    obstacle together, the displacement is
 
         u_x = c12 (3a x² y − p x) − c11 a y³ + k ((2 c12 − c11) x³ − 3 c12 x y²)/6 + c₀ y
         u_y = c11 (3a x y² − p y) − (c33 + c12) a x³ + k ((2 c11 − c12) x² y/2 − c11 y³/6) − c₀ x + d.
@@ -165,39 +149,14 @@ def stick_slip_block(
 
         μ = 3a max(x, x_t)²/(p − k x²),    w = u_T + A max(x − x_t, 0)²,
 
-    so that left of x_t the bound 3a x_t² exceeds σ_T and nothing slips, and right of it σ_T is at the bound and
-    u_T − w = −A (x − x_t)², opposite in sign to σ_T. Bound and slip are continuous in x_t and leave it with different
-    rates, so that every other point is clearly in one state. The side x = 0 is free, the top carries the tractions of
-    the state, the right side its displacement.
+    so that left of the `transition` x_t the bound 3a x_t² exceeds σ_T and nothing slips, and right of it σ_T is at the
+    bound and u_T − w = −A (x − x_t)², opposite in sign to σ_T, and −`slip` at x = 2. Bound and slip are continuous in
+    x_t and leave it with different rates, so that every other point is clearly in one state. The side x = 0 is free,
+    the top carries the tractions of the state, the right side its displacement.
 
     Elements of degree 4 contain Φ. As friction varies, the law holds at Gauss points; they integrate the data, so that
     the discrete solution is the exact stress on every mesh, even if x_t is inside an edge. Only the slip, which is
     projected on polynomials, depends on the mesh.
-
-    Parameters
-    ----------
-    cells : (int, int)
-        Cells along x and y.
-    transition : float
-        x_t [length], between 0 and 2.
-    plane : "stress" or "strain"
-        See `Material`.
-    pressure_drop : float
-        How much of the pressure is lost at x = 2 [stress]: k = pressure_drop / 4.
-    shear : float
-        σ_T at x = 2 [stress]: a = shear / 12.
-    slip : float
-        |u_T − w| at x = 2 [length]: A = slip / (2 − x_t)².
-    rotation, lift : float
-        Rigid motion c₀ and d [length]; body and obstacle are moved together.
-    grading : float
-        Ratio of each cell to the one before it, in both directions.
-
-    Raises
-    ------
-    InputError
-        If a number is out of its range, such as a transition that is not on the base.
-
     """
     width, pressure = 2.0, 100.0
     for name, value in (("shear", shear), ("slip", slip)):
@@ -206,33 +165,8 @@ def stick_slip_block(
         raise InputError("transition", transition, f"give a number between 0 and the width {width:g}")
     if finite_number("pressure_drop", pressure_drop) >= pressure:
         raise InputError("pressure_drop", pressure_drop, f"give less than the pressure {pressure:g}")
-    material = Material(1000.0, 0.3, plane)
-    state = _sheared_block(material, pressure, pressure_drop / width**2, shear / (3 * width**2), rotation, lift)
-
-    def bound_over_pressure(x: FloatArray, y: FloatArray) -> FloatArray:
-        bound = shear * (np.maximum(x, transition) / width) ** 2
-        return np.asarray(bound / (pressure - pressure_drop * (x / width) ** 2) + 0 * y)
-
-    def offset(x: FloatArray, y: FloatArray) -> FloatArray:
-        beyond = np.maximum(x - transition, 0.0) / (width - transition)
-        return np.asarray(state.displacement(x, y)[0] + slip * beyond**2)
-
-    mesh = TriangleMesh.rectangle(cells, width, 1.0, grading=grading)
-    base = Contact(
-        "bottom",
-        friction=bound_over_pressure,
-        gap=lambda x, y: -state.displacement(x, y)[1],
-        offset=offset,
-        name="base",
-    )
-    sides = {"bottom": "cc", "right": "uu", "top": "tt", "left": "tt"}
-    return problem_from_state(state, mesh, material, sides, (base,)), state
-
-
-def _sheared_block(material: Material, p: float, k: float, a: float, rotation: float, lift: float) -> ExactState:
-    """The state of `stick_slip_block`, with its names."""
-    c11, c12 = material.compliance[0, :2]
-    c33 = material.compliance[2, 2]
+    material, p, k, a = Material(1000.0, 0.3, plane), pressure, pressure_drop / width**2, shear / (3 * width**2)
+    (c11, c12, _), c33 = material.compliance[0], material.compliance[2, 2]
 
     def stress(x: FloatArray, y: FloatArray) -> FloatArray:
         xx = -k * x**2 / 2 + 0 * y
@@ -245,4 +179,14 @@ def _sheared_block(material: Material, p: float, k: float, a: float, rotation: f
         along = along + k * ((2 * c12 - c11) * x**3 - 3 * c12 * x * y**2) / 6
         return np.stack([along, across + k * ((2 * c11 - c12) * x**2 * y / 2 - c11 * y**3 / 6)])
 
-    return ExactState(stress, displacement)
+    def bound_over_pressure(x: FloatArray, y: FloatArray) -> FloatArray:
+        bound = shear * (np.maximum(x, transition) / width) ** 2
+        return np.asarray(bound / (pressure - pressure_drop * (x / width) ** 2) + 0 * y)
+
+    def offset(x: FloatArray, y: FloatArray) -> FloatArray:
+        beyond = np.maximum(x - transition, 0.0) / (width - transition)
+        return np.asarray(displacement(x, y)[0] + slip * beyond**2)
+
+    state, mesh = ExactState(stress, displacement), TriangleMesh.rectangle(cells, width, 1.0, grading=grading)
+    base = Contact("bottom", bound_over_pressure, lambda x, y: -displacement(x, y)[1], offset, "base")
+    return problem_from_state(state, mesh, material, _BLOCK_SIDES, (base,)), state

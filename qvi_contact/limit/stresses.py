@@ -325,7 +325,7 @@ class StressProgram:
         space = self.low.space
         element, triangles, k = space.element, space.triangles, space.element.shared - 3
         n = len(triangles)
-        reference = np.einsum("nab,sbcd->nscad", triangles.stress_maps, element.hessian_coefficients[..., 3:])
+        reference = np.einsum("nab,sbcd->nscad", triangles.stress_maps, element.derivatives[2][..., 3:])
         reference = reference.reshape(n, -1, element.dimension - 3)
         w = reference[..., :k] @ element.transformations(triangles)[:, 3:, 3:]
         y = reference[..., k:].copy()

@@ -26,28 +26,14 @@ _ROUNDING = 1e-13  # share of a load's size below which a resultant is rounding
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Blocks, and after them the plates.
+    """Blocks, and after them the plates."""
 
-    Attributes
-    ----------
-    of_cells : (cells,) int array
-        The block that each cell belongs to.
-    blocks : int
-        Number of blocks.
-    plates : tuple of str
-        Names of the contacts whose plates are driven by force.
-    centre, size : (k, 2) and (k,) arrays
-        (x_k, y_k) and r_k [length].
-    free : (k, 3) bool array
-        Which numbers of a motion may differ from zero: all of blocks, those of a plate that have a given force.
-
-    """
-
-    of_cells: IntArray
-    blocks: int
-    plates: tuple[str, ...]
-    centre: FloatArray
+    of_cells: IntArray  # (cells,): the block that each cell belongs to
+    blocks: int  # number of blocks
+    plates: tuple[str, ...]  # names of the contacts whose plates are driven by force
+    centre: FloatArray  # (x_k, y_k), and r_k (k,) [length]
     size: FloatArray
+    # (k, 3): which numbers of a motion may differ from zero: all of blocks, those of a plate that have a given force
     free: BoolArray
 
     def __len__(self) -> int:
@@ -130,18 +116,10 @@ def blocks_of_cells(problem: ContactProblem) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What one load does on motions.
+    """What one load does on motions."""
 
-    Attributes
-    ----------
-    row : (3 k,) array
-        Work [stress × length] of the motions of all bodies: forces, and moments over r_k.
-    size : float
-        The largest work that the load could do on motions of size 1 if nothing of it cancelled [stress × length].
-
-    """
-
-    row: FloatArray
+    row: FloatArray  # (3 k,): work [stress × length] of the motions of all bodies: forces, and moments over r_k
+    # the largest work that the load could do on motions of size 1 if nothing of it cancelled [stress × length]
     size: float
 
     def __add__(self, other: "Work") -> "Work":

@@ -55,37 +55,18 @@ _AnyLine = TypeVar("_AnyLine", bound="Line")
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A straight line along which one contact holds between two bodies, with the position s along the tangent.
-
-    Attributes
-    ----------
-    contact : Contact
-        The contact.
-    bodies : (int, int)
-        The first body, and the second; −1 for an obstacle that stands still.
-    start, tangent, normal : (2,) arrays
-        The point s = 0 [length], and unit vectors.
-    edges : (n, 2) array
-        Where its edges begin and end [length].
-    places, friction : (p,) arrays
-        Where the condition holds, ascending, and μ there.
-    fixed : bool
-        Whether the bodies do not part, w = 0.
-    held : bool
-        Whether they do not slip either.
-
-    """
+    """A straight line along which one contact holds between two bodies, with the position s along the tangent."""
 
     contact: Contact
-    bodies: tuple[int, int]
-    start: FloatArray
+    bodies: tuple[int, int]  # the first body, and the second; −1 for an obstacle that stands still
+    start: FloatArray  # start, tangent, normal, (2,) each: the point s = 0 [length], and unit vectors
     tangent: FloatArray
     normal: FloatArray
-    edges: FloatArray
-    places: FloatArray
+    edges: FloatArray  # (n, 2): where its edges begin and end [length]
+    places: FloatArray  # places, friction, (p,) each: where the condition holds, ascending, and μ there
     friction: FloatArray
-    fixed: bool
-    held: bool
+    fixed: bool  # whether the bodies do not part, w = 0
+    held: bool  # whether they do not slip either
 
     @property
     def dilates(self) -> bool:
@@ -201,21 +182,11 @@ class ArcPiece(Line):
 
     Along a piece that turns by little w and [v]_T of a rigid motion are polynomials but for rounding. They are nowhere
     below the least, or above the largest, of their Bernstein coefficients: what is proved with these stays proved.
-
-    Attributes
-    ----------
-    edge : Edges
-        The edge, one.
-    vertices : (v, 2) array
-        Coordinates of all vertices [length].
-    begin, length : float
-        Where on the edge the piece begins, and its length [length].
-
     """
 
     edge: Edges
-    vertices: FloatArray
-    begin: float
+    vertices: FloatArray  # (v, 2): coordinates of all vertices [length]
+    begin: float  # begin, length: where on the edge the piece begins, and its length [length]
     length: float
 
     def points(self, s: FloatArray) -> FloatArray:

@@ -42,25 +42,12 @@ _BESIDE: Final = 1e-3  # share of an interval within which a place counts as its
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motions of all bodies and what they mean.
+    """Motions of all bodies and what they mean."""
 
-    Attributes
-    ----------
-    v : (3 k,) array
-        The motions, the largest of size 1.
-    works : mapping of str to float
-        Work of each load [stress × length].
-    resistance : float
-        R(v), what contacts can take up at most [stress × length].
-    violation : float
-        Largest speed at which a contact law or support forbids the motion; rounding.
-
-    """
-
-    v: FloatArray
-    works: Mapping[str, float]
-    resistance: float
-    violation: float
+    v: FloatArray  # (3 k,): the motions, the largest of size 1
+    works: Mapping[str, float]  # work of each load [stress × length]
+    resistance: float  # R(v), what contacts can take up at most [stress × length]
+    violation: float  # largest speed at which a contact law or support forbids the motion; rounding
 
     @property
     def driving(self) -> float:

@@ -53,7 +53,6 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "bounds": ("bracket_figure",),
         "fields": ("draw_contours",),
         "labels": ("beside", "value_range"),
         "shape": ("Shape",),

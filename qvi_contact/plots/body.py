@@ -1,6 +1,6 @@
 """The one drawing that answers: the deformed body with a field, and what its contacts carry drawn on them."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -231,6 +231,8 @@ def draw_body(
         If there is no such stress, or no stress state.
 
     """
+    from scipy.spatial import cKDTree
+
     units, mesh, shape = plain_units(units), result.problem.mesh, Shape.of(result)
     scales = Scales.of([result], component) if scales is None else scales
     factor = scales.factor
@@ -263,7 +265,8 @@ def draw_body(
         if not part.joint:
             ground(axes, part.obstacle + away, part.normal, _HATCH * mesh.length)
     extent = [before.reshape(-1, 2), after.reshape(-1, 2)]
-    extent += draw_symbols(axes, result.problem, _moving(*extent))
+    tree, moves = cKDTree(extent[0]), extent[1] - extent[0]  # beside the boundary all move as its nearest point does
+    extent += draw_symbols(axes, result.problem, lambda points: np.asarray(points + moves[tree.query(points)[1]]))
     pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
     friction = max((float(np.abs(part.shear).max()) for part in carried), default=0.0)
     if pressure < _NOTHING * float(np.abs(samples.stress).max()):
@@ -318,14 +321,6 @@ def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
     powers = 10.0 ** np.arange(np.floor(np.log10(factor)), -1.0, -1.0)
     smaller = [step * power for power in powers for step in (5.0, 2.0, 1.0) if step * power <= factor]
     return float(next((each for each in smaller if apart(each)), 1.0))
-
-
-def _moving(before: FloatArray, after: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """The map of points (n, 2) near those before (m, 2) to beside those after, each as its nearest one moves."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(before)
-    return lambda points: np.asarray(points + (after - before)[tree.query(points)[1]])
 
 
 def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> list[Carried]:

@@ -31,6 +31,8 @@ from qvi_contact.discretization.loads import ContactRows, physical
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, chains, cross
 from qvi_contact.problem.conditions import is_frictionless
+from qvi_contact.solution.work import normal_and_shear
+from solvers import QVISolution
 from solvers.basics.frames import frame, pandas
 from solvers.basics.types import load
 
@@ -269,11 +271,6 @@ class ContactLine:
         return str(load("qvi_contact.files.notebook").contact_html(self))
 
 
-def summary_units(units: Units | None) -> dict[str, str]:
-    """Column of `ContactLine.summary` → its unit, of those that have one; none without `units`."""
-    return Units.labels(units, SUMMARY)
-
-
 def contact_states(
     effective: FloatArray,
     tangential_stress: FloatArray,
@@ -326,26 +323,30 @@ def contact_states(
 def contact_line(
     discretization: Discretization,
     number: int,
-    effective: FloatArray,
-    tangential: FloatArray,
-    normal_multiplier: FloatArray,
-    tangential_multiplier: FloatArray,
-    unit: float = 1.0,
-    rounding: Rounding | None = None,
+    solution: QVISolution,
+    dofs: FloatArray,
+    unit: float,
+    rounding: Rounding,
 ) -> ContactLine:
-    """Results on the contact of a number from its dimensionless σ_N', σ_T and their multipliers, (m,) each.
+    """Results on the contact of a number from the algebraic solution, whose degrees of freedom of Φ are these (N,).
 
-    The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`). Numbers up to
-    `rounding` are shown as 0; by default that of the scales.
-
-    λ = m/W gives u_N − g = −λ_N and u_T − w = −λ_T; g as far as it is within reach, the rest is added.
+    The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`). λ = m/W gives
+    u_N − g = −λ_N and u_T − w = −λ_T; g as far as it is within reach, the rest is added.
     """
     rows = discretization.contacts[number]
     scales, points = discretization.scales, rows.points
-    mesh, edges = discretization.problem.mesh, points.edges
+    mesh, edges, rule = discretization.problem.mesh, points.edges, rows.rule
     x, y = physical(discretization.problem, scales, points.coordinates)
-    gap = (normal_multiplier + points.weights * rows.beyond) / points.weights
-    slip = -(tangential_multiplier / points.weights)
+    m_N = m_T = np.zeros(len(x))  # letters of (D2)
+    if rows.law == "tied":
+        effective, tangential = normal_and_shear(discretization, dofs, points)
+    else:
+        qvi, z, own = solution.problem, solution.z, rows.rows
+        effective, tangential = rule.at_points(qvi.normal(z)[own]), rule.at_points(qvi.tangential(z)[own])
+        m_N = rule.multipliers_at_points(solution.normal_multiplier[own])
+        m_T = rule.multipliers_at_points(solution.tangential_multiplier[own])
+    gap = (m_N + points.weights * rows.beyond) / points.weights
+    slip = -(m_T / points.weights)
     bound = rows.bound(effective)
     frictionless = is_frictionless(discretization.problem.contacts[number])
     may_open = rows.law == "unilateral"
@@ -368,7 +369,7 @@ def contact_line(
         pore_pressure=rows.pore_pressure * scales.stress,
         excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
         pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
-        rounding=rounding or scales.rounding,
+        rounding=rounding,
         frictionless=frictionless,
         senses=turning_senses(mesh.vertices, edges),
     )

@@ -29,13 +29,13 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
-from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
+from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.frames import columns_of, frame
+from solvers.basics.frames import frame, pandas
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import load
@@ -134,7 +134,7 @@ class History:
             for name, numbers in contact_numbers(step).items()
         ]
         energy = Units.labels(units, {"dissipated": "energy"})
-        return frame(columns_of(completed(rows)), {**forces_units(units), **energy})
+        return frame(pandas().DataFrame(rows), {**forces_units(units), **energy})
 
     @property
     def dissipated(self) -> FloatArray:

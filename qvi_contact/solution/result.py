@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.attached import Attached
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import (
     LOAD_POINTS,
-    ContactRows,
     EdgePoints,
     physical,
     scaled_stress_at_rest,
@@ -27,11 +25,11 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, RigidPlate
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
+from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
-from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
+from qvi_contact.solution.work import misfit_of_tractions, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
-from solvers.basics.frames import columns_of, frame, pandas
+from solvers.basics.frames import frame, pandas
 from solvers.basics.names import Named, known_name
 from solvers.basics.types import PicklesFields, load
 from solvers.certificate.feasibility import AdmissibleRows
@@ -55,6 +53,13 @@ PLATE_COLUMNS: Final = {
 _WITH_PLATE: Final = "contacts with a plate or pin"
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
+
+
+_ABOVE: Final = {
+    **dict.fromkeys(("bracket", "displacement", "uniqueness"), "qvi_contact.bracket"),
+    **dict.fromkeys(("remarks", "undetermined_motions"), "qvi_contact.solution.remarks"),
+}
+"""Functions of a result that are its attributes too, and their modules, loaded on first use."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +131,7 @@ def plate_motion(plate: RigidPlate, x: float, y: float, rotation: float) -> Plat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(PicklesFields, Attached):
+class ContactResult(PicklesFields):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
@@ -139,23 +144,26 @@ class ContactResult(PicklesFields, Attached):
         The problem, its mesh and its algebraic form.
     solution : QVISolution
         The algebraic answer, dimensionless.
-    remarks, undetermined_motions
-        What `solution.remarks` and `solution.undetermined_motions` find in it.
-    bracket, uniqueness, displacement
-        What `bracket.bracket`, `bracket.uniqueness` and `bracket.displacement` compute of it. Like the two above, on
-        first use.
+    remarks, undetermined_motions, bracket, uniqueness, displacement
+        What the functions of these names in `solution.remarks` and `bracket` find, on first use.
 
     """
 
     discretization: Discretization
     solution: QVISolution
 
-    if TYPE_CHECKING:  # the package root attaches these; for types they are no fields
+    if TYPE_CHECKING:  # functions of `_ABOVE`; for types they are no fields
         remarks: ClassVar[tuple[str, ...]]
         undetermined_motions: ClassVar[tuple[UndeterminedMotion, ...]]
         bracket: ClassVar[Bracket]
         uniqueness: ClassVar[Uniqueness]
         displacement: ClassVar[Callable[[ContactResult, ArrayLike, ArrayLike], FloatArray]]
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _ABOVE:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        found = self.__dict__[name] = getattr(load(_ABOVE[name]), name)(self)
+        return found
 
     def __repr__(self) -> str:
         if not self.has_state:
@@ -193,7 +201,7 @@ class ContactResult(PicklesFields, Attached):
         without. Parameters and errors are those of `to_frame`.
         """
         rows = [{"contact": name, **numbers} for name, numbers in contact_numbers(self).items()]
-        return frame(columns_of(completed(rows)), forces_units(units))
+        return frame(pandas().DataFrame(rows), forces_units(units))
 
     def _repr_html_(self) -> str:
         """Outcome, contacts and certificate as a table, for notebooks."""
@@ -309,7 +317,7 @@ class ContactResult(PicklesFields, Attached):
 
         The stress has shape (cells, g, 3) [stress].
         """
-        points, stress = self._gauss()
+        points, stress = cell_stresses(self.discretization, self.dofs)
         x, y = physical(self.problem, self.discretization.scales, points)
         return x, y, stress * self.discretization.scales.stress
 
@@ -318,9 +326,7 @@ class ContactResult(PicklesFields, Attached):
         """Results on each contact by name."""
         unit = self.certificate.scales.get("stress", 1.0)
         lines = {
-            rows.name: contact_line(
-                self.discretization, number, *self._contact_values(rows), unit=unit, rounding=self.rounding
-            )
+            rows.name: contact_line(self.discretization, number, self.solution, self.dofs, unit, self.rounding)
             for number, rows in enumerate(self.discretization.contacts)
         }
         return MappingProxyType(Named("contacts", "contacts", lines))
@@ -342,7 +348,8 @@ class ContactResult(PicklesFields, Attached):
     def plates(self) -> Mapping[str, PlateMotion]:
         """How far each rigid plate or pin has moved, by the name of its contact."""
         motion: dict[str, dict[str, float]] = {}
-        for row, multiplier in zip(self.discretization.plates.rows, self._multipliers("equality"), strict=True):
+        _ = self.dofs  # says what is wrong if there is no state
+        for row, multiplier in zip(self.discretization.plates.rows, self.solution.equality_multiplier, strict=True):
             motion.setdefault(row.contact, {})[DRIVES[row.component]] = -float(multiplier) * row.motion
         moved = {}
         for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True):
@@ -384,7 +391,7 @@ class ContactResult(PicklesFields, Attached):
     @cached_property
     def energies(self) -> Energies:
         """Energies of the computed state."""
-        weights, stress = cell_weights(self.discretization), self._gauss()[1]
+        weights, (points, stress) = cell_weights(self.discretization), cell_stresses(self.discretization, self.dofs)
         scales, problem = self.discretization.scales, self.problem
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
@@ -393,16 +400,15 @@ class ContactResult(PicklesFields, Attached):
             strain += 0.5 * float(np.square(springs.rows @ self.dofs + springs.constant).sum()) * scales.energy
         load = support_work(self.discretization, self.dofs)
         if is_strained(problem):
-            points, cells = self._gauss()[0], np.arange(problem.mesh.cell_count)
-            at_rest = scaled_stress_at_rest(problem, scales, cells, points)
+            at_rest = scaled_stress_at_rest(problem, scales, np.arange(problem.mesh.cell_count), points)
             work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, at_rest)
             load += float((weights * work).sum()) * scales.energy
         for rows in self.discretization.contacts:
             line = self.contacts[rows.name]
             gap, offset = rows.gap * scales.displacement, rows.offset * scales.displacement
             load += float(line.weights @ (gap * line.normal_stress + offset * line.tangential_stress))
-        qvi, multiplier = self.solution.problem, self._multipliers("tangential")
-        dissipation = float(multiplier @ qvi.tangential(self.solution.z)) * scales.energy
+        shear = self.solution.problem.tangential(self.solution.z)
+        dissipation = float(self.solution.tangential_multiplier @ shear) * scales.energy
         return Energies(strain, load, strain - load, dissipation)
 
     def derivative(self, quantity: str, parameter: str, side: Side | None = None) -> float:
@@ -439,26 +445,6 @@ class ContactResult(PicklesFields, Attached):
         """
         return float(load("qvi_contact.solution.derivatives").derivative(self, quantity, parameter, side))
 
-    def _multipliers(self, kind: str) -> FloatArray:
-        """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""
-        _ = self.dofs
-        return np.asarray(getattr(self.solution, f"{kind}_multiplier"))
-
-    def _contact_values(self, rows: ContactRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """σ_N', σ_T and their multipliers m_N, m_T at the Gauss points of a contact, dimensionless."""
-        if rows.law == "tied":
-            zero = np.zeros(len(rows.gap))
-            return *normal_and_shear(self.discretization, self.dofs, rows.points), zero, zero
-        qvi, z = self.solution.problem, self.solution.z
-        normal, tangential = self._multipliers("normal"), self._multipliers("tangential")
-        chosen, rule = rows.rows, rows.rule
-        tractions = rule.at_points(qvi.normal(z)[chosen]), rule.at_points(qvi.tangential(z)[chosen])
-        return *tractions, rule.multipliers_at_points(normal[chosen]), rule.multipliers_at_points(tangential[chosen])
-
-    def _gauss(self) -> tuple[FloatArray, FloatArray]:
-        """Dimensionless coordinates and stresses of the Gauss points of all cells."""
-        return cell_stresses(self.discretization, self.dofs)
-
 
 def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
     """The columns of `ContactResult.forces_frame` by the name of the contact; those of plates where it has one."""
@@ -468,18 +454,10 @@ def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
     return found
 
 
-def completed(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows with all keys that any of them has, NaN where there was none."""
-    keys = dict.fromkeys(key for row in rows for key in row)
-    return [{key: row.get(key, np.nan) for key in keys} for row in rows]
-
-
 def forces_units(units: Units | None) -> dict[str, str]:
     """Column of `contact_numbers` → its unit, of those that have one; none without `units`."""
-    if units is None:
-        return {}
-    of_plates = Units.labels(units, {name: kind for name, kind in PLATE_COLUMNS.items() if kind})
-    return {**summary_units(units), **of_plates, "rotation": "rad"}
+    kinds = {name: kind for name, kind in (SUMMARY | PLATE_COLUMNS).items() if kind}
+    return {} if units is None else {**Units.labels(units, kinds), "rotation": "rad"}
 
 
 def plate_numbers(result: ContactResult, name: str) -> tuple[float, ...]:

@@ -153,28 +153,13 @@ _MOST_DIVISIONS: Final = 128  # along the sides of a cell
 
 @dataclass(frozen=True, eq=False)
 class BodySamples:
-    """Stresses at points of all cells, and the small triangles that join the points of each cell.
+    """Stresses at points of all cells, and the small triangles that join the points of each cell."""
 
-    Attributes
-    ----------
-    points : (n, 2) array
-        Coordinates [length]; where cells meet each has points of its own.
-    cells : (n,) int array
-        The cell of each point.
-    reference : (n, d) array
-        Its reference coordinates there, see `TriangleMesh.reference`.
-    stress : (n, 3) array
-        σ_xx, σ_yy, σ_xy in that cell [stress], tension positive.
-    triangles : (t, 3) int array
-        Three points each; together they fill the body.
-
-    """
-
-    points: FloatArray
-    cells: IntArray
-    reference: FloatArray
-    stress: FloatArray
-    triangles: IntArray
+    points: FloatArray  # (n, 2): coordinates [length]; where cells meet each has points of its own
+    cells: IntArray  # (n,): the cell of each point
+    reference: FloatArray  # (n, d): its reference coordinates there, see `TriangleMesh.reference`
+    stress: FloatArray  # (n, 3): σ_xx, σ_yy, σ_xy in that cell [stress], tension positive
+    triangles: IntArray  # (t, 3): three points each; together they fill the body
 
 
 def sample_body(result: ContactResult, parts: int) -> BodySamples:

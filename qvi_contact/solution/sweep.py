@@ -29,13 +29,13 @@ from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem, run_digest
 from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
-from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
+from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none
-from solvers.basics.frames import columns_of, frame
+from solvers.basics.frames import frame, pandas
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import load
@@ -300,28 +300,13 @@ def solve_sweep(
 
 @dataclass(frozen=True, eq=False)
 class SweepTask:
-    """What is to be done for each value.
+    """What is to be done for each value."""
 
-    Attributes
-    ----------
-    problem : ContactProblem
-        The problem; `of` puts it on its element.
-    parameter : "friction", "load", "gap" or "offset"
-        What changes.
-    names : tuple of str
-        The contacts or loads that are changed.
-    settings : Settings
-        How to solve it.
-    warm : bool
-        Whether to start from the value before.
-
-    """
-
-    problem: ContactProblem
-    parameter: Parameter
-    names: tuple[str, ...]
-    settings: Settings = field(default_factory=Settings)
-    warm: bool = False
+    problem: ContactProblem  # the problem; `of` puts it on its element
+    parameter: Parameter  # "friction", "load", "gap" or "offset": what changes
+    names: tuple[str, ...]  # the contacts or loads that are changed
+    settings: Settings = field(default_factory=Settings)  # how to solve it
+    warm: bool = False  # whether to start from the value before
 
     @classmethod
     def of(
@@ -509,7 +494,7 @@ def table_of(parameter: Parameter, rows: Iterable[SweepRow], units: Units | None
         for name, summary in row.contacts.items()
     ]
     length = Units.labels(units, {parameter: "displacement"} if parameter in ("gap", "offset") else {})
-    return frame(columns_of(completed(lines)), {**forces_units(units), **length})
+    return frame(pandas().DataFrame(lines), {**forces_units(units), **length})
 
 
 def outcome_of(parameter: Parameter, failures: Sequence[tuple[float, str]], done: int, planned: int) -> str:

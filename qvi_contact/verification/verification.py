@@ -292,7 +292,7 @@ def _rows(
         yield _proof(found)
         return
     for row in found.result.certificate.rows():
-        yield Check(row.name, row.value, row.limit, row.passed, row.meaning, row.worry)
+        yield Check(row.measure.name, row.value, row.limit, row.passed, row.measure.meaning, row.measure.worry)
     yield _limited(
         "claimed measures", worse_than_claimed(result.certificate, found.result.certificate), _CLAIMED,
         "Largest excess of a measure above the stored one, in units of its limit.",

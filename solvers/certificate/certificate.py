@@ -58,7 +58,7 @@ In `docs/theory.md`: (D10).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -175,19 +175,10 @@ MEASURES: Final = (
 """In the order of the table."""
 
 
-# How far tractions and displacements of a contact are from its law, as numbers.
-#
-# With λ = m / W, thr(p) = min(cohesion + mu p, cap), the scales S, D, E of `certificate` and k = S / D, at each point
-#
-#     π_N = min(σ_N + k λ_N, 0), bilateral σ_N + k λ_N                the augmented normal traction
-#     natural map      σ_N − π_N   and   σ_T − clip(σ_T + k λ_T, ±thr(|σ_N|))
-#     Alart-Curnier    σ_T − clip(σ_T + k λ_T, ±thr(|π_N|)), bilateral |σ_N|
-#     bipotential      β = thr(|σ_N|) |λ_T| − σ_T λ_T − σ_N λ_N,  that is thr |u_T − w| + σ_N (u_N − g) + σ_T (u_T − w).
-#
-# Each is zero exactly where the law holds: the first two are projections on the cone of the present and of the
-# augmented pressure, the third is Coulomb's bipotential, which admissible pairs (σ_N ≤ 0, |σ_T| ≤ thr, λ_N ≥ 0) make ≥
-# 0. It is summed with its sign; violations of bounds may cancel gaps there, which is why the sums of
-# `complementarity_normal` and `complementarity_tangential` take absolute values.
+# The contact law: each of the last three measures is zero exactly where it holds. Natural map and Alart-Curnier's are
+# projections on the cone of the present and of the augmented pressure; the bipotential is ≥ 0 for admissible pairs
+# (σ_N ≤ 0, |σ_T| ≤ thr, λ_N ≥ 0). It is summed with its sign; violations of bounds may cancel gaps there, which is why
+# the sums of `complementarity_normal` and `complementarity_tangential` take absolute values.
 #
 # Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991); G. de Saxcé, Z.-Q. Feng, Math. Comput.
 # Modelling 28 (1998).
@@ -197,14 +188,9 @@ _NEAR = 10.0  # gaps and slips count up to this many E / (S Σ W)
 
 
 class LawResiduals(NamedTuple):
-    """What is left of the contact law.
+    """Measures of the law, each ≥ 0; what it adds to the gap between primal and dual energy; the bipotential, signed.
 
-    Attributes
-    ----------
-    measures : name → value ≥ 0, see `certificate`
-    work : Σ W β with m_N made admissible: what it adds to the gap between primal and dual energy, signed
-    bipotential : Σ W β, signed
-
+    The second is the third with m_N made admissible.
     """
 
     measures: dict[str, float]
@@ -265,27 +251,13 @@ EXPONENTS: Mapping[str, float] = MappingProxyType({measure.name: measure.exponen
 """Measure → exponent e of its limit, a multiple of tolerance**e."""
 
 
-_Numbers = dict[str, float]
-
-
 @dataclass(frozen=True)
 class CertificateRow:
-    """One line of the certificate's table.
+    """One line of the certificate's table: a measure, its value, signed where that means something, and its limit."""
 
-    Attributes
-    ----------
-    name : the measure
-    value : with its sign where that means something
-    limit : largest absolute value that passes
-    meaning, worry : what it is, and when to worry
-
-    """
-
-    name: str
+    measure: Measure
     value: float
     limit: float
-    meaning: str
-    worry: str
 
     @property
     def passed(self) -> bool:
@@ -339,15 +311,18 @@ class Certificate:
 
     def rows(self) -> tuple[CertificateRow, ...]:
         """The table: each measure, its limit, what it means and when to worry."""
-        return tuple(self._row(measure) for measure in MEASURES)
-
-    def _row(self, measure: Measure) -> CertificateRow:
-        value = self.signed.get(measure.name, self.measures[measure.name])
-        return CertificateRow(measure.name, value, measure.limit(self.tolerance), measure.meaning, measure.worry)
+        values = {**self.measures, **self.signed}
+        return tuple(CertificateRow(each, values[each.name], self.limits[each.name]) for each in MEASURES)
 
     def explain(self) -> str:
         """The table as text, two significant digits; all numbers are relative, see the scales in `certificate`."""
-        return "\n".join(_explained(self.rows()))
+        width = max(map(len, EXPONENTS))
+        lines = [f"{'measure':<{width}}  {'value':>8}  {'limit':>8}"]
+        for row in self.rows():
+            numbers = f"{row.measure.name:<{width}}  {row.value:>8.1e}  {row.limit:>8.1e}"
+            lines.append(numbers + ("" if row.passed else "  FAILED"))
+            lines += [f"    {row.measure.meaning}", f"    {row.measure.worry}"]
+        return "\n".join(lines)
 
     def summary(self) -> str:
         """One line: passed or failed, at which accuracy, and what limits it."""
@@ -394,51 +369,34 @@ def certify(
         "tangential_multiplier": (tangential_multiplier, qvi.m),
         "equality_multiplier": (equality_multiplier, qvi.p),
     }
-    vectors = [_checked(name, value, size) for name, (value, size) in given.items()]
-    if any(vector is None or not np.isfinite(vector).all() for vector in vectors):
+    vectors = {name: real_array(name, value) for name, (value, _) in given.items() if value is not None}
+    for name, vector in vectors.items():
+        if vector.shape != (given[name][1],):
+            raise InputError(name, f"shape {vector.shape}", f"give shape ({given[name][1]},)")
+    if len(vectors) < len(given) or not all(np.isfinite(vector).all() for vector in vectors.values()):
         return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
     with np.errstate(over="ignore", invalid="ignore"):
-        measures, scales, signed = _measure(qvi, *[vector for vector in vectors if vector is not None])
+        measures, scales, signed = _measure(qvi, *vectors.values())
     finite = {name: float(value) if np.isfinite(value) else np.inf for name, value in measures.items()}
     return Certificate(finite, tolerance, scales, {name: float(v) for name, v in signed.items() if np.isfinite(v)})
 
 
-def _explained(rows: tuple[CertificateRow, ...]) -> Iterator[str]:
-    """A line of numbers and the meaning of each row."""
-    width = max(len(row.name) for row in rows)
-    yield f"{'measure':<{width}}  {'value':>8}  {'limit':>8}"
-    for row in rows:
-        verdict = "" if row.passed else "  FAILED"
-        yield f"{row.name:<{width}}  {row.value:>8.1e}  {row.limit:>8.1e}{verdict}"
-        yield f"    {row.meaning}"
-        yield f"    {row.worry}"
-
-
-def _checked(name: str, value: Vector | None, size: int) -> Vector | None:
-    if value is None:
-        return None
-    vector = real_array(name, value)
-    if vector.shape != (size,):
-        raise InputError(name, f"shape {vector.shape}", f"give shape ({size},)")
-    return vector
-
-
-def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[_Numbers, _Numbers, _Numbers]:
+def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[dict[str, float], ...]:
     """All measures, scales, and measures with their signs; the formulas stand in the module's docstring."""
     _ = qvi.settled  # by the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
     S, E, E_b = scales["stress"], scales["energy"], scales["body_energy"]
-    K, N, T, A = qvi.arrays
+    K, N, T, A = qvi.stiffness.K, qvi.contact.N, qvi.contact.T, qvi.contact.A
     residual = gradient + N.T @ m_N + T.T @ m_T + A.T @ nu
     error, outside = qvi.linear_system.solve(residual)
     square, size = float(residual @ error), float(np.sqrt(2.0 * E_b))
     # A z = b: a row is large by b, by a share of what cancels in A z, and by the largest row.
     equality = conjugate = 0.0
     if qvi.p:
-        sizes = np.abs(qvi.b) + _CANCELS * absolute_product(qvi.A, z)
+        sizes = np.abs(qvi.b) + _CANCELS * absolute_product(A, z)
         sizes += _BESIDE * sizes.max(initial=0.0)
-        rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
+        rounding = _ROUNDED * absolute_product(A, np.full(qvi.n, largest(z)))
         missed = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
         equality = largest(missed / np.where(sizes > 0.0, sizes, 1.0))
         conjugate = largest(outside * sizes) / E
@@ -454,7 +412,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     # |ρ|² once m_N is made admissible: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
     if change.any():
-        square += 2.0 * float(change @ (N @ error)) + float(change @ qvi.linear_system.relief(qvi.N)(change))
+        square += 2.0 * float(change @ (N @ error)) + float(change @ qvi.linear_system.relief(N)(change))
     law = law_residuals(qvi, z, m_N, m_T, scales)
     gap = law.work + 0.5 * abs(square)
     measures = {
@@ -478,7 +436,7 @@ def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
     reference = length / stiffness  # energy of unit stress
     least = _LITTLE
     if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
-        reference = min(reference, qvi.bonded_energy or reference)
+        reference = min(reference, qvi.settled.strain_energy or reference)
         if body <= _NOTHING**2 * reference:
             body, least = reference, _NOTHING
     stress = float(np.sqrt(body * stiffness / length))
@@ -491,7 +449,7 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     `body` is the strain energy at z, if it is known already.
     """
     length, stiffness = _contact_scales(qvi)
-    body, in_body, least = body_scales(qvi, qvi.strain_energy(z) if body is None else body)
+    body, in_body, least = body_scales(qvi, qvi.state(z)[0] if body is None else body)
     stress = max(largest(qvi.normal(z)), largest(qvi.tangential(z)))
     stress = _nonzero(in_body if stress <= least else stress)
     displacement = stress / stiffness

@@ -126,8 +126,13 @@ def check_feasibility(qvi: FrictionQVI) -> Feasibility:
     Where σ_N ≤ 0 alone cannot be met the proof has no multipliers on friction: then it is not friction that fails.
     """
     rows = AdmissibleRows.of(qvi)
-    if not qvi.n:
-        return _determinate(rows.h)
+    if not qvi.n:  # C is empty if a row 0 ≤ h fails, and the multiplier 1 of that row proves it
+        failed = rows.h.min(initial=0.0) < -_DETERMINATE * float(np.abs(rows.h).max(initial=0.0))
+        if failed:
+            y = np.eye(1, rows.h.size, int(np.argmin(rows.h)))[0]
+            text = "the stress is statically determinate and violates the contact law"
+            return Feasibility(False, None, (y, np.zeros(0)), text)
+        return Feasibility(True, np.zeros(0), None, "the load can be carried by the one admissible traction")
     proof = refuted(qvi)
     if proof is not None:
         return proof
@@ -203,13 +208,3 @@ def _minimise(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice
     if word in ("Solved", "AlmostSolved") and np.isfinite(z).all():
         return Feasibility(True, z, None, "the load can be carried by some admissible traction")
     return Feasibility(None, None, None, f"whether the load can be carried was not decided ({word})")
-
-
-def _determinate(h: Vector) -> Feasibility:
-    """Nothing is unknown: C is empty if a row 0 ≤ h fails, and the multiplier 1 of that row proves it."""
-    if h.min(initial=0.0) < -_DETERMINATE * float(np.abs(h).max(initial=0.0)):
-        y = np.zeros(h.size)
-        y[np.argmin(h)] = 1.0
-        text = "the stress is statically determinate and violates the contact law"
-        return Feasibility(False, None, (y, np.zeros(0)), text)
-    return Feasibility(True, np.zeros(0), None, "the load can be carried by the one admissible traction")

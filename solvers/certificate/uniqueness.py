@@ -43,6 +43,7 @@ from scipy.linalg import eigh, eigvalsh, qr
 
 from solvers.basics.types import Matrix
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import dense
 
 LARGEST = 1200
 """Contact rows 2m up to which the bound is computed, in about a second."""
@@ -109,42 +110,32 @@ def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
         return UniquenessBound(friction, np.inf, np.inf)
     if 2 * qvi.m > LARGEST:
         return UniquenessBound(friction, reason=f"as {2 * qvi.m} contact rows are more than {LARGEST}")
-    C, basis = _compliance(qvi)
+    # Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0.
+    system, weights = qvi.condensed_contact.system, np.sqrt(np.concatenate([qvi.W, qvi.W]))
+    rows = weights[:, None] * dense(qvi.condensed_contact.rows_near)
+    C = rows @ system.solve_interface(rows.T)[0]
+    lengths = np.linalg.norm(rows, axis=0)
+    units = np.where(lengths > 0.0, lengths, 1.0)  # columns of length one or zero
+    A = system.A / units
+    lengths = np.linalg.norm(A, axis=1)
+    fixed = _spanned((A[lengths > 0.0] / lengths[lengths > 0.0, None]).T)
+    basis = _spanned(rows / units - rows / units @ fixed @ fixed.T)
     if not basis.shape[1]:
         return UniquenessBound(friction, np.inf, np.inf)
-    values, vectors = eigh(basis.T @ C @ basis)
+    values, vectors = eigh(basis.T @ (C + C.T) @ basis / 2.0)
     kept = values > _LOST * values[-1]
     if (~kept).sum() > qvi.p or not kept.any():
         return UniquenessBound(friction, reason="as the compliance of the contact is beyond double precision")
     values, modes = values[kept], basis @ vectors[:, kept]
     C_NN = (modes[: qvi.m] * values) @ modes[: qvi.m].T
     W_TT = (modes[qvi.m :] / values) @ modes[qvi.m :].T
-    square = _largest_eigenvalue(C_NN) * _largest_eigenvalue(W_TT)
+    square = float(eigvalsh(C_NN)[-1] * eigvalsh(W_TT)[-1])
     kappa = float(values[-1] / values[0])
     sharper = 1.0 / np.sqrt(square) if square > 0.0 else np.inf
     return UniquenessBound(friction, kappa**-0.5, float(sharper), modes.shape[1] == 2 * qvi.m)
 
 
-def _compliance(qvi: FrictionQVI) -> tuple[Matrix, Matrix]:
-    """Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0."""
-    system = qvi.condensed_contact.system
-    weights = np.sqrt(np.concatenate([qvi.W, qvi.W]))
-    rows = weights[:, None] * qvi.contact_rows[:, system.interface].toarray()
-    C = rows @ system.solve_interface(rows.T)[0]
-    lengths = np.linalg.norm(rows, axis=0)
-    units = np.where(lengths > 0.0, lengths, 1.0)
-    fixed = _row_space(system.A_interface / units)
-    scaled = rows / units  # columns of length one or zero
-    Q, R, _ = qr(scaled - scaled @ fixed @ fixed.T, mode="economic", pivoting=True)
-    return (C + C.T) / 2.0, Q[:, np.abs(np.diag(R)) > _RANK]
-
-
-def _row_space(A: Matrix) -> Matrix:
-    """Orthonormal columns (k, r) that span the rows of A (p, k), each taken by its direction."""
-    lengths = np.linalg.norm(A, axis=1)
-    Q, R, _ = qr((A[lengths > 0.0] / lengths[lengths > 0.0, None]).T, mode="economic", pivoting=True)
+def _spanned(columns: Matrix) -> Matrix:
+    """Orthonormal columns that span these of length one, or zero."""
+    Q, R, _ = qr(columns, mode="economic", pivoting=True)
     return np.asarray(Q[:, np.abs(np.diag(R)) > _RANK])
-
-
-def _largest_eigenvalue(matrix: Matrix) -> float:
-    return float(eigvalsh(matrix)[-1])

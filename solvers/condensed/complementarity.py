@@ -25,6 +25,7 @@ In `docs/theory.md`: (D5), (D6).
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
+from typing import Any
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
@@ -32,10 +33,11 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
-from solvers.certificate import body_scales
-from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Coordinates, Expansion, NewtonSystem, PathWeights
+from solvers.certificate.certificate import body_scales
+from solvers.condensed.coordinates import Coordinates, NewtonSystem
+from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Expansion, PathWeights
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, magnitudes, mapped, scaled
+from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, scaled
 
 _EPSILON = float(np.finfo(np.float64).eps)
 _TERMS = 16.0  # roundings of the size of a sum's terms that count as none
@@ -143,8 +145,8 @@ class Complementarity:
         """Rows of tractions and bounds in the coordinates that are free."""
         E, m, count = self._space.E, self._qvi.m, self.count
         whole = len(self._equations.free) == self._space.size
-        self._all: Rows = E if whole else mapped(E, self._equations.map)
-        self._all_sizes: Rows = magnitudes(self._all)
+        self._all: Rows = E if whole else E @ self._equations.map
+        self._all_sizes: Any = abs(self._all)
         normal, shears = self._points[:count], self._points[count : len(self.bounds)]
         self.T: Rows = self._all[np.concatenate([normal, m + shears])]
         self.N: Rows = scaled(np.repeat([0.0, 1.0], [count, len(shears)]), self._all[np.concatenate([normal, shears])])
@@ -269,10 +271,10 @@ class Complementarity:
 
     @cached_property
     def least_share(self) -> float:
-        """The least weight of a bound, over the sum of those in its contact (`FrictionQVI.contacts`); 1 with none."""
+        """The least weight of a bound over the sum of those in its contact, see `ContactMatrices`; 1 with none."""
         if not len(self.weights):
             return 1.0
-        contact = self._qvi.contacts[self._points]
+        contact = self._qvi.contact.contacts[self._points]
         return float((self.weights / np.bincount(contact, self.weights)[contact]).min())
 
     @cached_property

@@ -12,7 +12,7 @@ In `docs/theory.md`: (D4), (D33).
 """
 
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -25,7 +25,6 @@ from solvers.condensed.systems import (
     MANY_POINTS_SHARES,
     MANY_POINTS_STRAGGLERS,
     NEAR_BONDED_SHARES,
-    Coordinates,
     DenseSystem,
     Expansion,
     Solve,
@@ -41,19 +40,38 @@ if TYPE_CHECKING:
 _NOTHING: Vector = np.zeros(0)
 
 
-class DenseCoordinates(Coordinates):
-    """The maps between z and trace coordinates, and S_y.
+class _Tractions:
+    """What is the same in all coordinates: E (2m, k), tractions by coordinates, and its halves."""
+
+    E: Rows
+
+    @cached_property
+    def E_N(self) -> Rows:  # noqa: N802  # letters of (D2)
+        """The rows (m, k) of normal tractions."""
+        return self.E[: self.E.shape[0] // 2]
+
+    @cached_property
+    def E_T(self) -> Rows:  # noqa: N802
+        """The rows (m, k) of tangential tractions."""
+        return self.E[self.E.shape[0] // 2 :]
+
+    def tractions(self, base: Expansion, y: Vector) -> tuple[Vector, Vector]:
+        """(σ_N, σ_T) (m,) each."""
+        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
+
+
+class DenseCoordinates(_Tractions):
+    """The maps between z and trace coordinates y (k,), in which a problem is posed about a base, and S_y.
 
     Attributes
     ----------
-    stiffness : S_y (k, k)
-    E : (2m, k) rows, tractions by trace coordinates
-    A : A_y (p, k)
+    shares : of friction, see `FRICTION_SHARES`
+    stiffness : S_y (k, k), the energy is ½ yᵀ stiffness y + cᵀy + const
+    A : A_y (p, k) equations, and frictionless : points with σ_T = 0, that are solved for some of the coordinates
 
     """
 
-    name = "dense"
-    stiffness: Matrix
+    name = "condensed"  # form of the result
 
     def __init__(self, qvi: FrictionQVI) -> None:
         interface = qvi.condensed_contact
@@ -79,6 +97,18 @@ class DenseCoordinates(Coordinates):
         """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
         return DenseSystem(np.asarray(S), many=self._many)
 
+    def held(self, base: Expansion, y: Vector) -> Vector:  # noqa: ARG002  # no equation is a coordinate
+        """Multipliers of equations that are coordinates, at y."""
+        return base.held
+
+    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector] | None:  # noqa: ARG002
+        """(ν (p,), m_T (m,) of points without friction) for these; None where equations are solved."""
+        return None
+
+    def length(self, y: Vector) -> float:
+        """Energy norm of a step."""
+        return float(np.sqrt(abs(y @ (self.stiffness @ y))))
+
     def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
         """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""
         qvi = self._qvi
@@ -90,7 +120,7 @@ class DenseCoordinates(Coordinates):
             reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
         c = -self._scale * self._coordinates.from_unknowns(reduced)
         return Expansion(
-            z, c, qvi.b - qvi.arrays.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state, held
+            z, c, qvi.b - qvi.contact.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state, held
         )
 
     def move(self, base: Expansion, y: Vector) -> Vector:
@@ -147,11 +177,10 @@ _ROUNDING = 1e-14  # rows of equations shorter than this beside the longest are 
 _SPRING = 1e6  # least ω: refinement gains as many digits each time, and dependent rows make noise of ω roundings in h
 
 
-class SparseCoordinates(Coordinates):
-    """The maps between z and the coordinates y = (x, t, h), with those of `DenseCoordinates`."""
+class SparseCoordinates(_Tractions):
+    """The maps between z and the coordinates y = (x, t, h), with the methods of `DenseCoordinates`."""
 
-    name = "sparse"
-    stiffness: SparseRows
+    name = "full"
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi, self._linear = qvi, qvi.linear_system
@@ -161,7 +190,7 @@ class SparseCoordinates(Coordinates):
         self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         rows = qvi.contact_rows if qvi.traces is None else qvi.traces.rows
         self._Y = csr_array(rows @ diags_array(self._scale))
-        E = eye_array(rows.shape[0]) if qvi.traces is None else qvi.traces.interpolation
+        E = eye_array(rows.shape[0]) if qvi.traces is None else csr_array(qvi.traces.interpolation)
         self._points: IntVector = np.flatnonzero(qvi.frictionless)  # without friction
         equations = csr_array(vstack([csr_array(qvi.T)[self._points], qvi.A]) @ diags_array(self._scale))
         lengths = np.sqrt(np.asarray(equations.multiply(equations).sum(axis=1)).ravel())
@@ -180,7 +209,7 @@ class SparseCoordinates(Coordinates):
     @property
     def size(self) -> int:
         """Number of coordinates k = n + r + equations."""
-        return sum(self._Y.shape) + len(self._lengths)
+        return int(sum(self._Y.shape)) + len(self._lengths)
 
     @property
     def springs(self) -> tuple[Vector, Vector]:
@@ -194,7 +223,7 @@ class SparseCoordinates(Coordinates):
         """The problem about z, with these multipliers of equations, 0 by default: one gradient."""
         qvi, count = self._qvi, len(self._lengths)
         energy, gradient = qvi.state(z)
-        normal, tangential, missed = qvi.normal(z), qvi.tangential(z), qvi.b - qvi.arrays.A @ z
+        normal, tangential, missed = qvi.normal(z), qvi.tangential(z), qvi.b - qvi.contact.A @ z
         held = held if len(held) else np.zeros(count)
         c = np.zeros(self.size)
         c[: qvi.n] = self._scale * gradient + self.equations.T @ held
@@ -207,7 +236,7 @@ class SparseCoordinates(Coordinates):
         return np.asarray(base.z + self._scale * y[: self._qvi.n])
 
     def held(self, base: Expansion, y: Vector) -> Vector:
-        """See `Coordinates`."""
+        """See `DenseCoordinates`."""
         return base.held + y[self.size - len(self._lengths) :]
 
     def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector]:
@@ -304,11 +333,11 @@ class SparseSystem:
         self._sheared, self._across = whole.equations[:points], whole.equations[points:]
 
     def norm(self, force: Vector) -> float:
-        """See `NewtonSystem`."""
+        """See `DenseSystem`."""
         return self._whole.norm(force)
 
     def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
-        """See `NewtonSystem`; scaled to a diagonal of 1. Only the last one can be solved with."""
+        """See `DenseSystem`. Only the last one can be solved with."""
         blocks = problem.spread(*problem.blocks(ratio, slope))
         if not np.isfinite(blocks).all():
             raise LinAlgError("it is not finite")
@@ -350,6 +379,10 @@ class SparseSystem:
         scale = np.ones(self._size)
         scale[filling.touched] = own
         return values, scale
+
+
+Coordinates: TypeAlias = DenseCoordinates | SparseCoordinates
+NewtonSystem: TypeAlias = DenseSystem | SparseSystem
 
 
 def _scaled(K: Sparse, scale: Vector, more: int) -> SparseRows:

@@ -190,7 +190,7 @@ class InteriorPoint:
         point = self.point
         newton = Newton.at(self.problem, point, residuals, accurate=self.accurate)
         products, work = point.products, self._work(point)
-        tau = work / self._total_share if self._total_share > 0.0 else 0.0
+        tau = self.parameter()
         affine = newton.step(-products)
         reach = min(1.0, _longest(point, affine))
         ahead = max(self._work(point.moved(affine, reach)), 0.0)
@@ -202,7 +202,11 @@ class InteriorPoint:
         passes = self._few > 0 and tau > _PASSED_FROM * self.least
         step, length = _corrected(newton, point, comp, target, _HELD_UP if passes else 0.0)
         share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
-        length = self._in_neighbourhood(step, min(1.0, share * length))
+        length, least = min(1.0, share * length), min(_NEIGHBOURHOOD, self._centrality(point))
+        for _ in range(20):  # until no product is far below the others
+            if self._centrality(point.moved(step, length)) >= 0.9 * least:
+                break
+            length *= 0.8
         if passes and length < _HELD_UP:
             return self.past_few(step, length)
         self.point = point.moved(step, length)
@@ -219,7 +223,7 @@ class InteriorPoint:
         while farther > _FARTHER * length:
             moved = point.moved(step, farther)
             passed = Point(moved.y, np.maximum(moved.values, _KEPT * point.values), moved.count)
-            if self._parameter(passed) <= _RISE * self.parameter():
+            if self.parameter(passed) <= _RISE * self.parameter():
                 self.point = passed
                 return farther
             farther *= 0.5
@@ -231,12 +235,9 @@ class InteriorPoint:
         waits = self._few > 0 and self.measures(residuals).slack > _UNFIT
         return min(tau, _WAITS * self.least) if waits else self.least
 
-    def parameter(self) -> float:
-        """τ of the current point: Σ W s λ / Σ W ω; 0 without bounds."""
-        return self._parameter(self.point)
-
-    def _parameter(self, point: Point) -> float:
-        return self._work(point) / self._total_share if self._total_share > 0.0 else 0.0
+    def parameter(self, point: Point | None = None) -> float:
+        """τ of a point, the current one by default: Σ W s λ / Σ W ω; 0 without bounds."""
+        return self._work(point or self.point) / self._total_share if self._total_share > 0.0 else 0.0
 
     def _work(self, point: Point) -> float:
         """Σ W s λ."""
@@ -247,18 +248,9 @@ class InteriorPoint:
         self.shares = shares
         self._total_share = float(self.problem.weights @ shares[: len(self.problem.weights)])
 
-    def _in_neighbourhood(self, step: Point, length: float) -> float:
-        """Shorten the step until no product is far below the others."""
-        least = min(_NEIGHBOURHOOD, self._centrality(self.point))
-        for _ in range(20):
-            if self._centrality(self.point.moved(step, length)) >= 0.9 * least:
-                break
-            length *= 0.8
-        return length
-
     def _centrality(self, point: Point) -> float:
         """The smallest of the products, relative to those of the central path."""
-        target = max(self._parameter(point), _LEAST) * self.shares
+        target = max(self.parameter(point), _LEAST) * self.shares
         return float(np.minimum.reduce(point.products / target, initial=np.inf))
 
 
@@ -449,7 +441,8 @@ class CentralPath:
         back = newton.step(target - point.products)
         tangent, change = self._relative(1.0, along), self._relative(0.0, back)
         tangent_unit = tangent / np.sqrt(self._metric @ tangent**2)
-        if self._backwards(tangent_unit):
+        backwards = tangent_unit[0] if self._tangent is None else -self._metric @ (self._tangent * tangent_unit)
+        if (method.problem.system.orientation * tangent_unit[0] or backwards) > 0.0:
             tangent_unit = -tangent_unit
         # The Newton step with log τ free, normal to the tangent.
         slope = float(self._metric @ (tangent_unit * tangent))
@@ -469,20 +462,10 @@ class CentralPath:
                 length *= 0.7
             shift += length * tangent_unit[0] / tangent[0]
             self._length = min(_GROWTH * length, _LAST_STEP)
-        method.point = point.moved(_sum(back, along, shift), fraction)
+        step = Point(back.y + shift * along.y, back.values + shift * along.values, back.count)
+        method.point = point.moved(step, fraction)
         self._log += fraction * shift
         return fraction * shift
 
-    def _backwards(self, tangent: Vector) -> bool:
-        """Whether a tangent points back along the curve."""
-        orientation = self._method.problem.system.orientation
-        if orientation:
-            return bool(orientation * tangent[0] > 0.0)
-        return bool((tangent[0] if self._tangent is None else -self._metric @ (self._tangent * tangent)) > 0.0)
-
     def _relative(self, log: float, step: Point) -> Vector:
         return np.concatenate([[log], step.values / self._method.point.values])
-
-
-def _sum(first: Point, second: Point, factor: float) -> Point:
-    return Point(first.y + factor * second.y, first.values + factor * second.values, first.count)

@@ -37,9 +37,9 @@ from numpy.linalg import LinAlgError
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.coordinates import DenseCoordinates, SparseCoordinates
+from solvers.condensed.coordinates import Coordinates, DenseCoordinates, SparseCoordinates
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
-from solvers.condensed.systems import Coordinates, Expansion, PathWeights, SystemName
+from solvers.condensed.systems import Expansion, PathWeights
 from solvers.inequality.loads import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
@@ -69,7 +69,6 @@ _ONE_START = 300  # iterations of one start
 LAST: Final = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)
 """How a start ends that no other follows."""
 
-_FORMS: Final[dict[SystemName, str]] = {"dense": "condensed", "sparse": "full"}  # of the result
 _FITTED = 1e-7  # slack residual from which on friction has its own share, see `InteriorPoint.settle`
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
@@ -217,17 +216,14 @@ class CondensedRun:
             contraction = self.sizes[-1] / self.steps[-1] if self.sizes and self.steps[-1] > 0.0 else 1.0
             step = self.relative(self.space.length(self.problem.full(self.interior.point.y)))
             if gap == final and self.sizes and contraction * step <= EXACT:
-                self.ended = (
-                    Status.SOLVED if self.problem.contradiction() <= _CONTRADICTION else Status.INNER_INFEASIBLE
-                )
+                met = self.problem.contradiction() <= _CONTRADICTION
+                self.ended = Status.SOLVED if met else Status.INNER_INFEASIBLE
                 return
             self._correct(step)
             gap = final
             if len(self.sizes) == 1 and self.sizes[0] > SLOW_CONTRACTION:
-                self.ended, self.message = (
-                    Status.ILL_CONDITIONED,
-                    f"defect corrections shrink by {self.sizes[0]:.0e} only",
-                )
+                self.ended = Status.ILL_CONDITIONED
+                self.message = f"defect corrections shrink by {self.sizes[0]:.0e} only"
                 return
             if self.sizes[-1] > _HOPELESS * max(step, _HALVED * self.sizes[-2] if len(self.sizes) > 1 else 0.0):
                 at_floor = self.sizes[-1] <= _FLOOR
@@ -251,10 +247,6 @@ class CondensedRun:
         self.last_gap = np.inf
         self.path, self.clear, self.force, self.unsettled = None, None, np.inf, np.inf
         self.kept = (np.inf, self.interior.point)
-        self._iterate_to(gap)
-        self.interior.point = self.kept[1] or self.interior.point
-
-    def _iterate_to(self, gap: float) -> None:
         while True:
             residuals = self.interior.residuals()
             measures = self.interior.measures(residuals)
@@ -263,7 +255,7 @@ class CondensedRun:
                 self.kept = (worst, self.interior.point)
             stalled = self.path is None and self._stalled(measures)
             if self._reached(measures, gap, stalled) and (stalled or self._settled(residuals)):
-                return
+                break
             self._prepare(measures)
             if stalled:
                 self._turn(measures)
@@ -271,8 +263,9 @@ class CondensedRun:
             if self.ended is None:
                 self._advance(residuals)
             if self.ended is not None:
-                return
+                break
             self._record(measures)
+        self.interior.point = self.kept[1] or self.interior.point
 
     def _limit(self, measures: Measures) -> Status | None:
         """What ends the iteration whatever its progress."""
@@ -400,6 +393,6 @@ class CondensedRun:
         turned = "The central path has a turning point before this solution" if self.turns or self.elsewhere else ""
         return Outcome(
             self.reason, self.space.move(self.base, y), m_N, m_T, nu, self.history, len(self.history), self.message,
-            setup=self.setup, form=_FORMS[self.space.name], corrections=tuple(self.sizes), turned=turned,
+            setup=self.setup, form=self.space.name, corrections=tuple(self.sizes), turned=turned,
             near=self.near,
         )  # fmt: skip

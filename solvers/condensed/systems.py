@@ -7,19 +7,17 @@ In `docs/theory.md`: (D6).
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Final, Literal, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
-from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
+from solvers.basics.types import IntVector, Matrix, Vector
 from solvers.factorisation.base import State
-from solvers.inequality.rows import Rows
 
 if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity
@@ -59,8 +57,6 @@ last cells of the lowest bed, where steps become short; small problems take more
 MANY_POINTS_PATIENCE = 15  # close to the limit the gap hovers for a while and goes on
 MANY_POINTS_STRAGGLERS = 0.02
 
-SystemName: TypeAlias = Literal["dense", "sparse"]
-
 Solve: TypeAlias = Callable[[Vector], Vector]
 """From a force (k,) to coordinates (k,)."""
 
@@ -95,88 +91,8 @@ class Expansion:
     held: Vector
 
 
-class Coordinates(ABC):
-    """The coordinates y (k,) in which a problem is posed about a base; `DenseCoordinates` and `SparseCoordinates`.
-
-    Attributes
-    ----------
-    name : what they are
-    shares : of friction, see `FRICTION_SHARES`
-    stiffness : (k, k), the energy is ½ yᵀ stiffness y + cᵀy + const
-    E : (2m, k) rows, tractions by coordinates; E_N, E_T its halves
-    A : (p, k) equations, and frictionless : points with σ_T = 0, that are solved for some of the coordinates
-
-    """
-
-    name: ClassVar[SystemName]
-    shares: tuple[PathWeights, ...]
-    stiffness: Matrix | SparseRows
-    E: Rows
-    A: Matrix
-    frictionless: IntVector
-
-    @property
-    @abstractmethod
-    def size(self) -> int:
-        """Number of coordinates k."""
-
-    @abstractmethod
-    def base(self, z: Vector, held: Vector = ...) -> Expansion:
-        """The problem about z, with these multipliers of equations that are coordinates."""
-
-    @abstractmethod
-    def move(self, base: Expansion, y: Vector) -> Vector:
-        """The point z + dz (n,) whose coordinates are y."""
-
-    def held(self, base: Expansion, y: Vector) -> Vector:  # noqa: ARG002  # where equations are coordinates
-        """Multipliers of equations that are coordinates, at y."""
-        return base.held
-
-    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector] | None:  # noqa: ARG002
-        """(ν (p,), m_T (m,) of points without friction) for these; None where equations are solved."""
-        return None
-
-    @abstractmethod
-    def bonded(self, base: Expansion) -> Vector:
-        """Coordinates (k,) of the bonded solution, on which no contact law acts."""
-
-    @abstractmethod
-    def coordinates(self, z: Vector) -> Vector:
-        """Coordinates (k,) of a point z (n,), counted from z = 0."""
-
-    @abstractmethod
-    def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
-        """Energy norm of what was missed on the way from one base to the next, y its step."""
-
-    @abstractmethod
-    def forces(self, rows: Rows) -> Rows:
-        """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces."""
-
-    @abstractmethod
-    def system(self, S: Matrix | SparseRows) -> NewtonSystem:
-        """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
-
-    @cached_property
-    def E_N(self) -> Rows:  # noqa: N802  # letters of (D2)
-        """The rows (m, k) of normal tractions."""
-        return self.E[: self.E.shape[0] // 2]
-
-    @cached_property
-    def E_T(self) -> Rows:  # noqa: N802
-        """The rows (m, k) of tangential tractions."""
-        return self.E[self.E.shape[0] // 2 :]
-
-    def tractions(self, base: Expansion, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each."""
-        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
-
-    def length(self, y: Vector) -> float:
-        """Energy norm of a step."""
-        return float(np.sqrt(abs(y @ (self.stiffness @ y))))
-
-
-class NewtonSystem(Protocol):
-    """The matrices of Newton's method for one problem.
+class DenseSystem:
+    """The matrices of Newton's method for S (k, k) dense; `many`: whether contact points are many.
 
     Attributes
     ----------
@@ -190,25 +106,6 @@ class NewtonSystem(Protocol):
 
     """
 
-    patience: int
-    stragglers: float
-    longest: float
-    small: float
-    last_digits: bool
-    orientation: int
-
-    def norm(self, force: Vector) -> float:
-        """√(fᵀ S⁻¹ f) of a force (k,): how far it moves the body; 0 where S is no longer definite to rounding."""
-        ...
-
-    def factorised(self, problem: Complementarity, ratio: Vector, slope: Vector) -> Solve:
-        """The inverse of S + BᵀW diag(ratio) C, see `Complementarity.blocks`; `LinAlgError` if it is singular."""
-        ...
-
-
-class DenseSystem:
-    """S (k, k) dense; `many`: whether contact points are many, as they are where systems are sparse by default."""
-
     longest = 0.99  # beyond, forces lose digits on graded meshes
     small = 2e-3
     last_digits = True
@@ -219,13 +116,16 @@ class DenseSystem:
         self.orientation = 1
 
     def norm(self, force: Vector) -> float:
-        """See `NewtonSystem`."""
+        """√(fᵀ S⁻¹ f) of a force (k,): how far it moves the body; 0 where S is no longer definite to rounding."""
         if self._cholesky is None or not len(force):
             return 0.0
         return float(np.sqrt(abs(force @ dpotrs(self._cholesky, force, lower=1)[0])))
 
     def factorised(self, problem: Complementarity, ratio: Vector, slope: Vector) -> Solve:
-        """See `NewtonSystem`; scaled to a diagonal of 1."""
+        """The inverse of S + BᵀW diag(ratio) C, see `Complementarity.blocks`; `LinAlgError` if it is singular.
+
+        Scaled to a diagonal of 1.
+        """
         if not len(self._S):
             return lambda force: force
         H = self._S + problem.stiffness(*problem.blocks(ratio, slope))

@@ -61,7 +61,9 @@ class Factorisation(ABC):
 
     def keeps(self, unknowns: IntVector) -> bool:
         """Whether all these unknowns, none given twice, are on the interface."""
-        return bool(np.isin(unknowns, self.interface, assume_unique=True).all())
+        kept = np.zeros(self.size, dtype=np.bool_)
+        kept[self.interface] = True
+        return bool(kept[unknowns].all())
 
     def reduce(self, right: Vector | Matrix) -> tuple[Vector | Matrix, State]:
         """(g_Γ − K_ΓI K_II⁻¹ g_I, state for `expand`) for right-hand sides g, (n,) or (n, j)."""

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -15,7 +15,7 @@ from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError, Reason
-from solvers.factorisation.mkl import limited_blas, thread_count
+from solvers.factorisation.mkl import thread_count
 from solvers.factorisation.superlu import (
     Refactorisation,
     RefactorisedBySuperLU,
@@ -235,12 +235,8 @@ class Request(NamedTuple):
         """Whether a factorisation made earlier is what is asked for."""
         return self.name in ("auto", factor.backend) or factor.backend not in CHOICES
 
-    def limited_blas(self) -> AbstractContextManager[None]:
-        """BLAS with the threads given, one by default: on busy machines more are slower by far."""
-        return limited_blas(self.threads or 1)
 
-
-def condensing_pays(K: Sparse, interface: int) -> bool:
+def condensing_pays(K: Sparse | Matrix, interface: int) -> bool:
     """Whether one dense matrix of the interface is factorised in less time than an unsymmetric sparse one like K.
 
     Dense elimination takes ⅔ k³ operations for k unknowns of the interface. Nested dissection of a plane mesh of
@@ -248,7 +244,7 @@ def condensing_pays(K: Sparse, interface: int) -> bool:
     They come in smaller blocks, and so more slowly. A few hundred unknowns are always condensed: what the sparse way
     costs besides is more than the dense one in all.
     """
-    if interface <= _ALWAYS_CONDENSED:
+    if interface <= _ALWAYS_CONDENSED or isinstance(K, np.ndarray):
         return True
     return bool(2.0 / 3.0 * float(interface) ** 3 <= _SLOWER * 20.0 * float(K.nnz / 9.0) ** 1.5)
 

@@ -4,7 +4,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -119,15 +119,23 @@ def thread_count(threads: int | None) -> int:
 @contextmanager
 def limited_blas(count: int) -> Iterator[None]:
     """Every BLAS loaded so far limited to `count` threads, as before on exit; left alone without threadpoolctl."""
-    controller = _controller(len(sys.modules), library.cache_info().currsize)
-    with nullcontext() if controller is None else controller.limit(limits=count, user_api="blas"):
+    libraries = _blas_libraries(len(sys.modules), library.cache_info().currsize)
+    before = [each.get_num_threads() for each in libraries]
+    changed = [(each, threads) for each, threads in zip(libraries, before, strict=True) if threads != count]
+    try:
+        for each, _ in changed:
+            each.set_num_threads(count)
         yield
+    finally:
+        for each, threads in changed:
+            each.set_num_threads(threads)
 
 
 @lru_cache(maxsize=1)
-def _controller(modules: int, libraries: int) -> Module | None:  # noqa: ARG001  # they are the key
-    """Made anew only when something was imported or MKL loaded: looking through all libraries takes milliseconds."""
+def _blas_libraries(modules: int, libraries: int) -> list[Module]:  # noqa: ARG001  # they are the key
+    """Looked for anew only when something was imported or MKL loaded: that takes milliseconds."""
     try:
-        return load("threadpoolctl").ThreadpoolController()
+        found = load("threadpoolctl").ThreadpoolController().lib_controllers
     except ImportError:
-        return None
+        return []
+    return [each for each in found if each.user_api == "blas"]

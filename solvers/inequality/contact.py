@@ -5,25 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csr_array
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.inequality.rows import (
+    Columns,
     Rows,
-    are_few,
+    by_columns,
     checked_matrix,
     checked_vector,
+    columns_of,
     dense,
-    for_products,
     scaled_columns,
-    stacked_columns,
+    stacked,
     stored,
     transposed,
 )
@@ -34,21 +35,21 @@ _POWER_STEPS = 10
 
 @dataclass(frozen=True, eq=False)
 class ContactMatrices(PicklesFields):
-    """Rows of tractions and equations, and the weights of the contact points.
+    """Rows of tractions and equations, and the weights of the contact points; matrices dense where they are small.
 
     Attributes
     ----------
-    N, T : (m, n) sparse, normal and tangential traction at the contact points
+    N, T : (m, n), normal and tangential traction at the contact points
     W : (m,), quadrature weights, > 0
-    A : (p, n) sparse equations, optional; stored as p = 0 rows when not given
+    A : (p, n) equations, optional; p = 0 rows when not given
     traces : `TractionFactor`, optional; coordinates for [N; T], found by dense algebra when not given
 
     """
 
-    N: Sparse
-    T: Sparse
+    N: Columns
+    T: Columns
     W: Vector
-    A: Sparse = None  # type: ignore[assignment]  # None is replaced on construction
+    A: Columns = None  # type: ignore[assignment]  # None is replaced on construction
     traces: TractionFactor | None = None
 
     def __post_init__(self) -> None:
@@ -62,30 +63,22 @@ class ContactMatrices(PicklesFields):
             raise InputError("traces", type(self.traces).__name__, "give TractionFactor, or nothing")
 
     @cached_property
-    def contact_rows(self) -> Sparse:
+    def rows(self) -> Columns:
         """[N; T] (2m, n); `InputError` if the traces do not fit them."""
-        rows = stacked_columns(self.N, self.T)
+        rows = stacked(self.N, self.T)
         if self.traces is not None:
             self.traces.check(rows)
         return rows
 
     @cached_property
-    def stacked(self) -> Any:
-        """[N; T] for products."""
-        return for_products(self.contact_rows)
-
-    @cached_property
-    def arrays(self) -> tuple[Any, Any, Any]:
-        """N, T and A as products with vectors are taken with them: dense where they are small."""
-        rows, A = self.stacked, for_products(self.A)
-        if isinstance(rows, np.ndarray):
-            return rows[: len(self.W)], rows[len(self.W) :], A
-        return self.N, self.T, A
+    def by_columns(self) -> dict[str, Sparse]:
+        """N, T, A and rows as sparse matrices, by their names."""
+        return {name: by_columns(getattr(self, name)) for name in ("N", "T", "A", "rows")}
 
     @cached_property
     def touched(self) -> IntVector:
         """Γ: the columns in which rows of contact or equations have an entry, sorted."""
-        return interface_of(self.contact_rows, self.A)
+        return interface_of(self.rows, self.A)
 
     @cached_property
     def equated(self) -> IntVector:
@@ -95,19 +88,18 @@ class ContactMatrices(PicklesFields):
     @cached_property
     def contacts(self) -> IntVector:
         """(m,) a number for each contact: points hang together through the unknowns that their tractions feel."""
-        N, T, _ = self.arrays
-        if isinstance(N, np.ndarray):
-            felt = (N != 0.0) | (T != 0.0)
+        if isinstance(self.rows, np.ndarray):
+            felt = (self.rows[: len(self.W)] != 0.0) | (self.rows[len(self.W) :] != 0.0)
             linked, number = felt @ felt.T, np.arange(len(felt))
             while True:  # every point takes the smallest number beside it, until none changes
                 least = np.where(linked, number, len(felt)).min(axis=1, initial=len(felt))
                 least = np.minimum(least, number)
                 if (least == number).all():
-                    return np.unique(number, return_inverse=True)[1].astype(np.int64)
+                    return number
                 number = least
         from scipy.sparse.csgraph import connected_components  # what only solves need is not loaded at the start
 
-        rows, (m, n) = self.contact_rows, self.N.shape
+        rows, (m, n) = self.rows, self.N.shape
         if not rows.data.all():
             rows = rows.copy()
             rows.eliminate_zeros()
@@ -124,11 +116,11 @@ class ContactMatrices(PicklesFields):
         """
         weights = np.concatenate([self.W, self.W])
         if self.traces is not None and self.traces.rows.shape[0] == len(weights):
-            rows, interpolation = self.traces.arrays
+            rows, interpolation = self.traces.rows, self.traces.interpolation
             own = np.asarray(interpolation.T @ weights)
             if (own > 0.0).all():
                 return rows, own
-        return self.stacked, weights
+        return self.rows, weights
 
 
 class CondensedContact:
@@ -180,12 +172,12 @@ class CondensedContact:
     @cached_property
     def rows_near(self) -> Rows:
         """[N; T] (2m, k) in the unknowns Γ."""
-        return self.system.near(self.contact.stacked)
+        return self.system.near(self.contact.rows)
 
     @cached_property
     def coordinates(self) -> TraceCoordinates:
         """Trace coordinates of the unknowns Γ."""
-        return trace_coordinates(self.contact.contact_rows, self.contact.traces, self.system.interface)
+        return trace_coordinates(self.contact.rows, self.contact.traces, self.system.interface)
 
     @cached_property
     def _unscaled(self) -> Matrix:
@@ -212,7 +204,7 @@ class CondensedContact:
     @cached_property
     def A(self) -> Matrix:  # noqa: N802  # letter of (D2)
         """A_y (p, k): equations by trace coordinates."""
-        A = np.asarray(self.coordinates.from_unknowns(self.system.A_interface.T))
+        A = np.asarray(self.coordinates.from_unknowns(self.system.A.T))
         return A.T.reshape(self.contact.A.shape[0], len(self.scale)) * self.scale
 
 
@@ -242,20 +234,13 @@ class EqualitySystem:
 
     """
 
-    def __init__(self, A: Sparse, factor: Factorisation) -> None:
-        self.A = A
-        self.factor = factor
-        self.interface: IntVector = self.factor.interface
-        self.A_interface: Matrix = np.asarray(dense(self.near(A))) if A.shape[0] else np.zeros((0, len(self.interface)))
+    def __init__(self, A: Columns, factor: Factorisation) -> None:
+        self.factor, self.interface = factor, factor.interface
+        self.A: Matrix = dense(self.near(A))  # A_Γ
 
-    def near(self, rows: Sparse | Matrix) -> Rows:
-        """Columns Γ (j, k) of rows (j, n), the same arrays where there are no entries in others, as in contact rows."""
-        if isinstance(rows, np.ndarray) or are_few(*rows.shape):
-            return (rows if isinstance(rows, np.ndarray) else rows.toarray())[:, self.interface]
-        if self._goes_beyond(rows):
-            return stored(rows[:, self.interface])
-        starts = np.append(rows.indptr[self.interface], rows.indptr[-1])
-        return stored(csc_array((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface))))
+    def near(self, rows: Columns) -> Rows:
+        """Columns Γ (j, k) of rows (j, n)."""
+        return stored(rows[:, self.interface])
 
     @property
     def schur(self) -> Matrix:
@@ -276,11 +261,15 @@ class EqualitySystem:
 
     def solve_interface(self, g: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
         """(x_Γ, ν) of the dense system for g (k,) or (k, j), the right-hand side where it vanishes elsewhere."""
-        if c is None:
-            c = np.zeros((self.A.shape[0], *g.shape[1:]))
-        return self._dense.solve(np.asarray(g), np.asarray(c))
+        g, A, factored = np.asarray(g), self.A, self._factored
+        c = np.zeros((len(A), *g.shape[1:])) if c is None else np.asarray(c)
+        x, nu = factored.solve(g, c)
+        for _ in range(_REFINEMENTS if len(A) else 0):
+            dx, dnu = factored.solve(g - self.schur @ x - A.T @ nu, c - A @ x)
+            x, nu = x + dx, nu + dnu
+        return x, nu
 
-    def relief(self, rows: Sparse | Matrix, *, often: bool = False) -> Callable[[Vector], Vector]:
+    def relief(self, rows: Columns, *, often: bool = False) -> Callable[[Vector], Vector]:
         """The map m → R x of the solution for r = Rᵀm and c = 0, for rows R (j, n): what forces m relieve in R x.
 
         By the dense system alone where Γ holds all unknowns that the rows touch; for a few dense rows, if it is asked
@@ -296,22 +285,20 @@ class EqualitySystem:
             return lambda m: np.asarray(matrix @ m)
         return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
 
-    def _goes_beyond(self, rows: Sparse | Matrix) -> bool:
+    def _goes_beyond(self, rows: Columns) -> bool:
         """Whether rows (j, n) have entries off Γ."""
         if isinstance(rows, np.ndarray):
             return bool(np.count_nonzero(rows[:, self.interface]) < np.count_nonzero(rows))
         return int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz
 
     @cached_property
-    def _dense(self) -> _DenseSystem:
-        return _DenseSystem.of(self.schur, self.A_interface)
+    def _factored(self) -> _Factored:
+        return _Factored.of(self.schur, self.A)
 
 
-@dataclass(frozen=True, eq=False)
-class _DenseSystem:
+class _Factored(NamedTuple):
     """[S Aᵀ; A 0] by Cholesky of S + ρ AᵀA, which changes neither x nor ν if ρ Aᵀc is added to the right-hand side."""
 
-    S: Matrix
     A: Matrix
     rho: float
     cholesky: Matrix
@@ -320,51 +307,33 @@ class _DenseSystem:
     vectors: Matrix  # eigenvectors of A relief that are not null
 
     @classmethod
-    def of(cls, S: Matrix, A: Matrix) -> _DenseSystem:
-        rho, stiffened = 0.0, S
-        if len(A):
+    def of(cls, S: Matrix, A: Matrix) -> _Factored:
+        rho = 0.0
+        if len(A) and len(S):
             square = A.T @ A
-            rho = float(np.trace(S) / max(np.trace(square), np.finfo(float).tiny)) if len(S) else 0.0
-            stiffened = S + rho * square
-        cholesky = stiffened
-        if len(S):
-            cholesky, info = dpotrf(stiffened, lower=1, clean=0)
-            if info:
-                raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite")
-        relief = A.T
-        values, vectors = np.zeros(0), np.zeros((0, 0))
+            rho = float(np.trace(S) / max(np.trace(square), np.finfo(float).tiny))
+            S = S + rho * square
+        cholesky, info = dpotrf(S, lower=1, clean=0) if len(S) else (S, 0)
+        if info:
+            raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite")
+        relief, values, vectors = A.T, np.zeros(0), np.zeros((0, 0))
         if len(A):
             relief = dpotrs(cholesky, A.T, lower=1)[0] if len(S) else A.T
             values, vectors = eigh(A @ relief)
         kept = values > _DEPENDENT * values.max(initial=0.0)
-        return cls(S, A, rho, cholesky, relief, values[kept], vectors[:, kept])
+        return cls(A, rho, cholesky, relief, values[kept], vectors[:, kept])
 
     def solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
-        if not len(self.A):
-            return self._inverse(g), c
-        x, nu = self._solve(g, c)
-        for _ in range(_REFINEMENTS):
-            dx, dnu = self._solve(g - self.S @ x - self.A.T @ nu, c - self.A @ x)
-            x, nu = x + dx, nu + dnu
-        return x, nu
-
-    def _solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
-        x = self._inverse(g + self.rho * self.A.T @ c)
+        """(x, ν), not refined."""
+        if not len(self.A):  # SciPy's `cho_solve` would take longer for its arguments than for small systems
+            return (np.asarray(dpotrs(self.cholesky, g, lower=1)[0]) if g.size else g), c
+        x = g + self.rho * self.A.T @ c
+        x = np.asarray(dpotrs(self.cholesky, x, lower=1)[0]) if g.size else x
         weights = self.vectors.T @ (self.A @ x - c)
         nu = self.vectors @ (weights / (self.values if g.ndim == 1 else self.values[:, None]))
         return x - self.relief @ nu, nu
 
-    def _inverse(self, g: Vector | Matrix) -> Vector | Matrix:
-        """(S + ρ AᵀA)⁻¹ g; SciPy's `cho_solve` would take longer for its arguments than for small systems."""
-        return np.asarray(dpotrs(self.cholesky, g, lower=1)[0]) if g.size else g
 
-
-def interface_of(contact_rows: Sparse, A: Sparse) -> IntVector:
+def interface_of(contact_rows: Columns, A: Columns) -> IntVector:
     """Γ: the columns in which contact or equality rows have an entry, sorted."""
-    return np.union1d(columns_of(contact_rows), columns_of(A))
-
-
-def columns_of(matrix: Sparse) -> IntVector:
-    """The columns in which a matrix has an entry, sorted."""
-    columns = matrix if matrix.format == "csc" else csc_array(matrix)
-    return np.flatnonzero(np.diff(columns.indptr)).astype(np.int64)
+    return np.union1d(columns_of(contact_rows), columns_of(A)) if A.shape[0] else columns_of(contact_rows)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from solvers.basics.types import PicklesFields, Vector
 from solvers.errors import InputError
 from solvers.factorisation.base import State
 from solvers.inequality.contact import CondensedContact
-from solvers.inequality.rows import checked_vector
+from solvers.inequality.rows import Columns, checked_vector
 from solvers.inequality.stiffness import EnergyRoot, Stiffness
 
 SLOW_CONTRACTION = 1e-3
@@ -54,8 +53,8 @@ class Loads(PicklesFields):
     def energy(self, stiffness: Stiffness) -> Energy:
         """That of a body under these loads, kept."""
         found: Energy | None = self.__dict__.get("_energy")
-        if found is None or found.K is not stiffness.array:
-            found = self.__dict__["_energy"] = Energy(stiffness.array, self.f, self.root, self.load)
+        if found is None or found.K is not stiffness.K:
+            found = self.__dict__["_energy"] = Energy(stiffness.K, self.f, self.root, self.load)
         return found
 
     def bonded(self, condensed: CondensedContact, energy: Energy) -> BondedState:
@@ -70,7 +69,7 @@ class Loads(PicklesFields):
 class Energy:
     """½ zᵀKz − fᵀz, K (n, n), dense or sparse, and f (n,); through root and load (n,) where they are given."""
 
-    K: Any
+    K: Columns
     f: Vector
     root: EnergyRoot | None = None
     load: Vector | None = None
@@ -94,20 +93,20 @@ class Energy:
 
     def state(self, z: Vector) -> tuple[float, Vector]:
         """`strain` and `gradient` at once."""
-        return self._state(z) if z.any() else self.at_zero
-
-    @cached_property
-    def at_zero(self) -> tuple[float, Vector]:
-        """Both at z = 0, where every solve begins, more than once."""
-        strain, gradient = self._state(np.zeros(self.K.shape[0]))
-        gradient.setflags(write=False)
-        return strain, gradient
-
-    def _state(self, z: Vector) -> tuple[float, Vector]:
+        if not z.any():
+            return self.at_zero
         if self.root is None or self.load is None:
             return self.strain(z), self.gradient(z)
         r = self.root.apply(z)
         return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+
+    @cached_property
+    def at_zero(self) -> tuple[float, Vector]:
+        """Both at z = 0, where every solve begins, more than once."""
+        z = np.zeros(self.K.shape[0])
+        strain, gradient = self.strain(z), self.gradient(z)
+        gradient.setflags(write=False)
+        return strain, gradient
 
 
 class BondedState:
@@ -166,7 +165,7 @@ class BondedState:
 
     def _missed(self, z: Vector) -> tuple[Vector, Vector]:
         """Forces and right-hand sides of equations that z leaves."""
-        return -self.energy.gradient(z), self._b - self.condensed.contact.arrays[2] @ z
+        return -self.energy.gradient(z), self._b - self.condensed.contact.A @ z
 
     def _size(self, step: Vector) -> float:
         """In the energy norm."""

@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, PicklesFields, Sparse, Vector
+from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
 from solvers.inequality.loads import BondedState, Energy, Loads
@@ -21,18 +21,6 @@ from solvers.inequality.stiffness import EnergyRoot, Stiffness
 from solvers.inequality.traces import TractionFactor
 
 __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]
-
-
-class Arrays(NamedTuple):
-    """K (n, n), N and T (m, n) and A (p, n) of a problem as products with vectors are taken with them.
-
-    Dense where they are small: the overhead of a sparse product is more than a small product in all.
-    """
-
-    K: Any
-    N: Any
-    T: Any
-    A: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +101,8 @@ class FrictionQVI(PicklesFields):
     loads : `Loads`: f, n0, t0, b, and what the bonded state is
     law : `Law`: mu, cohesion, cap, bilateral
 
-    Data of the parts can be read from the problem too, as in `qvi.K`. Raises `InputError` where shapes disagree.
+    Data of the parts can be read from the problem too, as in `qvi.f`; `qvi.K`, `N`, `T`, `A` and `contact_rows` [N; T]
+    are in compressed columns there. Raises `InputError` where shapes disagree.
 
     """
 
@@ -122,11 +111,12 @@ class FrictionQVI(PicklesFields):
     loads: Loads
     law: Law
 
-    K = cast("Sparse", property(attrgetter("stiffness.K")))
-    N = cast("Sparse", property(attrgetter("contact.N")))
-    T = cast("Sparse", property(attrgetter("contact.T")))
+    K = cast("Sparse", property(attrgetter("stiffness.by_columns")))
+    N = cast("Sparse", property(lambda self: self.contact.by_columns["N"]))
+    T = cast("Sparse", property(lambda self: self.contact.by_columns["T"]))
     W = cast("Vector", property(attrgetter("contact.W")))
-    A = cast("Sparse", property(attrgetter("contact.A")))
+    A = cast("Sparse", property(lambda self: self.contact.by_columns["A"]))
+    contact_rows = cast("Sparse", property(lambda self: self.contact.by_columns["rows"]))
     traces = cast("TractionFactor | None", property(attrgetter("contact.traces")))
     f = cast("Vector", property(attrgetter("loads.f")))
     n0 = cast("Vector", property(attrgetter("loads.n0")))
@@ -154,12 +144,13 @@ class FrictionQVI(PicklesFields):
         if self.load is not None:
             expected["load"] = (n,)
         for name, shape in expected.items():
-            found = getattr(self, name).shape
+            part = self.contact if name in ("N", "T", "A") else self
+            found = getattr(part, name).shape
             if found != shape:
                 raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
         if p == 0:
             self.stiffness.check_diagonal(least=np.finfo(np.float64).tiny)
-        _ = self.contact.contact_rows  # checks the traces
+        _ = self.contact.rows  # checks the traces
 
     @classmethod
     def from_arrays(
@@ -208,40 +199,25 @@ class FrictionQVI(PicklesFields):
     @cached_property
     def n(self) -> int:
         """Number of unknowns."""
-        return int(self.K.shape[0])
+        return int(self.stiffness.K.shape[0])
 
     @cached_property
     def m(self) -> int:
         """Number of contact points."""
-        return int(self.N.shape[0])
+        return int(self.contact.N.shape[0])
 
     @cached_property
     def p(self) -> int:
         """Number of equality rows."""
-        return int(self.A.shape[0])
-
-    @property
-    def arrays(self) -> Arrays:
-        """K, N, T and A for products."""
-        return Arrays(self.stiffness.array, *self.contact.arrays)
-
-    @property
-    def contact_rows(self) -> Sparse:
-        """[N; T] (2m, n)."""
-        return self.contact.contact_rows
-
-    @property
-    def contacts(self) -> IntVector:
-        """See `ContactMatrices.contacts`."""
-        return self.contact.contacts
+        return int(self.contact.A.shape[0])
 
     def normal(self, z: Vector) -> Vector:
         """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
-        return np.asarray(self.contact.arrays[0] @ z + self.loads.n0)
+        return np.asarray(self.contact.N @ z + self.loads.n0)
 
     def tangential(self, z: Vector) -> Vector:
         """Tangential traction σ_T = T z + t0 (m,)."""
-        return np.asarray(self.contact.arrays[1] @ z + self.loads.t0)
+        return np.asarray(self.contact.T @ z + self.loads.t0)
 
     def pressure(self, z: Vector) -> Vector:
         """Contact pressure s = max(−(N z + n0), 0), where bilateral |N z + n0| (m,)."""
@@ -255,16 +231,12 @@ class FrictionQVI(PicklesFields):
         """½ zᵀKz − fᵀz."""
         return self.potential.value(z)
 
-    def strain_energy(self, z: Vector) -> float:
-        """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
-        return self.potential.strain(z)
-
     def gradient(self, z: Vector) -> Vector:
         """Gradient of the energy (n,): Rᵀr(z) − load where there is a root, else K z − f."""
         return self.potential.gradient(z)
 
     def state(self, z: Vector) -> tuple[float, Vector]:
-        """`strain_energy` and `gradient` at once."""
+        """The strain energy, ½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz, and the `gradient`."""
         return self.potential.state(z)
 
     def resultant(self, z: Vector) -> float:
@@ -315,23 +287,6 @@ class FrictionQVI(PicklesFields):
         return self.settled.z
 
     @property
-    def bonded_error(self) -> float:
-        """Error of `bonded` in the energy norm, relative: how far the last defect correction still moved it.
-
-        Where the problem has no root this is not measured, and 0.
-        """
-        return self.settled.error
-
-    @property
-    def bonded_energy(self) -> float:
-        """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
-        return self.settled.strain_energy
-
-    def rough_stress(self) -> float:
-        """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
-        return self.bonded_state.rough_stress
-
-    @property
     def settled(self) -> BondedState:
         """The bonded state by the factorisation that the problem needs: R's where K has lost too much to rounding."""
         found = self.bonded_state
@@ -355,14 +310,9 @@ class Compliance:
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi = qvi
-        self._rows = qvi.contact.stacked
+        self._rows = qvi.contact.rows
         self._condensed = qvi.condensed_contact
         self.bonded = self.tractions(qvi.bonded)
-
-    @property
-    def is_dense(self) -> bool:
-        """Whether C is computed rather than applied."""
-        return (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT
 
     @property
     def dense(self) -> Matrix:
@@ -375,7 +325,7 @@ class Compliance:
 
     def relief(self, m: Vector) -> Vector:
         """C m (2m,)."""
-        if self.is_dense:
+        if (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT:
             return np.asarray(self.dense @ m)
         rows = self._condensed.rows_near
         return np.asarray(rows @ self._condensed.system.solve_interface(transposed(rows) @ m)[0])
@@ -387,13 +337,16 @@ class Compliance:
         """
         qvi, system = self._qvi, self._condensed.system
         forces = self._rows.T @ m
-        z = qvi.bonded - system.solve(forces)[0]
-        correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
-        size = np.inf
-        for _ in range(_CORRECTIONS):
-            new = float(np.abs(self._rows @ correction).max(initial=0.0))
-            if not new < 0.5 * size:
+        z, size = qvi.bonded - system.solve(forces)[0], np.inf
+        for _ in range(_CORRECTIONS + 1):
+            correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
+            before, size = size, float(np.abs(self._rows @ correction).max(initial=0.0))
+            if not size < 0.5 * before:
                 break
-            z, size = z + correction, new
-            correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.arrays.A @ z)
+            z = z + correction
         return z, nu
+
+    def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        """`unknowns` with the parts of m: (z, m_N, m_T, ν)."""
+        z, nu = self.unknowns(m)
+        return z, m[: self._qvi.m], m[self._qvi.m :], nu

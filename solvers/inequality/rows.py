@@ -1,6 +1,7 @@
-"""Rows that depend linearly on each other: a few that span them.
+"""Matrices as they are kept, checks of them, and a few rows that span others.
 
-By QR with pivoting of the rows scaled to one, where they are few, or by sparse elimination in their order.
+Matrices are sparse where they are large, and dense where they are small and the overhead of a sparse product is more
+than the product in all: rows by unknowns by columns (`Columns`), rows by trace coordinates by rows (`Rows`).
 """
 
 from copy import copy
@@ -16,6 +17,137 @@ from solvers.basics.checks import real_array
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.errors import InputError
 
+Columns: TypeAlias = Sparse | Matrix
+Rows: TypeAlias = SparseRows | Matrix
+
+_DENSE = 60_000  # entries up to which a matrix is dense
+
+
+def are_few(rows: int, columns: int) -> bool:
+    """Whether a matrix of this shape is kept dense."""
+    return rows * columns <= _DENSE
+
+
+def by_columns(matrix: Any) -> Sparse:
+    """A matrix in compressed columns, float64, with 32-bit indices where they suffice; SciPy would keep wider ones.
+
+    A matrix that is so already is returned itself.
+    """
+    if isinstance(matrix, np.ndarray) and matrix.ndim == 2:  # SciPy would go through coordinates
+        places, rows = np.nonzero(matrix.T)
+        starts = np.searchsorted(places, np.arange(matrix.shape[1] + 1)).astype(np.int32)
+        return csc_array((matrix[rows, places].astype(np.float64), rows.astype(np.int32), starts), matrix.shape)
+    kept = isinstance(matrix, csc_array) and matrix.dtype == np.float64
+    columns = matrix if kept else csc_array(matrix, dtype=np.float64)
+    if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
+        return columns
+    narrow = copy(columns)  # whose parts are exchanged: the constructor would check them all again
+    narrow.indices, narrow.indptr = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
+    return narrow
+
+
+def stacked(upper: Columns, lower: Columns) -> Columns:
+    """Rows on top of each other, both dense or both by columns; SciPy's `vstack` would go through coordinates."""
+    if isinstance(upper, np.ndarray) or isinstance(lower, np.ndarray):
+        return np.concatenate([dense(upper), dense(lower)])
+    first = np.arange(upper.nnz) + np.repeat(lower.indptr[:-1], np.diff(upper.indptr))
+    second = np.arange(lower.nnz) + np.repeat(upper.indptr[1:], np.diff(lower.indptr))
+    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=upper.indices.dtype)
+    data[first], data[second] = upper.data, lower.data
+    indices[first], indices[second] = upper.indices, lower.indices + upper.shape[0]
+    return csc_array((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
+
+
+def columns_of(matrix: Columns) -> IntVector:
+    """The columns in which a matrix has an entry, sorted."""
+    entries = (matrix != 0.0).any(axis=0) if isinstance(matrix, np.ndarray) else np.diff(by_columns(matrix).indptr)
+    return entries.nonzero()[0]
+
+
+def stored(rows: Columns | SparseRows) -> Rows:
+    """The rows as they are best kept."""
+    return dense(rows) if are_few(*rows.shape) else csr_array(rows)
+
+
+def largest(vector: Vector) -> float:
+    """Max |v|, 0 for no entries."""
+    return float(np.maximum.reduce(np.abs(vector), initial=0.0))
+
+
+def dense(rows: Columns | SparseRows) -> Matrix:
+    """The rows as a dense array."""
+    return rows if isinstance(rows, np.ndarray) else np.asarray(rows.toarray())
+
+
+def scaled(factors: Vector, rows: Rows) -> Rows:
+    """diag(factors) rows."""
+    return factors[:, None] * rows if isinstance(rows, np.ndarray) else csr_array(diags_array(factors) @ rows)
+
+
+def scaled_columns(rows: Rows, factors: Vector) -> Rows:
+    """Rows diag(factors)."""
+    return rows * factors if isinstance(rows, np.ndarray) else csr_array(rows @ diags_array(factors))
+
+
+def transposed(rows: Columns | SparseRows) -> Rows:
+    """rowsᵀ (k, q)."""
+    return rows.T if isinstance(rows, np.ndarray) else csr_array(rows.T)
+
+
+def generic_vector(size: int) -> Vector:
+    """(size,) numbers from −1 to 1 without a pattern that a matrix could share; quicker than random ones."""
+    return np.asarray(np.sin(np.arange(1.0, size + 1.0) ** 2))
+
+
+def absolute_product(matrix: Columns, vector: Vector) -> Vector:
+    """|matrix| |vector| (q,) for a matrix (q, k): the size of the terms of matrix vector."""
+    if isinstance(matrix, np.ndarray):
+        return np.asarray(np.abs(matrix) @ np.abs(vector))
+    columns = np.repeat(np.abs(vector), np.diff(matrix.indptr))
+    sums = np.bincount(matrix.indices, np.abs(matrix.data) * columns, matrix.shape[0])
+    return np.asarray(sums, dtype=np.float64)
+
+
+# Checks of what is given.
+
+
+def checked_matrix(name: str, value: Any, empty: int | None = None) -> Columns:
+    """A matrix as it is kept, `InputError` if it is none; without one no rows of `empty` columns.
+
+    A dense one cannot be changed.
+    """
+    if value is None:
+        if empty is None:
+            raise InputError(name, None, "give a matrix")
+        return np.zeros((0, empty))
+    if not issparse(value):
+        value = np.asarray(value)
+        if value.ndim != 2:
+            raise InputError(name, f"{value.ndim} dimensions", "give a matrix, with two dimensions")
+    if value.dtype.kind not in "biuf":
+        raise InputError(name, value.dtype, "give a matrix of real numbers, sparse or dense")
+    value = dense(value) if are_few(*value.shape) else by_columns(value)
+    if isinstance(value, np.ndarray) and (value.flags.writeable or value.dtype != np.float64):
+        value = value.astype(np.float64)
+        value.setflags(write=False)
+    if not np.isfinite(value if isinstance(value, np.ndarray) else value.data).all():
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    return value  # type: ignore[no-any-return]
+
+
+def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
+    """An array of numbers that cannot be changed; `InputError` if it is none."""
+    vector = real_array(name, value, "give a vector of real numbers")
+    if not (~np.isnan(vector) if infinite else np.isfinite(vector)).all():
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    vector.setflags(write=False)
+    return vector
+
+
+# Rows that depend linearly on each other: a few that span them, by QR with pivoting of the rows scaled to one, where
+# they are few, or by sparse elimination in their order.
+
+
 _RANK = 1e-10
 """Rows, scaled to length one, that are shorter than this beside the others depend on them."""
 
@@ -24,7 +156,7 @@ _CANCELLED = 1e-9  # a row that elimination reduces to less than this share of i
 _PREFERRED = 0.1  # pivots of at least this share of the largest are good enough
 
 
-def independent_rows(B: Sparse) -> tuple[Matrix, Sparse]:
+def independent_rows(B: Columns) -> tuple[Matrix, Sparse]:
     """B = E Y with E (rows, r) and orthonormal rows Y (r, n) sparse."""
     Q, R, order, lengths, touched = _pivoted(B)
     E = np.empty((B.shape[0], len(R)))
@@ -33,7 +165,7 @@ def independent_rows(B: Sparse) -> tuple[Matrix, Sparse]:
     return E * lengths[:, None], csc_array(csc_array(Q.T) @ selection)
 
 
-def spanning_rows(B: Sparse) -> tuple[Matrix, IntVector]:
+def spanning_rows(B: Columns) -> tuple[Matrix, IntVector]:
     """B = E B[chosen] with E (rows, r) of moderate entries, those of the r chosen rows a unit matrix."""
     _, R, order, lengths, _ = _pivoted(B)
     r = len(R)
@@ -138,145 +270,13 @@ def _reduce(row: dict[int, float], pivots: dict[int, _Pivot]) -> tuple[dict[int,
     return row, size
 
 
-def _pivoted(B: Sparse) -> tuple[Matrix, Matrix, IntVector, Vector, IntVector]:
+def _pivoted(B: Columns) -> tuple[Matrix, Matrix, IntVector, Vector, IntVector]:
     """Q (touched columns, r), R (r, rows) and the pivot order of the scaled rows, their lengths, touched columns."""
-    touched = np.flatnonzero(np.diff(B.indptr))
-    rows = B[:, touched].toarray()
+    touched = columns_of(B)
+    rows = dense(B[:, touched])
     lengths = np.linalg.norm(rows, axis=1)
     lengths[lengths == 0.0] = 1.0
     Q, R, order = qr((rows / lengths[:, None]).T, mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
     r = int((diagonal > _RANK * diagonal.max(initial=0.0)).sum())
     return Q[:, :r], R[:r], order, lengths, touched
-
-
-# Rows by trace coordinates: sparse where there are many, dense where there are few and sparse overhead counts.
-
-
-Rows: TypeAlias = SparseRows | Matrix
-"""Rows (q, k), a csr array or a dense one."""
-
-_DENSE = 60_000  # entries up to which rows are kept dense
-
-
-def by_columns(matrix: Any) -> Sparse:
-    """A matrix in compressed columns, float64, with 32-bit indices where they suffice; SciPy would keep wider ones.
-
-    A matrix that is so already is returned itself: problems of a sequence are known to share it.
-    """
-    if isinstance(matrix, np.ndarray) and matrix.dtype == np.float64 and matrix.ndim == 2:
-        return _compressed(matrix)  # SciPy would go through coordinates
-    kept = isinstance(matrix, csc_array) and matrix.dtype == np.float64
-    columns = matrix if kept else csc_array(matrix, dtype=np.float64)
-    if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
-        return columns
-    narrow = copy(columns)  # whose parts are exchanged: the constructor would check them all again
-    narrow.indices, narrow.indptr = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
-    return narrow
-
-
-def _compressed(matrix: Matrix) -> Sparse:
-    """A dense matrix in compressed columns."""
-    entries = matrix.T.ravel()
-    places = np.flatnonzero(entries)
-    rows = (places % len(matrix)).astype(np.int32) if len(matrix) else places.astype(np.int32)
-    starts = np.searchsorted(places, len(matrix) * np.arange(matrix.shape[1] + 1)).astype(np.int32)
-    return csc_array((entries[places], rows, starts), matrix.shape)
-
-
-def stacked_columns(upper: Sparse, lower: Sparse) -> Sparse:
-    """Rows on top of each other, both by columns; SciPy's `vstack` would go through coordinates."""
-    first = np.arange(upper.nnz) + np.repeat(lower.indptr[:-1], np.diff(upper.indptr))
-    second = np.arange(lower.nnz) + np.repeat(upper.indptr[1:], np.diff(lower.indptr))
-    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=upper.indices.dtype)
-    data[first], data[second] = upper.data, lower.data
-    indices[first], indices[second] = upper.indices, lower.indices + upper.shape[0]
-    return csc_array((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
-
-
-def are_few(rows: int, columns: int) -> bool:
-    """Whether a matrix of this shape is kept dense."""
-    return rows * columns <= _DENSE
-
-
-def stored(rows: Sparse | SparseRows) -> Rows:
-    """The rows as they are best kept."""
-    return rows.toarray() if are_few(*rows.shape) else csr_array(rows)
-
-
-def for_products(matrix: Sparse) -> Any:
-    """The matrix as products with vectors are taken with it: dense where it is small, else as it is."""
-    return matrix.toarray() if are_few(*matrix.shape) else matrix
-
-
-def largest(vector: Vector) -> float:
-    """Max |v|, 0 for no entries."""
-    return float(np.maximum.reduce(np.abs(vector), initial=0.0))
-
-
-def dense(rows: Rows) -> Matrix:
-    """The rows as a dense array."""
-    return rows if isinstance(rows, np.ndarray) else np.asarray(rows.toarray())
-
-
-def scaled(factors: Vector, rows: Rows) -> Rows:
-    """diag(factors) rows."""
-    return factors[:, None] * rows if isinstance(rows, np.ndarray) else csr_array(diags_array(factors) @ rows)
-
-
-def scaled_columns(rows: Rows, factors: Vector) -> Rows:
-    """Rows diag(factors)."""
-    return rows * factors if isinstance(rows, np.ndarray) else csr_array(rows @ diags_array(factors))
-
-
-def magnitudes(rows: Rows) -> Rows:
-    """Absolute values of all entries."""
-    return np.abs(rows) if isinstance(rows, np.ndarray) else csr_array(abs(rows))
-
-
-def mapped(rows: Rows, matrix: Rows) -> Rows:
-    """Rows times a matrix (k, u)."""
-    return np.asarray(rows @ matrix) if isinstance(rows, np.ndarray) else csr_array(rows @ matrix)
-
-
-def transposed(rows: Rows) -> Rows:
-    """rowsᵀ (k, q)."""
-    return rows.T if isinstance(rows, np.ndarray) else csr_array(rows.T)
-
-
-def absolute_product(matrix: Sparse, vector: Vector) -> Vector:
-    """|matrix| |vector| (q,) of a csc array (q, k): the size of the terms of matrix vector."""
-    columns = np.repeat(np.abs(vector), np.diff(matrix.indptr))
-    sums = np.bincount(matrix.indices, np.abs(matrix.data) * columns, matrix.shape[0])
-    return np.asarray(sums, dtype=np.float64)
-
-
-# Checks of what is given.
-
-
-def checked_matrix(name: str, value: Any, empty: int | None = None) -> Sparse:
-    """A matrix in compressed columns, `InputError` if it is none; without one no rows of `empty` columns."""
-    if value is None:
-        if empty is None:
-            raise InputError(name, None, "give a matrix")
-        return csc_array((0, empty))
-    try:
-        if np.iscomplexobj(value):
-            raise TypeError("complex numbers")
-        matrix = by_columns(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(name, type(value).__name__, "give a matrix of real numbers, sparse or dense") from error
-    if not issparse(value) and np.ndim(value) != 2:
-        raise InputError(name, f"{np.ndim(value)} dimensions", "give a matrix, with two dimensions")
-    if not np.isfinite(matrix.data).all():
-        raise InputError(name, "NaN or infinity", "give finite numbers")
-    return matrix
-
-
-def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
-    """An array of numbers that cannot be changed; `InputError` if it is none."""
-    vector = real_array(name, value, "give a vector of real numbers")
-    if not (~np.isnan(vector) if infinite else np.isfinite(vector)).all():
-        raise InputError(name, "NaN or infinity", "give finite numbers")
-    vector.setflags(write=False)
-    return vector

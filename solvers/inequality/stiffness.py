@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -15,9 +15,17 @@ from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.choice import Request, condensing_pays, factorise, refactorisation
+from solvers.factorisation.mkl import limited_blas
 from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
-from solvers.inequality.rows import absolute_product, checked_matrix, checked_vector, for_products
+from solvers.inequality.rows import (
+    Columns,
+    absolute_product,
+    by_columns,
+    checked_matrix,
+    checked_vector,
+    generic_vector,
+)
 
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 
@@ -62,7 +70,7 @@ class Stiffness(PicklesFields):
 
     Attributes
     ----------
-    K : (n, n) sparse, symmetric, positive definite on the null space of A
+    K : (n, n) symmetric, positive definite on the null space of A; dense where it is small
     root : `EnergyRoot`, optional
         Its R is factorised where K is not positive definite to working precision, or when `use_root` says so.
     places : (n, 2), optional
@@ -73,7 +81,7 @@ class Stiffness(PicklesFields):
 
     """
 
-    K: Sparse
+    K: Columns
     root: EnergyRoot | None = None
     places: Matrix | None = None
 
@@ -87,7 +95,10 @@ class Stiffness(PicklesFields):
             if self.places.shape != (n, 2):
                 raise InputError("places", f"shape {self.places.shape}", f"give shape ({n}, 2), as K says")
         self.check_diagonal(least=0.0)
-        asymmetry = _asymmetry(self.K)
+        v = generic_vector(n)
+        w = v[::-1]
+        scale = float(np.abs(v) @ absolute_product(self.K, w))
+        asymmetry = abs(float(v @ (self.K @ w) - w @ (self.K @ v))) / scale if scale > 0 else 0.0
         if asymmetry > _ASYMMETRY:
             raise InputError("K", f"asymmetry {asymmetry:.1e}", "give a symmetric K, such as (K + Kᵀ)/2")
 
@@ -103,9 +114,9 @@ class Stiffness(PicklesFields):
         return np.asarray(self.K.diagonal())
 
     @cached_property
-    def array(self) -> Any:
-        """K as products with vectors are taken with it."""
-        return for_products(self.K)
+    def by_columns(self) -> Sparse:
+        """K as a sparse matrix."""
+        return by_columns(self.K)
 
     @cached_property
     def _made(self) -> _Made:
@@ -157,7 +168,7 @@ class Stiffness(PicklesFields):
         try:
             if made.factor is not None and not made.request.fits(made.factor):
                 self._forget()
-            with made.request.limited_blas():
+            with limited_blas(request.threads or 1):  # on busy machines more are slower by far
                 yield
         finally:
             made.request, made.asked = before
@@ -189,10 +200,3 @@ class Stiffness(PicklesFields):
         assert self.root is not None
         R, places = self.root.matrix()
         return factorise_root(R, interface, places)
-
-
-def _asymmetry(K: Sparse) -> float:
-    """|vᵀKw − wᵀKv| / |v|ᵀ|K||w| for two random vectors: an asymmetry does not hide from both."""
-    v, w = np.random.default_rng(0).normal(size=(2, K.shape[0]))
-    scale = float(np.abs(v) @ absolute_product(K, w))
-    return abs(float(v @ (K @ w) - w @ (K @ v))) / scale if scale > 0 else 0.0

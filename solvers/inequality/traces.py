@@ -6,12 +6,11 @@ In `docs/theory.md`: (D4).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
-from scipy.sparse import csc_array, csr_array, issparse
+from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, SparseRows, Vector
@@ -19,15 +18,16 @@ from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
 from solvers.inequality.rows import (
+    Columns,
     Rows,
     absolute_product,
     are_few,
     basis_rows,
     by_columns,
+    checked_matrix,
     dense,
     echelon,
-    for_products,
-    magnitudes,
+    generic_vector,
     spanning_rows,
     stored,
 )
@@ -45,38 +45,27 @@ class TractionFactor(PicklesFields):
 
     Attributes
     ----------
-    rows : Y (r, n) sparse
-    interpolation : E (2m, r) sparse
+    rows : Y (r, n), dense where it is small
+    interpolation : E (2m, r), dense where it is small
 
     """
 
-    rows: Sparse
-    interpolation: Sparse
+    rows: Columns
+    interpolation: Columns
 
     def __post_init__(self) -> None:
         for name in ("rows", "interpolation"):
-            value: object = getattr(self, name)
-            if not issparse(value):
-                raise InputError(f"traces.{name}", type(value).__name__, "give a sparse matrix")
-            matrix: Any = value
-            if np.iscomplexobj(matrix):
-                raise InputError(f"traces.{name}", "complex numbers", "give real ones")
-            object.__setattr__(self, name, by_columns(matrix))
+            object.__setattr__(self, name, checked_matrix(f"traces.{name}", getattr(self, name)))
 
-    @cached_property
-    def arrays(self) -> tuple[Any, Any]:
-        """Y and E for products, see `for_products`."""
-        return for_products(self.rows), for_products(self.interpolation)
-
-    def check(self, contact_rows: Sparse) -> None:
-        """`InputError` unless E Y is [N; T] (2m, n), tried on a random vector."""
+    def check(self, contact_rows: Columns) -> None:
+        """`InputError` unless E Y is [N; T] (2m, n), tried on one vector."""
         expected = (contact_rows.shape[0], self.rows.shape[0])
         if self.interpolation.shape != expected or self.rows.shape[1] != contact_rows.shape[1]:
             found = f"shapes {self.interpolation.shape} and {self.rows.shape}"
             raise InputError("traces", found, "give E (2m, r) and Y (r, n)")
-        v = np.random.default_rng(0).normal(size=contact_rows.shape[1])
-        Y, E = self.arrays
-        size = absolute_product(self.interpolation, absolute_product(self.rows, v))
+        v = generic_vector(contact_rows.shape[1])
+        Y, E = self.rows, self.interpolation
+        size: Vector = absolute_product(E, absolute_product(Y, v))
         error = np.abs(contact_rows @ v - E @ (Y @ v))
         if (error > _MISMATCH * size.max(initial=0.0)).any():
             raise InputError("traces", f"error {error.max():.1e}", "give E and Y with E Y = [N; T]")
@@ -124,39 +113,34 @@ class TraceCoordinates:
         return np.asarray((full + full.T) / 2.0)
 
 
-def trace_coordinates(contact_rows: Sparse, traces: TractionFactor | None, interface: IntVector) -> TraceCoordinates:
+def trace_coordinates(contact_rows: Columns, traces: TractionFactor | None, interface: IntVector) -> TraceCoordinates:
     """Coordinates for the contact rows (2m, n) on the unknowns `interface` (k,).
 
     Without `traces` rows of [N; T] themselves are chosen, by QR with pivoting of a dense matrix.
     """
     if traces is None:
         spanned, chosen = spanning_rows(contact_rows)
-        traces = TractionFactor(contact_rows[chosen], csc_array(spanned))
+        traces = TractionFactor(contact_rows[chosen], spanned)
     k = len(interface)
     if are_few(traces.rows.shape[0], k) and are_few(traces.interpolation.shape[0], k):
-        Y, E = traces.arrays  # picking columns of a dense matrix is quicker
-        return _few_coordinates(dense(Y[:, interface]), dense(E))
+        return _few_coordinates(dense(traces.rows[:, interface]), dense(traces.interpolation))
     Y = csr_array(traces.rows[:, interface])
     found = echelon(Y)
     P = stored(_completed(Y[found.rows], found.free))
     factor = _factor(P)
-    E = _completed_columns(traces.interpolation, found.rows, k)
+    interpolation = by_columns(traces.interpolation)
+    E = _completed_columns(interpolation, found.rows, k)
     dependent = np.setdiff1d(np.arange(Y.shape[0]), found.rows)
     dependent = dependent[np.diff(Y.indptr)[dependent] > 0]
     if len(dependent):
         combination = factor.solve(Y[dependent].toarray().T, "T").T
-        _drop_rounding(combination, np.asarray(magnitudes(P).sum(axis=1)).ravel())
-        E = E + traces.interpolation[:, dependent] @ csc_array(combination)
+        # Zeros in place of what is rounding beside other terms: a solve leaves some everywhere, which would fill the
+        # rows of bodies with many joints.
+        sizes: Any = abs(P)
+        terms = np.abs(combination) * np.asarray(sizes.sum(axis=1)).ravel()
+        combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
+        E = E + interpolation[:, dependent] @ csc_array(combination)
     return TraceCoordinates(stored(E), P, factor, False)
-
-
-def _drop_rounding(combination: Matrix, sizes: Vector) -> None:
-    """Zeros in place of entries (d, k) that are rounding beside the others, each times its row's size (k,).
-
-    A solve leaves some of it everywhere. Kept, it fills the rows of bodies with many joints.
-    """
-    terms = np.abs(combination) * sizes
-    combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
 
 
 def _few_coordinates(Y: Matrix, interpolation: Matrix) -> TraceCoordinates:

@@ -13,7 +13,7 @@ from numpy.exceptions import ComplexWarning
 from solvers.basics.foreign import foreign_code
 from solvers.basics.progress import deadline
 from solvers.basics.status import Status
-from solvers.basics.types import Module, Vector
+from solvers.basics.types import Vector
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 
@@ -181,25 +181,6 @@ def one_line(text: str) -> str:
     """The text without line breaks, cut where it is long."""
     joined = " ".join(text.split())
     return joined if len(joined) <= _MOST_LETTERS else f"{joined[: _MOST_LETTERS - 1]}…"
-
-
-def solve_cvxpy(problem: Module, name: str, settings: Mapping[str, Any]) -> tuple[str, str]:
-    """Solve a cvxpy problem by the back end `name`: its status word, and that word with the warnings it came with."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        problem.solve(solver=name.upper(), **settings)
-    word = str(problem.status)
-    return word, "; ".join([f"{name}: {word}", *(str(warning.message) for warning in caught)])
-
-
-def updated_solve(solver: Module, q: Vector, b: Vector) -> Module:
-    """Solve with a Clarabel solver that is kept, for new vectors q and b, in the time that is left."""
-    settings, seconds = solver.get_settings(), deadline.left
-    if seconds < settings.time_limit:
-        settings.time_limit = seconds
-        solver.update(settings=settings)
-    solver.update(q=q, b=b)
-    return solver.solve()
 
 
 def within_time(settings: Mapping[str, Any], name: str) -> dict[str, Any]:

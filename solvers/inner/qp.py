@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, csc_matrix, triu, vstack
 
+from solvers.basics.progress import deadline
 from solvers.basics.status import Status
-from solvers.basics.types import Module, Vector, load
+from solvers.basics.types import Vector, load
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.linear_program import updated_solve, within_time
+from solvers.inner.linear_program import within_time
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 
 
@@ -37,39 +38,24 @@ class QPSolver:
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
         """Solve for the bound threshold (m,); warnings end in the message."""
         began = time.perf_counter()
+        P, G, A = self._matrices
+        qvi, equalities = self._inner.qvi, (A, centre.b) if self._inner.qvi.p else (None, None)
+        initial = start.z - centre.z if self.backend.warm and start is not None and start.finite else None
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            answer = self._call(threshold, centre, start)
-        seconds = time.perf_counter() - began
-        word = self.backend.word(answer)
+            qpsolvers = load("qpsolvers")
+            problem = qpsolvers.Problem(P, -centre.f, G, centre.h(threshold), *equalities)
+            settings = within_time(self._settings, self.backend.limit)
+            answer = qpsolvers.solve_problem(problem, self.name, initvals=initial, **settings)
+        seconds, word = time.perf_counter() - began, self.backend.word(answer)
         status = self.backend.words.get(word, Status.BACKEND_FAILED)
         message = "; ".join([f"{self.name}: {word}", *(str(w.message) for w in caught)])
-        return self._translate(answer, centre, status, message, seconds)
-
-    def _call(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> Any:
-        qpsolvers = load("qpsolvers")
-
-        P, G, A = self._matrices
-        equalities = (A, centre.b) if self._inner.qvi.p else (None, None)
-        problem = qpsolvers.Problem(P, -centre.f, G, centre.h(threshold), *equalities)
-        initial = start.z - centre.z if self.backend.warm and start is not None and start.finite else None
-        settings = within_time(self._settings, self.backend.limit)
-        return qpsolvers.solve_problem(problem, self.name, initvals=initial, **settings)
-
-    def _translate(self, answer: Any, centre: Centre, status: Status, message: str, seconds: float) -> InnerSolution:
-        """Read z and multipliers; where one is missing everything is."""
-        qvi = self._inner.qvi
-        if any(_size(part) != size for part, size in ((answer.x, qvi.n), (answer.z, 3 * qvi.m))):
-            status = status if not status.usable else Status.BACKEND_FAILED
-            return no_result(qvi, status, message, seconds)
+        if any(part is None or np.size(part) != size for part, size in ((answer.x, qvi.n), (answer.z, 3 * qvi.m))):
+            return no_result(qvi, Status.BACKEND_FAILED if status.usable else status, message, seconds)
         m_N, m_T = self._inner.multipliers(np.array(answer.z, dtype=np.float64))
         nu = np.array(answer.y, dtype=np.float64) if qvi.p else np.zeros(0)
         z = centre.z + np.array(answer.x, dtype=np.float64)
         return InnerSolution(z, m_N, m_T, nu, status, self.backend.iterations(answer), seconds, message)
-
-
-def _size(array: Any) -> int:
-    return 0 if array is None else int(np.size(array))
 
 
 # Every `qpsolvers` back end in one table: where it lives, its settings for a tolerance, its status words.
@@ -326,21 +312,14 @@ class DirectClarabel:
         rows = csc_array(vstack([qvi.A, self._inner.G])) if qvi.p else self._inner.G
         right = np.ones(qvi.p + 3 * qvi.m)  # of no meaning: every solve sets its own
         upper = csc_array(triu(qvi.K))
-        settings = self._settings(clarabel, tolerance, options)
-        self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n), rows, right, cones, settings)
-
-    @staticmethod
-    def _settings(clarabel: Module, tolerance: float, options: Mapping[str, Any] | None = None) -> Module:
         settings = clarabel.DefaultSettings()
         if options is None:
             options = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), max(tolerance, _FLOOR))
         for name, value in options.items():
             setattr(settings, name, value)
         settings.verbose = False
-        settings.presolve_enable = False
-        settings.chordal_decomposition_enable = False
-        settings.input_sparse_dropzeros = False
-        return settings
+        settings.presolve_enable = settings.chordal_decomposition_enable = settings.input_sparse_dropzeros = False
+        self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n), rows, right, cones, settings)
 
     def solve(
         self,
@@ -352,7 +331,12 @@ class DirectClarabel:
         began = time.perf_counter()
         qvi = self._inner.qvi
         b = np.concatenate([centre.b, centre.h(threshold)])
-        answer = updated_solve(self._solver, -centre.f, b)
+        settings, seconds = self._solver.get_settings(), deadline.left
+        if seconds < settings.time_limit:
+            settings.time_limit = seconds
+            self._solver.update(settings=settings)
+        self._solver.update(q=-centre.f, b=b)
+        answer = self._solver.solve()
         word = str(answer.status)
         multipliers = np.array(answer.z)
         m_N, m_T = self._inner.multipliers(multipliers[qvi.p :])

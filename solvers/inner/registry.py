@@ -35,21 +35,15 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[s
     `options`, by the back end's own names, replace all that `tolerance` would set.
     """
     name = check_name(name)
-    with foreign_code():
-        return Guarded(name, qvi, _make(name, qvi, tolerance, options))
-
-
-def _make(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None) -> InnerSolver:
     kind, backend = name.split(":")
-    if kind == "qp":
-        from solvers.inner.qp import QPSolver
-
-        return QPSolver(qvi, backend, tolerance, options)
-    if kind == "socp":
-        return socp.SOCPSolver(qvi, backend, tolerance, options)
-    from solvers.inner.qp import DirectClarabel
-
-    return DirectClarabel(qvi, tolerance, options)
+    with foreign_code():
+        if kind == "qp":
+            solver: InnerSolver = qp.QPSolver(qvi, backend, tolerance, options)
+        elif kind == "socp":
+            solver = socp.SOCPSolver(qvi, backend, tolerance, options)
+        else:
+            solver = qp.DirectClarabel(qvi, tolerance, options)
+        return Guarded(name, qvi, solver)
 
 
 def check_name(name: object) -> str:

@@ -5,6 +5,7 @@ point, the energy the square of a norm, ½|R x|² − fᵀx with RᵀR = K. Cite
 """
 
 import time
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -18,7 +19,7 @@ from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.linear_program import solve_cvxpy, within_time
+from solvers.inner.linear_program import within_time
 from solvers.inner.problem import Centre, InnerSolution, no_result
 
 
@@ -102,12 +103,13 @@ class SOCPSolver:
         if self._b is not None:
             self._b.value = centre.b
         settings = within_time(self._settings, BACKENDS[self._name].limit)
-        word, message = solve_cvxpy(self.problem, self._name, settings)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            self.problem.solve(solver=self._name.upper(), **settings)
+        word, seconds = str(self.problem.status), time.perf_counter() - began
+        message = "; ".join([f"{self._name}: {word}", *(str(warning.message) for warning in caught)])
         status = WORDS.get(word, Status.BACKEND_FAILED)
-        return self._translate(centre, status, message, time.perf_counter() - began)
-
-    def _translate(self, centre: Centre, status: Status, message: str, seconds: float) -> InnerSolution:
-        """Multipliers: cvxpy's Lagrangian subtracts (u, v)·(thr, T x + t0) for the cone, hence m_T = −v."""
+        # cvxpy's Lagrangian subtracts (u, v)·(thr, T x + t0) for the cone, hence m_T = −v.
         qvi, duals = self._qvi, self._friction.dual_variables
         parts = [self._x.value, self._normal.dual_value, duals[1].value]
         parts += [row.dual_value for row in self._equality]

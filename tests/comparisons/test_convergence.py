@@ -108,11 +108,6 @@ class TestSteps:
         assert normal == pytest.approx(2.0 / np.linalg.eigvalsh(C[: qvi.m, : qvi.m])[-1], rel=1e-8)
         assert condition > 10.0
 
-    def test_runs_settle_up_to_a_limit_that_is_not_below_that_of_theory(self):
-        found = steps.run({"run": "limit", "place": ("plate", 2, 0.1), "share": None, "target": None})
-        assert 1.0 <= found["largest"] < found["smallest"] < 1.04 * found["largest"]
-        assert found["settles"]
-
     def test_steps_too_long_never_settle_and_too_short_ones_are_still_and_not_there(self):
         long, short = (
             steps.run({"run": "step", "place": ("plate", 2, 0.1), "share": share, "target": None})
@@ -160,5 +155,4 @@ def test_findings_of_the_committed_rows():
     assert values["paper_missed"] == 3
     assert values["graded_missed"] == 0
     assert values["adaptive_missed"] == 0
-    assert values["inside"] == values["bounded"] > 40
     assert values["reached"]["degree 3"] < values["reached"]["degree 4"] < values["reached"]["degree 6"]

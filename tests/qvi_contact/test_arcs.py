@@ -430,9 +430,8 @@ def test_both_energies_in_a_round_bore_turn_with_it():
         x, y = turn(angle) @ [0.03, 0.0]
         pin = Contact("hole", 0.2, gap=-0.05, plate=RigidPlate(rotation=0.05, x=x, y=y))
         bracket = solve(held_ring(pin, angle), degree=4).bracket
-        differences = bracket.force_differences["hole"]
-        found.append([bracket.lower, bracket.upper, bracket.own.energy, differences.normal, differences.tangential])
-    lower, upper, *_ = found[0]
+        found.append([bracket.lower, bracket.upper])
+    lower, upper = found[0]
     assert lower < upper < lower + 0.01 * abs(lower)
     np.testing.assert_allclose(found[1], found[0], rtol=1e-7)
 

@@ -34,7 +34,7 @@ from qvi_contact.command import (
     result_lines,
     result_page,
     resultant_rows,
-    step_tables,
+    series_tables,
 )
 from qvi_contact.files import problem_from_toml, summary
 from qvi_contact.solution import ContactPath
@@ -367,7 +367,8 @@ def test_tables_of_load_steps(squeezed):
     lines = "\n".join(history_lines(history, (0.0, 1.0), UNITS))
     assert not tiny(lines)
     assert "energy lost in friction: 0 N mm/mm" in lines
-    assert [row[3] for row in step_tables(history.steps, (0.0, 1.0))[0]] == ["0", "0"]
+    _, _, rows = next(series_tables(history.steps, "t", (0.0, 1.0), UNITS))
+    assert [row[4] for row in rows] == ["0", "0"]
 
 
 def test_sentences_carry_the_unit():

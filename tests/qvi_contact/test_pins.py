@@ -135,7 +135,6 @@ class TestShearAroundABore:
         assert np.sign(moment) == turn
         theirs = result.bracket.companion.contacts["hole"].tangential_force
         assert theirs == pytest.approx(moment, abs=2e-3)
-        assert result.bracket.force_differences["hole"].tangential < 0.1 * abs(moment)
 
     def test_on_the_outside(self):
         """Radius 2."""

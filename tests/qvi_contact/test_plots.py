@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
@@ -40,7 +40,6 @@ from qvi_contact.plots import (
     Shape,
     beside,
     block_outlines,
-    bracket_figure,
     contact_tractions,
     draw_body,
     draw_contours,
@@ -417,22 +416,6 @@ class TestBody:
         assert beside([98100.2, -3.0]) == ["98100", "0"]
         assert beside([2e6, -1.40546e6]) == ["2 · 10⁶", "−1.405 · 10⁶"]
         assert beside([8.7129e-4], 3) == ["0.000871"]
-
-
-class TestBounds:
-    """Pictures of a bracket and its displacements."""
-
-    @pytest.fixture
-    def bracket(self):
-        return slanted_result().bracket
-
-    def test_the_gap_of_each_cell_is_drawn(self, bracket):
-        (drawn,) = (c for c in bracket_figure(bracket).axes[0].collections if isinstance(c, PolyCollection))
-        corners = bracket.result.problem.mesh.corners
-        density = 2.0 * bracket.cell_gaps / np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
-        assert np.asarray(drawn.get_array()) == pytest.approx(np.maximum(density, 1e-6 * density.max()))
-        for path, wanted in zip(drawn.get_paths(), corners, strict=True):
-            assert path.vertices[:3] == pytest.approx(wanted)
 
 
 NOTHING = ({}, [])

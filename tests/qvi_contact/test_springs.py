@@ -19,7 +19,6 @@ from qvi_contact import (
 )
 from qvi_contact.bracket import computed_norm
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.plots import bracket_figure
 
 E, NU = 1000.0, 0.0
 FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
@@ -135,7 +134,6 @@ def test_bounds_on_a_bed_close_as_fast_as_the_elements_allow(k):
         bracket = solve(ContactProblem(TriangleMesh.rectangle((n, n)), Material(E, 0.3), [*sides, bed])).bracket
         assert bracket.lower < energy < bracket.upper
         assert bracket.parts["springs"] > 0.0
-        assert "springs" in [label.get_text() for label in bracket_figure(bracket).axes[2].get_xticklabels()]
         gaps.append(bracket.gap)
     assert gaps[0] > 0.5 * 2.0**6 * gaps[1]
 

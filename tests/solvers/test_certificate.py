@@ -347,16 +347,17 @@ def test_every_measure_has_a_row_with_its_limit():
     """The certificate as a table for people."""
     certificate = certify(contact(), np.array([1.0, 0.8]), np.zeros(1), np.ones(1), tolerance=1e-6)
     rows = certificate.rows()
-    assert [row.name for row in rows] == [measure.name for measure in MEASURES]
+    assert [row.measure for row in rows] == list(MEASURES)
     for row in rows:
-        assert abs(row.value) == certificate.measures[row.name]
-        assert row.limit == certificate.limits[row.name]
-        assert row.passed == (certificate.measures[row.name] <= certificate.limits[row.name])
-        assert min(len(row.meaning), len(row.worry)) > 5
+        name = row.measure.name
+        assert abs(row.value) == certificate.measures[name]
+        assert row.limit == certificate.limits[name]
+        assert row.passed == (certificate.measures[name] <= certificate.limits[name])
+        assert min(len(row.measure.meaning), len(row.measure.worry)) > 5
     assert rows[-1].value < 0.0  # the bipotential keeps its sign
     lines = certificate.explain().splitlines()
     failed = {line.split()[0] for line in lines if line.endswith("FAILED")}
-    assert failed == {row.name for row in rows if not row.passed}
+    assert failed == {row.measure.name for row in rows if not row.passed}
     assert {"friction", "stationarity", "bipotential"} <= failed
     assert len(lines) == 1 + 3 * len(MEASURES)
     assert not any(row.passed for row in certify(contact(), None, None, None).rows())

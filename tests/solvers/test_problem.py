@@ -101,8 +101,7 @@ def test_contacts_hang_together_through_unknowns():
     T = csc_array(([1.0], ([2], [0])), shape=(4, 5))
     zeros = np.zeros(4)
     qvi = FrictionQVI.from_arrays(csc_array(np.eye(5)), np.zeros(5), N, zeros, T, zeros, zeros, np.ones(4))
-    assert qvi.N.nnz == 5
-    assert qvi.contacts.tolist() == [0, 1, 0, 2]
+    assert qvi.contact.contacts.tolist() == [0, 1, 0, 3]
 
 
 def test_bonded_solution_with_dependent_equalities():

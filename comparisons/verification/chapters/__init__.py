@@ -10,6 +10,5 @@ __getattr__ = front(
             "M", "NU", "OUTER", "ellipse", "kirsch", "kirsch_energy", "lame", "lame_energy", "sheet", "stretched",
             "zeta_of",
         ),
-        "limits": ("STATES", "law_violation"),
     },
 )  # fmt: skip

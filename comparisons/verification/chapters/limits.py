@@ -1,12 +1,11 @@
-"""Chapters on loads that cannot be carried (limits, proofs of infeasibility, refusals), and on three solutions."""
+"""Chapter on loads that cannot be carried: limits, proofs of infeasibility, refusals."""
 
 import math
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from comparisons.convergence.bodies import STATES, three_solutions
 from comparisons.verification.measures import two_models
 from comparisons.verification.rows import Chapter, Check, Row, bounded, by_hand, certified, infeasible
 from qvi_contact import (
@@ -23,9 +22,8 @@ from qvi_contact import (
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.limit.load_factor import LimitLoad, limit_load
 from qvi_contact.problem.conditions import Condition
-from solvers import Certificate, certify, solve_qvi
 
-LIMITS, NOT_UNIQUE = Chapter(), Chapter()
+LIMITS: Final = Chapter()
 
 _STEEL: Final = Material(1000.0, 0.3)
 _MESHES: Final = {
@@ -80,24 +78,6 @@ def other_laws(p: int, quick: bool) -> Iterator[Row]:
         yield rows.relative("limit load factor", limit.lower, exact, source)
 
 
-@LIMITS("uplift", 4)
-def uplift(p: int, _: bool) -> Iterator[Row]:
-    """Gravity dam: a block of weight W, pushed by H, with water of uplift U in its base. It slides at μ (W − U) / H."""
-    weight, push, lift = 12.0, 1.5, 4.5
-    water = Contact("bottom", 0.4, pore_pressure=Expression("3 * (1 - x / 3)"), name="base")
-    conditions: list[Condition] = [
-        Traction("left", push, 0.0, name="lake"), Traction("right", 0.0, 0.0), Traction("top", 0.0, 0.0), water,
-    ]  # fmt: skip
-    mesh, gravity = TriangleMesh.rectangle((6, 2), 3.0, 1.0), Expression("4 * y")
-    dam = ContactProblem(mesh, _STEEL, conditions, body_potential=gravity)
-    limit, rows = _factor(p, dam, "lake")
-    yield rows.relative("factor of sliding", limit.lower, 0.4 * (weight - lift) / push, "μ (W − U) / H")
-    result = solve(dam, degree=p)
-    force = result.contacts["base"].effective_normal_force
-    rows = Check(certified(result), "W − U, balance", 1e-8)
-    yield rows.relative("effective N [stress length]", force, weight - lift)
-
-
 @LIMITS("near-the-limit", 4)
 def monotonic_resistance(p: int, quick: bool) -> Iterator[Row]:
     """Just below the limit the base still carries what balance asks for, and the friction law holds."""
@@ -129,26 +109,6 @@ def tension(p: int, _: bool) -> Iterator[Row]:
     result = solve(heavy, degree=p)
     rows, force = Check(certified(result), "(ρ g h − t) w, balance", 1e-9), result.contacts["floor"].normal_force
     yield rows.relative("N below the limit [stress length]", force, (7.0 - 1.0) * 2.0)
-
-
-@LIMITS("tipping", 4)
-def tipping(p: int, quick: bool) -> Iterator[Row]:
-    """A tall block pushed sideways on its top tips at the factor p w²/(2 h H), which a mesh reaches from below."""
-    # pressure 4 on a width of 1, a parabola of shear with the resultant 1 at the height 3
-    loads = [Traction("top", y=-4.0), Traction("top", x=lambda x, _: 6.0 * x * (1.0 - x), name="push")]
-    sides, exact = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)], 4.0 / 2.0 / 3.0
-    for cells in (8,) if quick else (8, 16):
-        mesh = TriangleMesh.rectangle((cells, 4), 1.0, 3.0)
-        tall = ContactProblem(mesh, _STEEL, [Contact("bottom", 1e3, name="base"), *loads, *sides])
-        limit, rows = _factor(p, tall, "push")
-        where = f"p w²/(2 h H), {cells} × 4 cells"
-        yield rows.at_most("limit load factor", limit.lower, exact, where, tolerance=1e-9)
-        # the pressure may grow as t^(p − 2) over the last edge: N acts 1/p of it inside
-        source = f"p w (w/2 − w/({p} · {cells}))/(h H), {cells} × 4 cells: pressure on the last edge of degree {p - 2}"
-        yield rows.relative("limit load factor", limit.lower, exact * (1.0 - 2.0 / (p * cells)), source)
-        yield rows.relative(
-            "limit of the body", limit.upper, exact, f"{where}; rigid block about its edge", tolerance=1e-9
-        )
 
 
 @LIMITS("tipping-wall", 4, 5)
@@ -241,66 +201,3 @@ def oblique(share: float) -> ContactProblem:
 def _moved(mesh: TriangleMesh, matrix: FloatArray) -> TriangleMesh:
     """The mesh with its points x at A x."""
     return TriangleMesh(mesh.vertices @ matrix.T, mesh.cells, mesh.edge_sets)
-
-
-_MU: Final = 2.0  # of the contact point that has three solutions
-
-_METHODS: Final[dict[str, dict[str, Any]]] = {
-    "condensed": {"method": "condensed"},
-    "fixed point from 0": {"method": "fixed-point", "initial": np.zeros(1)},
-    "fixed point from 1.7": {"method": "fixed-point", "initial": np.array([1.7])},
-    "fixed point from 10": {"method": "fixed-point", "initial": np.array([10.0])},
-    "Uzawa": {"method": "uzawa"},
-}
-
-
-@NOT_UNIQUE("three-states")
-def all_three(_: bool) -> Iterator[Row]:
-    """The certificate passes for each of the three states by hand."""
-    for name, r in STATES.items():
-        certificate = _certificate(np.array(r))
-        source = f"{name}: u = W r + q, W = [[1, .8], [.8, 1]], q = (1, 2.1), μ = 2"
-        rows = Check(by_hand(certificate.passed, "certificate"), source, 1e-12)
-        yield rows.absolute(f"accuracy of the certificate, {name}", certificate.accuracy, 0.0)
-
-
-@NOT_UNIQUE("nothing-else")
-def nothing_else(quick: bool) -> Iterator[Row]:
-    """Points between and beside them obey no contact law, and the certificate fails."""
-    states = {name: np.array(r) for name, r in STATES.items()}
-    wrong = {
-        "half-way from stick to slip": (states["stick"] + states["slip"]) / 2,
-        "half-way from open to slip": (states["open"] + states["slip"]) / 2,
-        "slip moved by 1e-5": states["slip"] * (1 + 1e-5),
-        "stick with the shear turned round": states["stick"] * [1, -1],
-    }
-    for name, r in list(wrong.items())[: 2 if quick else None]:
-        violation = law_violation(r)
-        rows = Check(by_hand(violation > 1e-6, f"law violated by {violation:.0e}"), "contact law by hand")
-        yield rows.word(f"certificate, {name}", "passes" if _certificate(r).passed else "fails", "fails")
-
-
-@NOT_UNIQUE("three-methods")
-def methods(quick: bool) -> Iterator[Row]:
-    """Every method returns one of the three and certifies it; none claims that it is the only one."""
-    for name, options in list(_METHODS.items())[: 2 if quick else None]:
-        solution = solve_qvi(three_solutions(_MU), tolerance=1e-9, **options)
-        distances = {state: float(np.abs(solution.z - np.array(r)).max()) for state, r in STATES.items()}
-        nearest = min(distances, key=distances.__getitem__)
-        rows = Check(certified(solution), f"{name}: the nearest is {nearest}", 1e-7)
-        yield rows.absolute("distance to the nearest of the three", distances[nearest], 0.0)
-
-
-def _certificate(r: FloatArray) -> Certificate:
-    """With the multipliers that make r stationary: m_N = u_N, m_T = −u_T of u = W r + q."""
-    qvi = three_solutions(_MU)
-    gap, slip = qvi.K @ r - qvi.f
-    return certify(qvi, r, np.array([gap]), np.array([-slip]), tolerance=1e-9)
-
-
-def law_violation(r: FloatArray) -> float:
-    """Largest violation of the contact law at r: of p ≥ 0, gap ≥ 0, p gap = 0, |t| ≤ μp, and of t against the slip."""
-    qvi, (p, t) = three_solutions(_MU), r
-    gap, slip = qvi.K @ r - qvi.f
-    free = max(_MU * p - abs(t), 0.0)
-    return float(max(-p, -gap, abs(p * gap), abs(t) - _MU * p, min(free, abs(slip)), t * slip))

@@ -11,11 +11,10 @@ from comparisons.paper.study import SHRINKING
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
 from comparisons.verification.measures import ENERGY, FORCE, plate_under
 from comparisons.verification.rows import Chapter, Check, Kind, Proof, Row, both, certified, certified_companion
-from qvi_contact import Contact, ContactProblem, Material, Traction, TriangleMesh, principal_stresses, refine, solve
+from qvi_contact import Contact, principal_stresses, refine, solve
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem.conditions import Condition
 from solvers import QVISolution, solve_qvi
 
 PAPER, PLATE, ENERGIES = Chapter(), Chapter(), Chapter()
@@ -158,7 +157,6 @@ def between_slip_and_stick(p: int, quick: bool) -> Iterator[Row]:
 _DISPLACEMENT: Final = 1e-3
 _SMOOTH: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
 _TIED: Final = Contact.tied("top", gap=-_DISPLACEMENT, name="plate")
-_TRESCA: Final = Contact.tresca("top", 10.0, gap=-_DISPLACEMENT, name="plate")
 
 
 @ENERGIES("companion-force", 4)
@@ -183,52 +181,3 @@ def companion_without_friction(p: int, quick: bool) -> Iterator[Row]:
         yield rows.relative(f"P/2 by displacements [{FORCE}]", force, 209.0, "E U", tolerance=1e-9)
         yield rows.relative(f"upper energy [{ENERGY}]", companion.energy, exact, "E U²/2")
         yield rows.relative(f"lower energy [{ENERGY}]", -result.energies.complementary, exact, "E U²/2")
-
-
-@ENERGIES("energies-tied", 4)
-def energies_of_a_tied_plate(p: int, quick: bool) -> Iterator[Row]:
-    """Plate that sticks: the exact energy, and with it P/2 = 2 E/U, lies between those of the two models."""
-    for n in (4, 8) if quick else (2, 4, 8, 16, 32, 64):
-        lower, upper, proof = _energies(p, plate_under(_TIED, n))
-        yield _ordered(lower, upper, f"{n}² cells", proof)
-        rows = Check(proof, f"{SOURCE}; {n}² cells", 3e-5, Kind.EXTERNAL)
-        yield rows.at_most(f"P/2 from below [{FORCE}]", 2e3 * lower, SETTLED[1.0])
-        yield rows.at_least(f"P/2 from above [{FORCE}]", 2e3 * upper, SETTLED[1.0])
-
-
-@ENERGIES("energies-without-friction", 4)
-def energies_without_friction(p: int, quick: bool) -> Iterator[Row]:
-    """A block on smooth ground that lifts off on one side: lower ≤ upper energy on every mesh."""
-    conditions: list[Condition] = [  # pressed on the left half of the top only
-        Contact.frictionless("bottom", name="ground"),
-        Traction("top", x=0.0, y=lambda x, _: -20.0 * np.maximum(1.0 - x, 0.0)),
-        Traction("left", x=0.0, y=0.0),
-        Traction("right", x=0.0, y=0.0),
-    ]
-    for n in (4,) if quick else (4, 8, 16, 32):
-        block = ContactProblem(TriangleMesh.rectangle((n, n), 2.0, 1.0), Material(1e4, 0.3), conditions)
-        lower, upper, proof = _energies(p, block)
-        yield _ordered(lower, upper, f"{n}² cells", proof)
-
-
-@ENERGIES("energies-tresca", 4)
-def energies_under_a_given_bound(p: int, quick: bool) -> Iterator[Row]:
-    """Tresca's law: the bound is given, and lower ≤ upper energy on every mesh."""
-    for n in (4,) if quick else (4, 8, 16, 32):
-        lower, upper, proof = _energies(p, plate_under(_TRESCA, n))
-        yield _ordered(lower, upper, f"bound 10 MPa, {n}² cells", proof)
-
-
-def _energies(p: int, problem: ContactProblem) -> tuple[float, float, Proof]:
-    """Lower and upper energy for a problem without a moving bound, and what certifies them.
-
-    The stress is admissible on whole edges, without which its energy would be no bound.
-    """
-    result, companion = solve(problem, degree=p), solve_companion(problem)
-    proof = both(certified(result), certified_companion(companion, guaranteed=True))
-    return -result.energies.complementary, companion.energy, proof
-
-
-def _ordered(lower: float, upper: float, source: str, proof: Proof) -> Row:
-    rows = Check(proof, f"−J*(τ) ≤ J(v) of the displacement model; {source}", 1e-12 * abs(upper))
-    return rows.at_most("lower energy −J*(τ) [stress length²]", lower, upper)

@@ -21,15 +21,17 @@ import numpy as np
 from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import Rounding, Units, shown
+from qvi_contact.basics.units import Units, shown
 from qvi_contact.basics.writing import page_template
 from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.report import (
     STATES,
+    Titled,
     plate_headings,
     plate_limits,
     refinement_headings,
     refinement_rows,
+    series_tables,
     shares,
     trust,
 )
@@ -42,14 +44,14 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.body import Scales
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
 from qvi_contact.plots.inline import inline_svg, svg_text
-from qvi_contact.plots.style import laid_out, new_figure, settings
+from qvi_contact.plots.style import laid_out, magnified, new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions, pieces_along
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult, plate_numbers
-from qvi_contact.solution.stress import BodySamples, held_along_z, out_of_plane_factors, sample_body
+from qvi_contact.solution.stress import held_along_z, out_of_plane_factors, sample_body
 from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
@@ -122,22 +124,27 @@ def result_page(
         if result.has_state
         else {"field": None, "contacts": [], "tables": []}
     )
-    names = [contact.name for contact in result.problem.contacts]
-    forces, plates = step_tables(steps, series.values) if series is not None and len(steps) > 1 else ([], {})
+    several: list[Titled] = []
+    if series is not None and len(steps) > 1:
+        several = [
+            (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
+            for title, headings, rows in series_tables(steps, series.label, series.values, file.units)
+        ]
     text: str = page_template("qvi_contact.command.page").render(
         **_frame(request, result.problem, "Contact problem"),
         result=result,
         number=number,
         bracket=bracket,
         missing=missing,
-        refinement=None if refinement is None else _refinement(refinement, file.units),
-        steps=forces,
+        refinement=refinement,
+        refinement_table=(refinement_headings(refinement, file.units), refinement_rows(refinement))
+        if refinement
+        else None,
+        trust=trust(refinement, file.units) if refinement else "",
+        several=several,
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
-        plate_steps=plates,
-        plate_headings=plate_headings(file.units),
-        step_headings=[f"{force} {name}" for name in names for force in "NT"],
         contact_data=[contact["data"] for contact in shown["contacts"]],
         **shown,
     )
@@ -171,17 +178,6 @@ def _frame(request: Request, problem: ContactProblem, title: str) -> dict[str, A
         "request": request,
         "units": file.units,
         "problem": _picture(problem_figure(problem, file.units), "problem", "The problem: mesh, loads, contacts"),
-    }
-
-
-def _refinement(found: Refinement, units: Units) -> dict[str, Any]:
-    """Rounds of a refinement, how it ended, and how far the number can be trusted."""
-    return {
-        "message": found.message,
-        "trust": trust(found, units),
-        "headings": refinement_headings(found, units),
-        "rounds": refinement_rows(found),
-        "advice": "" if found.status == "reached" else found.status.advice,
     }
 
 
@@ -313,40 +309,13 @@ def resultant_headings(units: Units) -> list[str]:
     return ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
 
 
-def step_tables(
-    steps: Sequence[ContactResult], values: Sequence[float]
-) -> tuple[list[list[str]], dict[str, list[list[str]]]]:
-    """Time or value, status and forces of each result of a series; and the same with the numbers of each plate."""
-    read = [_read(step) for step in steps]  # once: those of a store are files
-    least = Rounding.largest(rounding for *_, rounding in read)
-    limits = plate_limits(least)
-    forces: list[list[str]] = []
-    plates: dict[str, list[list[str]]] = {name: [] for name in read[0][2]}
-    for value, (status, of_contacts, of_plates, _) in zip(values, read, strict=False):
-        first = [f"{value:.6g}", status]
-        forces.append([*first, *_numbers(least.force, *of_contacts)])
-        for name, found in of_plates.items():
-            plates[name].append([*first, *(_plate(found, limits) if found else [])])
-    return forces, plates
-
-
-def _read(step: ContactResult) -> tuple[str, list[float], dict[str, tuple[float, ...]], Rounding]:
-    """Status, forces of all contacts, what there is of each plate, and the rounding of a step."""
-    lines = step.contacts.values() if step.has_state else ()
-    forces = [force for line in lines for force in (line.normal_force, line.tangential_force)]
-    names = [contact.name for contact in step.problem.contacts if contact.plate is not None]
-    plates = {name: plate_numbers(step, name) if step.has_state else () for name in names}
-    return str(step.status), forces, plates, step.rounding
-
-
 def plate_rows(result: ContactResult) -> list[list[str]]:
     """Motion, force and moment of each plate or pin."""
     limits = plate_limits(result.rounding)
-    return [[name, *_plate(plate_numbers(result, name), limits)] for name in result.plates]
-
-
-def _plate(values: Sequence[float], limits: Sequence[float]) -> list[str]:
-    return [number(value, least=limit) for value, limit in zip(values, limits, strict=True)]
+    return [
+        [name, *(number(value, least=limit) for value, limit in zip(plate_numbers(result, name), limits, strict=True))]
+        for name in result.plates
+    ]
 
 
 def _numbers(least: float, *values: Any) -> list[str]:
@@ -359,7 +328,6 @@ _MOST_POINTS: Final = 9_000
 _SHORT: Final = 65_536  # so many numbers two bytes can tell apart
 _LARGEST: Final = 120_000  # points: with more the page would be too heavy to mail
 _COLOURS: Final = 33  # of a colour map
-_LONGEST: Final = 0.08  # share of the body's length at which the largest displacement is drawn
 
 
 def field_data(result: ContactResult, companion: "CompanionResult | None", units: Units) -> dict[str, Any] | None:
@@ -367,12 +335,18 @@ def field_data(result: ContactResult, companion: "CompanionResult | None", units
 
     Arrays are little-endian, in base64: float32, triangles as uint16 or uint32, materials as uint16.
     """
-    samples = _samples(result)
+    from matplotlib import colormaps
+
+    for parts in _PARTS:  # as many points as a page should have, or the fewest there can be
+        samples = sample_body(result, parts)
+        if len(samples.points) <= _MOST_POINTS:
+            break
     if len(samples.points) > _LARGEST:
         return None
     strained = is_strained(result.problem) and result.problem.material.plane == "strain"
     mesh, wide = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
     moved = None if companion is None else companion.displacement_in(samples.cells, samples.reference[:, -2:])
+    largest = 0.0 if moved is None else float(np.hypot(*moved.T).max())
     return {
         "units": {"length": units.length, "stress": units.stress},
         "points": _floats(samples.points),
@@ -383,11 +357,14 @@ def field_data(result: ContactResult, companion: "CompanionResult | None", units
         "factor": out_of_plane_factors(result.problem),
         "held": _floats(held_along_z(result.problem, samples.cells, *samples.points.T)) if strained else None,
         "displacement": None if moved is None else _floats(moved),
-        "factorOfDisplacement": 0.0 if moved is None else _round_factor(_LONGEST * mesh.length, moved),
+        "factorOfDisplacement": 0.0 if moved is None else magnified(largest, mesh.length) if largest else 1.0,
         "outline": _segments(mesh, mesh.boundary, companion),
         "mesh": _segments(mesh, mesh.interior, companion),
         "contacts": [_segments(mesh, mesh.edges(contact.edges), companion) for contact in result.problem.contacts],
-        "colours": {name: _colours(name) for name in ("cividis", "cividis_r", "PuOr_r")},
+        "colours": {  # red, green and blue from 0 to 255 along colour maps
+            name: np.round(255 * colormaps[name](np.linspace(0.0, 1.0, _COLOURS))[:, :3]).astype(int).tolist()
+            for name in ("cividis", "cividis_r", "PuOr_r")
+        },
     }
 
 
@@ -405,15 +382,6 @@ def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
         found["fluid"] = _rounded(line.pore_pressure[order])
     found |= {"s": _rounded(places), "units": {"length": units.length, "stress": units.stress}}
     return found | {"state": [ContactState(state).name.lower() for state in line.state[order].tolist()]}
-
-
-def _samples(result: ContactResult) -> BodySamples:
-    """As many points as a page should have, or the fewest there can be."""
-    for parts in _PARTS:
-        samples = sample_body(result, parts)
-        if len(samples.points) <= _MOST_POINTS:
-            break
-    return samples
 
 
 def _encoded(values: Any) -> str:
@@ -438,21 +406,3 @@ def _segments(mesh: TriangleMesh, edges: Edges, companion: "CompanionResult | No
         moved = companion.displacement_in(cells, reference).reshape(points.shape)
     halves = [None if values is None else _floats(values[:, [0, 1, 1, 2]]) for values in (points, moved)]
     return {"points": halves[0], "displacement": halves[1]}
-
-
-def _colours(name: str) -> list[list[int]]:
-    """Red, green and blue from 0 to 255 along a colour map."""
-    from matplotlib import colormaps
-
-    colours = colormaps[name](np.linspace(0.0, 1.0, _COLOURS))[:, :3]
-    found: list[list[int]] = np.round(255 * colours).astype(int).tolist()
-    return found
-
-
-def _round_factor(longest: float, moved: FloatArray) -> float:
-    """The largest of 1, 2, 5 times a power of ten by which no displacement is drawn longer than this."""
-    largest = float(np.hypot(*moved.T).max())
-    if largest == 0.0:
-        return 1.0
-    power = 10.0 ** np.floor(np.log10(longest / largest))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest / largest * (1 + 1e-12)))

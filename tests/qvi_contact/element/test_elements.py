@@ -71,7 +71,13 @@ class Triangle:
 
     def functions(self, local, order):
         """Derivatives of all functions, shape (n, components, dimension)."""
-        return self.element.functions(self.maps, local, order)[0]
+        reference = self.element.reference_functions(local, order)
+        if order:
+            reference = (np.linalg.inv(self.maps.jacobians).swapaxes(1, 2) if order == 1 else self.maps.hessian_maps)[
+                0
+            ] @ reference
+        own = reference[..., : self.shared] @ self.element.transformations(self.maps)[0]
+        return np.concatenate([own, reference[..., self.shared :]], axis=-1)
 
     def quadrature(self):
         """Points (g, 3) and weights (g,) in the plane, exact for the energy."""
