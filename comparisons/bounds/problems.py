@@ -68,20 +68,19 @@ def stated(family: str, number: int) -> tuple[ContactProblem, int]:
 def _on_springs(dice: Dice, conditions: list[Condition], young: float) -> list[Condition]:
     """The same, the contact compliant or, for one in four, tied; and some lower blocks on a bed."""
 
-    def springs() -> dict[str, float]:
-        """Stiffness across, and for most along; for bodies about as large as 1."""
+    def on_springs(contact: Contact) -> Contact:
+        """With a stiffness across, and for most along; for bodies about as large as 1."""
         across = young * dice.magnitude(-1.0, 2.0)
-        return {"normal_stiffness": across} | (
-            {"tangential_stiffness": across * dice.pick((0.1, 0.4, 1.0))} if dice.chance(0.7) else {}
-        )
+        along = across * dice.pick((0.1, 0.4, 1.0)) if dice.chance(0.7) else None
+        return replace(contact, normal_stiffness=across, tangential_stiffness=along)
 
     found: list[Condition] = []
     for each in conditions:
         if isinstance(each, Contact):
             tied = Contact.tied(each.edges, each.gap, each.offset, each.name)
-            found.append(replace(tied if dice.chance(0.25) else each, **springs()))
+            found.append(on_springs(tied if dice.chance(0.25) else each))
         elif isinstance(each, Displacement) and each.edges == "bottom" and dice.chance(0.5):
-            found.append(replace(Contact.tied("bottom", name="bed"), **springs()))
+            found.append(on_springs(Contact.tied("bottom", name="bed")))
         else:
             found.append(each)
     return found

@@ -365,7 +365,7 @@ class _Model:
         C[N], C[T] = across, along
         C[held] = 0.0
         if C.any():
-            S, f = (np.linalg.solve(np.eye(len(f)) + S * C, each) for each in (S, f))
+            S, f = (np.asarray(np.linalg.solve(np.eye(len(f)) + S * C, each), np.float64) for each in (S, f))
         closed, sense = np.ones(len(N), dtype=bool), np.zeros(len(N))
         stiff, dice = S.diagonal(), np.random.default_rng(0)
         for step in range(_STEPS):

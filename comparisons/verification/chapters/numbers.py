@@ -26,6 +26,7 @@ from qvi_contact import (
 )
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.gallery import cylinder_on_block, half_discs
+from qvi_contact.problem.conditions import Condition
 
 NUMBERS: Final = Chapter()
 
@@ -55,8 +56,8 @@ def known_derivatives(p: int, quick: bool) -> Iterator[Row]:
     yield rows.relative("∂N/∂g from below, of a contact that just touches [MPa]", below, -_YOUNG, tolerance=1e-9)
     yield rows.absolute("the same from above [MPa]", above, 0.0, tolerance=1e-6)
     bond, shear = 3.0, _YOUNG / 2.5
-    held = [Displacement("bottom", 0.0, 0.0), *(Displacement(name, y=0.0) for name in ("left", "right"))]
-    held += [Traction(name, x=0.0) for name in ("left", "right")]
+    held: list[Condition] = [Displacement("bottom", 0.0, 0.0)]
+    held += [each for name in ("left", "right") for each in (Displacement(name, y=0.0), Traction(name, x=0.0))]
     bonded = Contact("top", 0.0, cohesion=bond, law="bilateral", offset=bond / shear)
     slips = solve(ContactProblem(square, Material(_YOUNG, 0.25), [*held, bonded]))
     rows = Check(certified(slips), "simple shear up to the bond c, all along the contact")
@@ -122,11 +123,12 @@ def two_blocks(number: int, **changed: float) -> ContactProblem:
     mesh = mesh.with_joint("joint", lambda _, y: np.abs(y - 0.5) < 1e-9)
     top = Contact("top", 0.0, law="tied", plate=RigidPlate(force_x=data["force"], force_y=-12.0, rotation=0.0))
     base = Contact("bottom", data["mu"], gap=data["gap"], offset=data["offset"])
-    sides = [Displacement("left", x=data["x"]), Traction("left", y=0.0), Traction("right", *(press * data["load"]))]
+    sides: list[Condition] = [Displacement("left", x=data["x"]), Traction("left", y=0.0)]
+    sides += [Traction("right", *(press * data["load"]))]
     upper = Region(Material(data["own"], _POISSON, expansion=_EXPANSION / 2.0), name="upper")
     steel = Material(data["young"], _POISSON, expansion=_EXPANSION)
     conditions = [base, Contact("joint", data["joint"]), top, *sides]
-    return ContactProblem(mesh, steel, conditions, regions=[upper], temperature=Polynomial(hot))
+    return ContactProblem(mesh, steel, conditions, regions=[upper], temperature=Polynomial(hot.tolist()))
 
 
 def by_differences(number: int) -> tuple[ContactResult, FloatArray, FloatArray, float] | None:
