@@ -15,19 +15,10 @@ import pytest
 from comparisons.cli import group as comparisons
 from comparisons.lab.studies import DONE
 from comparisons.verification import KNOWN
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Material,
-    RefinementStatus,
-    RigidPlate,
-    Traction,
-    TriangleMesh,
-    load_result,
-    solve,
-)
+from qvi_contact import RefinementStatus, TriangleMesh, load_result, solve
 from qvi_contact.cli import group as qvi_contact
 from qvi_contact.files import FORMAT_VERSION, Archive, FileReader, file_keys, summary, write_npz
+from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Traction
 from qvi_contact.runs import FAILURES
 from solvers import Status
 from solvers.certificate import MEASURES
@@ -149,8 +140,7 @@ def _log_as_before():
     logger.setLevel(level)
 
 
-@pytest.mark.usefixtures("in_tmp_path")
-@pytest.mark.usefixtures("_log_as_before")
+@pytest.mark.usefixtures("in_tmp_path", "outlined", "_log_as_before")
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if blocks(page) and page.stem != "gallery"], ids=lambda page: page.stem
 )

@@ -71,7 +71,6 @@ def test_a_bracket_counts_and_calls_back(capsys):
 @pytest.mark.parametrize(
     ("words", "titles"),
     [(["solve", DRAGGED], ["solve"]), (["bracket", DRAGGED], ["solve", "bracket"]),
-     (["refine", DRAGGED, "--max-rounds", "1"], ["refine"]),
      (["limit", DRAGGED, "--load", "drag"], ["limit_load_factor"])], ids=lambda words: "-".join(map(str, words[:1])),
 )  # fmt: skip
 def test_commands_speak_on_standard_error(words, titles):

@@ -22,7 +22,7 @@ from qvi_contact import (
     TriangleMesh,
 )
 from qvi_contact.basics.checks import Field, FloatArray
-from qvi_contact.gallery.meshes import fan
+from qvi_contact.gallery import fan
 from qvi_contact.problem.conditions import Condition
 
 FAMILIES: Final = {

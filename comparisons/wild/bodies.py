@@ -11,7 +11,7 @@ import numpy as np
 
 from qvi_contact import InputError, TriangleMesh
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.gallery.meshes import arc, fan
+from qvi_contact.gallery import arc, fan
 
 T = TypeVar("T")
 SIDES: Final = ("bottom", "right", "top", "left")

@@ -40,7 +40,7 @@ from qvi_contact.bracket.parts import (
     EdgeTractions,
     bulk,
     by_cell,
-    edge_parts,
+    contact_parts,
     initial_work,
     spring_parts,
     strain_energy,
@@ -52,7 +52,6 @@ from qvi_contact.companion.space import degree_beside, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.solution.contact_line import leads_one_way
@@ -79,7 +78,6 @@ _SPOKEN = {
 
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
-_OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 
 def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]:
@@ -89,51 +87,43 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
     up to that of tractions along an edge, p − 2, a body potential up to 5 on cells, and up to p − 2 along contacts.
     Springs have one stiffness on an edge.
     """
-    problem = discretization.problem
+    problem, space = discretization.problem, discretization.space
     found = [
         f"{_SPOKEN.get(name, name)} on {place!r} is not a polynomial of degree {most} on every edge."
         for name, place, edges, field, most in _on_edges(discretization, degree)
-        if callable(field) and not is_polynomial(problem, edges, name, field, most)
+        if callable(field) and not is_polynomial(problem, problem.mesh.edges(edges), name, field, most)
     ]
+    cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
+    t = corners[parts].mean(axis=1)
+    points, inside = space.points(cells, t), dict[str, FloatArray]()
     if callable(problem.body_potential):
-        space = discretization.space
-        corners, parts = space.lattice(_DIVISIONS)
-        t = corners[parts].mean(axis=1)
-        x, y = physical(problem, discretization.scales, space.points(np.arange(problem.mesh.cell_count), t))
-        values = evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
-        if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
-            found.append(f"The body potential is not a polynomial of degree {_CELL_DEGREE} on every cell.")
+        x, y = physical(problem, discretization.scales, points)
+        inside["body potential"] = evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
     if varies(problem):
-        space, cells = discretization.space, np.arange(problem.mesh.cell_count)
-        corners, parts = space.lattice(_DIVISIONS)
-        t = corners[parts].mean(axis=1)
-        values = scaled_stress_at_rest(problem, discretization.scales, cells, space.points(cells, t))
-        if not spanned(np.concatenate(list(np.moveaxis(values, -1, 0))), triangle(_CELL_DEGREE).values(t[:, -2:])):
-            found.append(f"The initial strain is not a polynomial of degree {_CELL_DEGREE} on every cell.")
+        values = scaled_stress_at_rest(problem, discretization.scales, cells, points)
+        inside["initial strain"] = np.concatenate(list(np.moveaxis(values, -1, 0)))
+    for name, values in inside.items():
+        if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
+            found.append(f"The {name} is not a polynomial of degree {_CELL_DEGREE} on every cell.")
     return tuple(dict.fromkeys(found))
 
 
-def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str, str, Edges, Field, int]]:
-    """(name, edge set, edges, field, largest degree) of all data on edges."""
-    problem, space = discretization.problem, discretization.space
+def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str, str, str, Field | None, int]]:
+    """(name, place, edge set, field, largest degree) of all data on edges."""
+    problem, most = discretization.problem, discretization.space.traction_degree
     for condition in problem.cartesian_conditions:
-        edges = problem.mesh.edges(condition.edges)
         if isinstance(condition, (Traction, Displacement)):
-            most = degree if isinstance(condition, Displacement) else space.traction_degree
+            own = degree if isinstance(condition, Displacement) else most
             for component, value in components(condition).items():
-                yield f"{type(condition).__name__}.{component}", condition.edges, edges, value, most
+                yield f"{type(condition).__name__}.{component}", condition.edges, condition.edges, value, own
         elif isinstance(condition, Contact):
-            yield "Contact.gap", condition.name, edges, condition.gap, degree
-            yield "Contact.offset", condition.name, edges, condition.offset, degree
-            for name in ("normal_stiffness", "tangential_stiffness"):
-                yield f"Contact.{name}", condition.name, edges, getattr(condition, name) or 0.0, 0
+            place = condition.name, condition.edges
+            fields = {"gap": degree, "offset": degree, "normal_stiffness": 0, "tangential_stiffness": 0}
             if condition.law != "tied":
-                yield "Contact.cohesion", condition.name, edges, condition.cohesion, space.traction_degree
-                yield "Contact.pore_pressure", condition.name, edges, condition.pore_pressure, space.traction_degree
-                body = "ContactProblem.body_potential", condition.name, edges, problem.body_potential
-                yield *body, space.traction_degree
-            if condition.shear_limit is not None:
-                yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, space.traction_degree
+                fields |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
+                yield "ContactProblem.body_potential", *place, problem.body_potential, most
+            for name, own in fields.items():
+                yield f"Contact.{name}", *place, getattr(condition, name), own
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
@@ -330,7 +320,7 @@ def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> Sha
 
 def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:
     """Energies, their parts by cell and contact, reasons."""
-    discretization, u, unit = given.discretization, stress.result.dofs, given.discretization.scales.stress
+    discretization, u = given.discretization, stress.result.dofs
     problem, mesh = discretization.problem, discretization.problem.mesh
     fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
@@ -342,22 +332,11 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-        own, bound = EdgeTractions.of(discretization, u), unit * given.threshold
-        normal, shear = unit * own.normal, unit * own.shear
-        springs = spring_parts(fields, companion)
-        for rows in discretization.contacts:
-            if rows.law == "tied" and rows.name in springs:
-                part = springs[rows.name]
-                contacts[rows.name] = EdgeParts(0.0 * part, 0.0 * part, part)
-            elif rows.law != "tied":
-                e = rows.edges
-                found = edge_parts(discretization, rows, normal[e], shear[e], bound[e], companion)
-                own_parts, opening, slip = found
-                contacts[rows.name] = replace(own_parts, springs=springs.get(rows.name, own_parts.springs))
-                left = stress.tension[e] @ opening + stress.excess[e] @ slip
-                slack += _OUTWARD * unit * float(left)
-                outer += float(np.abs(unit * own.bound - bound)[e].max(axis=1) @ slip)
-    lower = -complementary - slack if stress.found else -np.inf
+        own, left = EdgeTractions.of(discretization, u), (stress.excess, stress.tension)
+        contacts, slack, outer = contact_parts(discretization, own, given.threshold, left, companion)
+        for name, part in spring_parts(fields, companion).items():
+            contacts[name] = replace(contacts.get(name, EdgeParts(0.0 * part, 0.0 * part, part)), springs=part)
+    lower = -complementary - slack if not stress.message else -np.inf
     upper = companion.energy if moved else np.inf
     parts = by_cell(discretization, inside, contacts)
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
@@ -370,7 +349,7 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
         strain=strain,
         bulk=inside,
         contacts=contacts,
-        cells=parts,
+        cell_gaps=np.maximum(parts, 0.0),
         outer=outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
         slack=slack,
         driven=force_bounds(discretization, not given.threshold.any(), lower, upper),
@@ -389,7 +368,7 @@ def _reasons(
         found.append(
             "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
         )
-    if not stress.found:
+    if stress.message:
         found.append(stress.message)
     if not companion.has_state:
         found.append(f"No admissible displacement was found: {companion.message}")

@@ -30,7 +30,7 @@ from qvi_contact.bracket.parts import (
     EdgeTractions,
     bulk,
     by_cell,
-    edge_parts,
+    contact_parts,
     spring_parts,
     strain_energy,
 )
@@ -43,7 +43,6 @@ ADMISSIBLE = 1e-6
 """Largest violation of the contact law by a stress, relative to the largest contact traction."""
 
 _BACKWARDS = 1e-12  # of the displacements: what is no slip against the share
-_OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,22 +175,16 @@ def coulomb_bounds(
 
     """
     result, shares, known = stress.result, stress.shares, stress.result.discretization
-    tractions = EdgeTractions.of(known, result.dofs)
-    normal, shear, bound, unit = tractions.normal, tractions.shear, tractions.bound, known.scales.stress
-    size = max(float(np.abs(normal).max(initial=0.0)), float(np.abs(shear).max(initial=0.0)), 1e-300)
-    edges, slack = dict[str, EdgeParts](), 0.0
+    own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
+    excess, tension = left = own.violations(own.bound, known.qvi.bilateral)
     for rows in known.contacts:
-        if rows.law == "tied":
-            continue
-        e = rows.edges
-        excess = (np.abs(shear[e]) - bound[e]).max(axis=1)
-        tension = normal[e].max(axis=1) if rows.law == "unilateral" else 0.0 * excess
-        if max(excess.max(), tension.max()) > ADMISSIBLE * size:
+        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > ADMISSIBLE * own.size:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
-        parts, opening, slip = edge_parts(known, rows, unit * normal[e], unit * shear[e], unit * bound[e], companion)
-        edges[rows.name] = EdgeParts(np.maximum(parts.contact, 0.0), np.maximum(parts.friction, 0.0), parts.springs)
-        left = np.maximum(tension, 0.0) @ opening + np.maximum(excess, 0.0) @ slip
-        slack += _OUTWARD * unit * float(left)
+    edges, slack, _ = contact_parts(known, own, own.bound, left, companion)
+    edges = {
+        name: EdgeParts(np.maximum(part.contact, 0.0), np.maximum(part.friction, 0.0), part.springs)
+        for name, part in edges.items()
+    }
     refusal = _displacement_refused(companion, shares)
     if refusal:
         return refusal
@@ -238,10 +231,9 @@ def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share
     """Why a displacement is none of those that (D27) is for; empty if it is."""
     assert companion.state is not None
     contacts, c = companion.state.contacts, companion.state.c
-    n, size, start = contacts.count, max(1.0, float(np.abs(c).max(initial=0.0))), 0
+    n, size = contacts.count, max(1.0, float(np.abs(c).max(initial=0.0)))
     for trace in contacts.traces:
-        chosen = slice(start, start + trace.count)
-        over, slip = c[:n][chosen] - trace.gap, c[n:][chosen] - trace.offset
+        over, slip = c[:n][trace.here] - trace.gap, c[n:][trace.here] - trace.offset
         if (trace.law == "unilateral" or trace.name in shares) and over.max() > _BACKWARDS * size:
             return f"The displacement passes the obstacle of contact {trace.name!r}."
         if trace.name in shares:
@@ -252,5 +244,4 @@ def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share
                 return (
                     f"Supports make {trace.name!r} slip at ({x:.6g}, {y:.6g}), where friction does not reach its bound."
                 )
-        start += trace.count
     return ""

@@ -43,57 +43,49 @@ the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of bo
 """
 
 _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
+_MOVED: Final = 1e-5  # of the largest displacement of the body: no less is the largest one on a contact
 _ROUNDED: Final = 1e-12  # of a force: rounding of its sums
 _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
 
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """One contact that is not tied: what of it is open, slips and presses."""
+    """One contact that is not tied: what of it is open, slips and presses; 0 where that counts as none."""
 
-    contact: Contact  # contact, trace, rows: the contact in the problem, in the displacements and in the stresses
+    contact: Contact
     trace: DisplacementContact
     rows: ContactRows
     share: Share | None  # s; None without Coulomb friction
     slipping: FloatArray  # (n,): 1 or −1 where v may slip along the tangent or against it, else 0
-    start: int  # its first coefficient among those of all traces
-    opening: FloatArray  # opening, slip, (n,) each: coefficients of g − v_N and |v_T − w| ≥ 0 [length]
-    slip: FloatArray
-    # pressure, room, (e, q) each: coefficients of |τ_N| and m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress]
-    pressure: FloatArray
-    room: FloatArray
-    cut: float  # share of the largest of each that counts as none
-    sizes: tuple[float, float]  # largest displacement [length] and traction [stress] on the contact
+    opening: FloatArray  # (n,): coefficients of g − v_N ≥ 0 [length]
+    slip: FloatArray  # (n,): of |v_T − w| ≥ 0 [length]
+    pressure: FloatArray  # (e, q): of |τ_N| ≥ 0 [stress]
+    room: FloatArray  # (e, q): of m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress]
 
     @property
     def friction(self) -> float:
         """Coulomb's coefficient μ."""
         return 0.0 if self.share is None else self.share.friction
 
-    @cached_property
+    @property
     def closed(self) -> BoolArray:
         """Coefficients (n,) on edges of which some coefficient touches the obstacle."""
-        return self._spread(self.none(self.opening))
+        return self._spread(self.opening == 0.0)
 
-    @cached_property
+    @property
     def stuck(self) -> BoolArray:
         """Coefficients (n,) on edges of which some coefficient does not slip; none without friction."""
-        return self._spread(self.none(self.slip)) & (self.share is not None)
+        return self._spread(self.slip == 0.0) & (self.share is not None)
 
-    @cached_property
+    @property
     def loose(self) -> BoolArray:
         """Edges (e,) of which some coefficient bears no pressure: ζ_N = 0 there."""
-        return np.asarray(self.none(self.pressure).any(axis=1))
+        return np.asarray((self.pressure == 0.0).any(axis=1))
 
-    @cached_property
+    @property
     def sliding(self) -> BoolArray:
         """Edges (e,) of which some coefficient reaches the friction bound: ζ_T = 0 there; all without friction."""
-        return np.asarray(self.none(self.room).any(axis=1)) | (self.share is None)
-
-    def none(self, values: FloatArray) -> BoolArray:
-        """Which coefficients of one of the four count as none."""
-        size = self.sizes[int(values is self.pressure or values is self.room)]
-        return np.asarray(values <= max(self.cut * float(values.max(initial=0.0)), _NOISE * size))
+        return np.asarray((self.room == 0.0).any(axis=1)) | (self.share is None)
 
     def _spread(self, chosen: BoolArray) -> BoolArray:
         found = np.zeros_like(chosen)
@@ -200,10 +192,10 @@ class _Pairs:
         tied = body.B[np.tile(body.contacts.gathered("tied").astype(bool), 2) & body.live]
         held, trial, test = [], [tied], [tied]
         for line in self.lines:
-            closed, stuck = (line.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
+            closed, stuck = (line.trace.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
             closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
             normal, shear = body.B[closed], body.B[n + stuck]
-            turned = line.friction * line.slipping[closed - line.start]
+            turned = line.friction * line.slipping[closed - line.trace.start]
             trial += [normal + turned[:, None] * body.B[n + closed], shear]
             test += [normal, shear]
             held.append((turned, len(stuck)))
@@ -228,7 +220,7 @@ class _Pairs:
         work = np.zeros((2, qvi.m))
         products = bernstein.product_integrals(q - 1, self.companion.degree)
         for line in self.lines:
-            local = np.stack(line.trace.on_edges(*c[:, line.start : line.start + line.trace.count]))
+            local = np.stack(line.trace.on_edges(*c[:, line.trace.here]))
             work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
         rows, changes = self._held
         none = np.zeros(rows.shape[0])
@@ -284,7 +276,7 @@ class _Pairs:
         normal, shear = (stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
         size = float(np.abs(normal).max())
         for line in self.lines:
-            (a, b), here = goals[line.contact.name], slice(line.start, line.start + line.trace.count)
+            (a, b), here = goals[line.contact.name], line.trace.here
             slip = c[1, here] - b if line.share else 0.0 * c[1, here]
             across = c[0, here] - a + line.friction * line.slipping * slip
             pairs = [(self.unit * slip, line.slip, self.unit), (self.unit * across, line.opening, self.unit)]
@@ -292,7 +284,7 @@ class _Pairs:
             if line.share:
                 pairs.append((shear[line.rows.rows].reshape(-1, q), line.room, size))
             for part, whole, unit in pairs:
-                none = line.none(whole)
+                none = whole == 0.0
                 if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
                     return None
                 found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
@@ -330,7 +322,7 @@ class _Pairs:
             work += along(known, other) - along(known, u)
         for line in self.lines:
             if line.share:
-                b, here = goals[line.contact.name][1], slice(line.start, line.start + line.trace.count)
+                b, here = goals[line.contact.name][1], line.trace.here
                 assert not callable(line.contact.cohesion)
                 slipped = float(line.trace.weights @ (line.slipping * (c[1, here] - b))) * self.unit * scales.length
                 work += line.contact.cohesion * slipped
@@ -342,22 +334,26 @@ def _lines(
 ) -> Iterator[_Line]:
     known, state = stress.discretization, companion.state
     assert state is not None
-    c = state.c.reshape(2, -1) * known.scales.displacement
-    start = 0
+    c, length = state.c.reshape(2, -1), known.scales.displacement
+    # where all of a contact is closed and sticks its displacements are the rounding of those of the body
+    least = _MOVED * float(np.abs(state.v).max(initial=0.0))
+
+    def shown(values: FloatArray, size: float) -> FloatArray:
+        """The values, 0 where they count as none beside the size of what they are part of."""
+        return np.where(values > max(cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
+
     for contact, trace, rows in zip(known.problem.contacts, state.contacts.traces, known.contacts, strict=True):
-        here = slice(start, start + trace.count)
-        if contact.law != "tied":
-            share = shares.get(contact.name)
-            slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
-            found = tractions_on(known, stress.dofs, rows)
-            normal, shear = (known.scales.stress * part for part in found)
-            opening = trace.gap * known.scales.displacement - c[0, here]
-            slip = slipping * (c[1, here] - trace.offset * known.scales.displacement)
-            room = np.zeros_like(shear)
-            if share is not None:
-                assert not callable(contact.cohesion)
-                room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
-            sizes = float(np.abs(c[:, here]).max(initial=0.0)), float(np.abs(normal).max(initial=0.0))
-            opening, slip, pressure, room = (np.maximum(part, 0.0) for part in (opening, slip, -normal, room))
-            yield _Line(contact, trace, rows, share, slipping, start, opening, slip, pressure, room, cut, sizes)
-        start += trace.count
+        if contact.law == "tied":
+            continue
+        share, own = shares.get(contact.name), c[:, trace.here]
+        slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
+        normal, shear = (known.scales.stress * part for part in tractions_on(known, stress.dofs, rows))
+        room = np.zeros_like(shear)
+        if share is not None:
+            assert not callable(contact.cohesion)
+            room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
+        moved, pressed = max(float(np.abs(own).max(initial=0.0)), least), float(np.abs(normal).max(initial=0.0))
+        opening, slip = (
+            length * shown(part, moved) for part in (trace.gap - own[0], slipping * (own[1] - trace.offset))
+        )
+        yield _Line(contact, trace, rows, share, slipping, opening, slip, shown(-normal, pressed), shown(room, pressed))

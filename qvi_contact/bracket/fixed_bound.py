@@ -15,7 +15,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.solution.result import ContactResult
-from solvers import FrictionQVI, Status, solve_qvi
+from solvers import Status, solve_qvi
 
 LOOSEST: Final = 1e-6
 """Largest violation of the contact law, relative to the largest stress, that counts as admissible."""
@@ -33,14 +33,6 @@ class FixedBoundProblem:
     threshold: FloatArray  # (e, q): Bernstein coefficients of s on all contact edges that have rows, dimensionless
     lowered: bool  # whether s is below a bound that is data, which is no polynomial of that degree on some edge
     reasons: tuple[str, ...]  # why its solution is not that of the problem stated
-
-    @property
-    def qvi(self) -> FrictionQVI:
-        """The algebraic problem for the bound s, admissible on whole edges."""
-        qvi = self.discretization.qvi
-        if not qvi.m:
-            return qvi
-        return qvi.with_bound(np.maximum(self.threshold.ravel(), 0.0))
 
     @property
     def bounds(self) -> Mapping[str, FloatArray]:
@@ -154,8 +146,7 @@ class AdmissibleStress:
     # dimensionless
     excess: FloatArray
     tension: FloatArray
-    found: bool = True  # whether there is such a stress at all
-    message: str = ""  # if not, why
+    message: str = ""  # why there is no such stress; empty if there is
 
 
 def admissible_stress(
@@ -165,41 +156,25 @@ def admissible_stress(
 
     The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`.
     """
-    discretization, bilateral = given.discretization, given.discretization.qvi.bilateral
+    discretization = given.discretization
 
     def violations(result: ContactResult) -> tuple[FloatArray, FloatArray, float]:
-        """Largest (|τ_T| − s)⁺ and (τ_N)⁺ on each edge, and the larger of them all over the largest traction.
-
-        That is the certificate's unit of stress where the contact is open.
-        """
+        """Those on each edge, and the largest over the largest traction, where all is open the unit of stress."""
         own = EdgeTractions.of(discretization, result.dofs)
-        if not len(own.shear):
-            return np.zeros(0), np.zeros(0), 0.0
-        excess = np.maximum(_largest(own.shear - given.threshold), _largest(-own.shear - given.threshold))
-        keeps = bilateral.reshape(len(own.shear), -1).any(axis=1)
-        excess, tension = np.maximum(excess, 0.0), np.maximum(np.where(keeps, 0.0, _largest(own.normal)), 0.0)
+        excess, tension = own.violations(given.threshold, discretization.qvi.bilateral)
         size = float(max(own.size, result.certificate.scales.get("stress", 0.0))) or 1.0
-        return excess, tension, float(max(excess.max(), tension.max())) / size
+        return excess, tension, float(max(excess.max(initial=0.0), tension.max(initial=0.0))) / size
 
     excess, tension, worst = violations(result)
     if worst <= tolerance:
         return AdmissibleStress(result, excess, tension)
-    try:
-        qvi = given.qvi
-    except InputError as error:
-        return AdmissibleStress(result, excess, tension, False, f"No strictly admissible stress can be sought: {error}")
-    solution = solve_qvi(qvi, tolerance=tolerance, **options)
+    qvi = discretization.qvi  # with m > 0, as something is violated
+    solution = solve_qvi(qvi.with_bound(np.maximum(given.threshold.ravel(), 0.0)), tolerance=tolerance, **options)
     strict = ContactResult(discretization, solution)
     message = f"No strictly admissible stress was found: {solution.message}"
     if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
         message = "No stress on this mesh obeys the contact law on whole edges for that bound: refine the mesh."
     if not strict.has_state:
-        return AdmissibleStress(result, excess, tension, False, message)
+        return AdmissibleStress(result, excess, tension, message)
     excess, tension, worst = violations(strict)
-    found = worst <= LOOSEST
-    return AdmissibleStress(strict, excess, tension, found, "" if found else message)
-
-
-def _largest(polynomials: FloatArray) -> FloatArray:
-    """The largest value (e,) of polynomials (e, q), or what is no less than that: exact up to degree 2."""
-    return bernstein.largest_quadratic(polynomials) if polynomials.shape[1] == 3 else polynomials.max(axis=1)
+    return AdmissibleStress(strict, excess, tension, "" if worst <= LOOSEST else message)

@@ -231,30 +231,34 @@ class _Energies:
 
     def _image(self, shares: Mapping[str, Share]) -> FloatArray:
         """Normal parts from slips, μ s x."""
-        n, start = len(self.slips), 0
-        turned = np.zeros((n, n))
+        turned = np.zeros((len(self.slips),) * 2)
         for trace in self.traces:
             if trace.name in shares:
                 share, p = shares[trace.name], trace.columns.shape[1] - 1
                 nodes, back = bernstein.nodes(p), bernstein.from_values(p)
                 factors = share.friction * share.at(nodes)
                 blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein.basis(p, nodes), trace.turned)
-                columns = start + trace.columns
+                columns = trace.start + trace.columns
                 turned[columns[:, :, None], columns[:, None, :]] = blocks
-            start += trace.count
         return turned[np.ix_(self.presses, self.slips)]
 
     def stopped(self, problem: ContactProblem, shares: Mapping[str, Share], unit: float) -> Stopped | str:
         """What stops the motions without strain, or why nothing does. Weights of shares have the unit [stress]."""
-        scales, count = Scales.of(problem), self.unstrained.shape[1]
-        if any(trace.edges.curved for trace in self.traces if trace.name in shares):
-            return "it touches along arcs"
-        groups, motions = self._groups(shares, unit / scales.stress), self.unstrained / np.abs(self.unstrained).max()
+        scales, count, moved = Scales.of(problem), self.unstrained.shape[1], np.zeros(len(self.slips))
+        motions = self.unstrained / np.abs(self.unstrained).max()
+        moved[self.slips] = np.abs(motions).max(axis=1)
+        moving = [each for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
+        curved = [repr(trace.name) for trace in moving if trace.edges.curved]
+        if curved:
+            return f"it touches along the arcs of {' and '.join(curved)}"
+        groups = self._groups(shares, unit / scales.stress)
         keys, means = (np.array(part) for part in zip(*((each.key, each.mean) for each in groups), strict=True))
         masses = (means * (motions @ keys.T).T).sum(axis=1) / np.maximum((keys**2).sum(axis=1), _ALIKE**2)
         _, size, order = qr((masses[:, None] * keys).T, pivoting=True)
         if len(keys) < count or not abs(size[count - 1, count - 1]) > _STOPS * abs(size[0, 0]):
-            return "no part of the contacts sticks that would stop it"
+            bears = {name: bool((share.room * share.weights).any()) for name, share in shares.items()}
+            names = [repr(each.name) for each in moving if not bears[each.name]] or [repr(each.name) for each in moving]
+            return f"no part of {' and '.join(names)} sticks that would stop it"
         chosen = order[:count]
         means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
         masses, others, image = np.diag(means @ d), null_space(means), self._image(shares)
@@ -290,13 +294,9 @@ class _Energies:
         """Edges that the motions without strain move alike, or against each other."""
         motions = np.zeros((len(self.slips), self.unstrained.shape[1]))
         motions[self.slips] = self.unstrained / np.abs(self.unstrained).max()
-        found, start = list[_Group](), 0
-        for trace in self.traces:
-            columns = start + trace.columns
-            start += trace.count
-            if trace.name not in shares:
-                continue
-            share = shares[trace.name]
+        found = list[_Group]()
+        for trace in (trace for trace in self.traces if trace.name in shares):
+            share, columns = shares[trace.name], trace.start + trace.columns
             products = bernstein.product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
             means = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
             works = unit * trace.lengths[:, None] * trace.turned * (share.room * share.weights @ products)

@@ -79,8 +79,8 @@ class Bracket:
         ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0.
     contacts : mapping
         The parts on the edges of each contact that is not tied; tied ones have only those of springs.
-    cells : (cells,) array
-        All parts by cell: those of an edge belong to its cell, on a joint to both halves; zero without a displacement.
+    cell_gaps : (cells,) array
+        All parts by cell, ≥ 0: those of an edge go to its cell, on a joint to both halves; 0 without a displacement.
     outer : float
         ∫ |s − μ|τ_N|| |v_T − w| ds: what the bound s held fixed may still be off, 0 for other laws. Not part of the
         gap; zero for the solution of the quasi-variational inequality.
@@ -107,7 +107,7 @@ class Bracket:
     strain: float
     bulk: FloatArray
     contacts: Mapping[str, EdgeParts]
-    cells: FloatArray
+    cell_gaps: FloatArray
     outer: float
     slack: float
     driven: Mapping[str, Bounds] = field(default_factory=dict)
@@ -162,11 +162,6 @@ class Bracket:
         return self.upper - self.lower
 
     @property
-    def cell_gaps(self) -> FloatArray:
-        """What each cell adds to the gap: `cells`, with 0 for what is below where no admissible stress was found."""
-        return np.maximum(self.cells, 0.0)
-
-    @property
     def relative_error(self) -> float:
         """Bound of the error of τ in the energy norm, relative to its own: √(2 gap / ∫τ:c:τ), or that of `coulomb`.
 
@@ -183,18 +178,14 @@ class Bracket:
     def parts(self) -> dict[str, float]:
         """The gap by origin: "bulk", "contact", "friction", "springs" if there are some [stress × length²].
 
-        Without a lower bound it has no meaning.
+        What is rounding is zero; empty where there is no gap.
         """
-        names = ["contact", "friction"] + ["springs"] * any(each.has_springs for each in self.problem.contacts)
-        on_edges = {name: sum(getattr(part, name).sum() for part in self.contacts.values()) for name in names}
-        return {"bulk": float(self.bulk.sum()), **{name: float(value) for name, value in on_edges.items()}}
-
-    @property
-    def shown_parts(self) -> dict[str, float]:
-        """`parts` with what is rounding as zero; empty where there is no gap."""
         if not np.isfinite(self.gap):
             return {}
-        return {name: value if value > _NOTHING * self.strain else 0.0 for name, value in self.parts.items()}
+        names = ["contact", "friction"] + ["springs"] * any(each.has_springs for each in self.problem.contacts)
+        on_edges = {name: sum(getattr(part, name).sum() for part in self.contacts.values()) for name in names}
+        found = {"bulk": self.bulk.sum(), **on_edges}
+        return {name: float(value) if value > _NOTHING * self.strain else 0.0 for name, value in found.items()}
 
     @property
     def message(self) -> str:
@@ -227,24 +218,36 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
     """
     units = units or Units()
     energy = {"lower": bracket.lower, "upper": bracket.upper, "strain": bracket.strain, "outer": bracket.outer}
-    companion = bracket.companion
+    found, companion, coulomb = bracket.coulomb, bracket.companion, None
+
+    def finite(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    if found is not None:
+        coulomb = {
+            "kind": found.kind,
+            "reasons": [units.filled(reason) for reason in found.reasons],
+            "places": [units.filled(place) for place in found.places],
+            "friction_norm": finite(found.norm.value),
+            "relative_error": finite(found.relative_error),
+            "solutions_apart": finite(found.apart),
+            "reach": finite(found.reach),
+        }
+    elif bracket.coulomb_reason:
+        coulomb = {"reason": units.filled(bracket.coulomb_reason)}
     return {
         "problem": bracket.kind.name.lower().replace("_", " "),
         "guaranteed": bracket.guaranteed,
         "certainty": str(bracket.certainty),
         "reasons": [units.filled(reason) for reason in bracket.reasons],
         "message": bracket.sentence(units),
-        "energies": {name: _quantity(value, units.energy) for name, value in energy.items()},
-        "gap": {name: _quantity(value, units.energy) for name, value in bracket.shown_parts.items()},
-        "relative_error": _finite(bracket.relative_error),
-        "forces": {
-            name: {"lower": bounds.lower, "upper": bounds.upper, "unit": units.force}
-            for name, bounds in bracket.forces.items()
-        },
-        "coulomb": _coulomb(bracket, units),
-        "companion": None
-        if companion is None
-        else {"status": str(companion.status), "degree": companion.degree, "unknowns": companion.unknowns},
+        "energies": {name: {"value": finite(value), "unit": units.energy} for name, value in energy.items()},
+        "gap": {name: {"value": value, "unit": units.energy} for name, value in bracket.parts.items()},
+        "relative_error": finite(bracket.relative_error),
+        "forces": {name: {**each._asdict(), "unit": units.force} for name, each in bracket.forces.items()},
+        "coulomb": coulomb,
+        "companion": companion
+        and {"status": str(companion.status), "degree": companion.degree, "unknowns": companion.unknowns},
     }
 
 
@@ -252,7 +255,7 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     """Bounds, their parts, and forces, those by displacements too, for a terminal."""
     units = units or Units()
     yield bracket.sentence(units)
-    parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.shown_parts.items())
+    parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.parts.items())
     if parts:
         yield f"duality gap [{units.engineering_energy}]: {parts}"
     if parts and bracket.outer > 0.0:
@@ -267,27 +270,3 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
             both = (contact.normal_force, contact.tangential_force)
             normal, tangential = (shown(force, companion.scales.rounding.force) for force in both)
             yield f"  contact {name}: normal {normal}, tangential {tangential} {units.engineering_force}"
-
-
-def _coulomb(bracket: Bracket, units: Units) -> dict[str, Any] | None:
-    """The bounds under Coulomb's law, or why there are none; None where nothing has Coulomb friction."""
-    found = bracket.coulomb
-    if found is None:
-        return {"reason": units.filled(bracket.coulomb_reason)} if bracket.coulomb_reason else None
-    return {
-        "kind": found.kind,
-        "reasons": [units.filled(reason) for reason in found.reasons],
-        "places": [units.filled(place) for place in found.places],
-        "friction_norm": _finite(found.norm.value),
-        "relative_error": _finite(found.relative_error),
-        "solutions_apart": _finite(found.apart),
-        "reach": _finite(found.reach),
-    }
-
-
-def _quantity(value: float, unit: str) -> dict[str, Any]:
-    return {"value": _finite(value), "unit": unit}
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

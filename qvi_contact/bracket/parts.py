@@ -30,6 +30,7 @@ from qvi_contact.problem.material import is_strained
 from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import normal_and_shear
 
+_OUTWARD = 2.0  # safety of the work of violations that are left
 _BELOW_ZERO = 1e-10  # of a field's values: a coefficient below zero that is none
 
 EDGE_POINTS: Final = 12
@@ -101,6 +102,19 @@ class EdgeTractions:
         normal, shear = (coefficients(discretization, part, degree) for part in (normal, shear))
         exact = np.where(below(law, cap), exact, cap_exact & below(cap, law))
         return cls(normal, shear, np.minimum(law, cap), exact, size)
+
+    def violations(self, bound: FloatArray, bilateral: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Largest (|σ_T| − s)⁺ and (σ_N)⁺ on each edge (e,) for a bound s (e, q): exact to degree 2, else no less."""
+
+        def largest(part: FloatArray) -> FloatArray:
+            found = bernstein.largest_quadratic(part) if part.shape[1] == 3 else part.max(axis=1)
+            return np.maximum(found, 0.0)
+
+        if not len(self.shear):
+            return np.zeros(0), np.zeros(0)
+        keeps = bilateral.reshape(len(self.shear), -1).any(axis=1)
+        excess = np.maximum(largest(self.shear - bound), largest(-self.shear - bound))
+        return excess, np.where(keeps, 0.0, largest(self.normal))
 
 
 def tractions_on(discretization: Discretization, u: FloatArray, rows: ContactRows) -> tuple[FloatArray, FloatArray]:
@@ -233,37 +247,36 @@ def spring_parts(fields: CellFields, companion: CompanionResult) -> dict[str, Fl
     return found
 
 
-def edge_parts(
+def contact_parts(
     discretization: Discretization,
-    rows: ContactRows,
-    normal: FloatArray,
-    shear: FloatArray,
+    own: EdgeTractions,
     bound: FloatArray,
+    left: tuple[FloatArray, FloatArray],
     companion: CompanionResult,
-) -> tuple[EdgeParts, FloatArray, FloatArray]:
-    """Parts of the gap on the edges of one contact, without springs, from Bernstein coefficients (edges, q) [stress].
+) -> tuple[dict[str, EdgeParts], float, float]:
+    """Parts of the gap by contact, without springs, for a friction bound s (e, q); and two works.
 
-    Beside them ∫ (g − v_N) ds and ∫ |v_T − w| ds on each edge (edges,) [length²].
+    What violations cost that a solver left, the excess and tension of `EdgeTractions.violations`, is estimated by twice
+    their work with v in the place of u. The other is ∫ |s − s_τ||v_T − w| ds with the bound s_τ of the stress.
     """
-    problem = discretization.problem
-    contact = contact_named(problem, rows.name)
-    edges = problem.mesh.edges(contact.edges)
-    lengths = edges.length
-    t, weights = gauss_legendre(EDGE_POINTS)
-    gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
-    opening = gap - companion.trace(rows.name, t)[0]
-    pressure = -normal @ bernstein.basis(normal.shape[1] - 1, t).T
-    nodes = bernstein.nodes(companion.degree)
-    offset = evaluate("Contact.offset", contact.offset, *problem.mesh.points_along(edges, nodes))
-    slip = (companion.trace(rows.name, nodes)[1] - offset) @ bernstein.from_values(companion.degree).T
-    nothing = np.zeros_like(shear)
-    return (
-        EdgeParts(
-            lengths * ((pressure * opening) @ weights), lengths * slip_work(slip, shear, bound), np.zeros(len(edges))
-        ),
-        lengths * (np.abs(opening) @ weights),
-        lengths * slip_work(slip, nothing, nothing + 1.0),
-    )
+    problem, unit, (t, weights) = discretization.problem, discretization.scales.stress, gauss_legendre(EDGE_POINTS)
+    nodes, back = bernstein.nodes(companion.degree), bernstein.from_values(companion.degree)
+    found, slack, outer, (excess, tension) = dict[str, EdgeParts](), 0.0, 0.0, left
+    for rows in (rows for rows in discretization.contacts if rows.law != "tied"):
+        contact, e = contact_named(problem, rows.name), rows.edges
+        edges = problem.mesh.edges(contact.edges)
+        lengths, normal, shear = edges.length, unit * own.normal[e], unit * own.shear[e]
+        gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
+        opening = gap - companion.trace(rows.name, t)[0]
+        pressure = -normal @ bernstein.basis(normal.shape[1] - 1, t).T
+        offset = evaluate("Contact.offset", contact.offset, *problem.mesh.points_along(edges, nodes))
+        slip = (companion.trace(rows.name, nodes)[1] - offset) @ back.T
+        nothing, friction = np.zeros_like(shear), lengths * slip_work(slip, shear, unit * bound[e])
+        found[rows.name] = EdgeParts(lengths * ((pressure * opening) @ weights), friction, np.zeros(len(edges)))
+        moved = lengths * slip_work(slip, nothing, nothing + 1.0)
+        slack += _OUTWARD * unit * float(tension[e] @ (lengths * (np.abs(opening) @ weights)) + excess[e] @ moved)
+        outer += unit * float(np.abs(own.bound - bound)[e].max(axis=1) @ moved)
+    return found, slack, outer
 
 
 def slip_work(slip: FloatArray, shear: FloatArray, bound: FloatArray) -> FloatArray:

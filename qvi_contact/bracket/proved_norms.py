@@ -6,7 +6,6 @@ In `docs/theory.md`: (D29), (D32).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,11 +13,11 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket.share import Share, all_alike, bodies_of, held_directions, shares_on, spans
+from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.data import PARALLEL
 from qvi_contact.companion.space import DisplacementSpace, triangle
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import Displacement, bears_shear, has_coulomb
+from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
@@ -58,15 +57,9 @@ def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> tuple[f
     known, ways = [(0.0, "this body")], {"this rectangle": rectangle_norm, "this star-shaped body": star_norm}
     for body in bodies:
         if any(map(has_coulomb, body.problem.contacts)):
-            own = shares_on(body, problem, shares)
-            found = (
-                ()
-                if body.problem.mesh.sides.any()
-                else ((norm(body.problem, own), kind) for kind, norm in ways.items())
-            )
-            known.append(
-                min(((value, kind) for value, kind in found if value is not None), default=(np.inf, "this body"))
-            )
+            own, straight = shares_on(body, problem, shares), not body.problem.mesh.sides.any()
+            found = ((norm(body.problem, own), kind) for kind, norm in ways.items() if straight)
+            known.append(min(((norm, kind) for norm, kind in found if norm is not None), default=(np.inf, "this body")))
     largest, kind = max(known)
     return largest, kind if len(known) < 3 else "each of the bodies"
 
@@ -77,71 +70,76 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
     and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
     """
-    sides, ratio = _sides(problem, shares), one_ratio(problem)
-    if sides is None or ratio is None:
+    mesh, boundary, ratio = problem.mesh, problem.mesh.boundary, one_ratio(problem)
+    corners, directions = mesh.vertices[np.unique(mesh.cells)], held_directions(problem)
+    low, high, axis = corners.min(axis=0), corners.max(axis=0), np.argmax(np.abs(boundary.normal), axis=1)
+    every = np.arange(len(axis))
+    end, ends = boundary.normal[every, axis] > 0.0, mesh.vertices[np.stack([boundary.first, boundary.second], axis=1)]
+    away = np.abs(ends.mean(axis=1) - np.where(end[:, None], high, low))[every, axis]
+    vectors = np.concatenate([boundary.normal, *directions])
+    slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_ALIKE)
+    if ratio is None or slanted or away.max() > _ALIKE * (high - low).max():
         return None
-    across = {side // 2 for side in sides if any(edge.share is not None for edge in sides[side])}
-    if len(across) != 1:
+    held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
+    pressed, rough, rubs = np.zeros((3, len(boundary)), dtype=bool)  # where (Rv)_N = 0, (Rv)_T = 0, and with friction
+    known: dict[int, tuple[FloatArray, FloatArray]] = {}  # θ at coefficients, and no less than its steps on equal parts
+    for contact in problem.contacts:
+        index = mesh.edge_set(contact.edges)
+        if has_coulomb(contact):
+            share = shares[contact.name]
+            factors = np.where(end[index], share.friction, -share.friction)[:, None]
+            pairs = zip(factors * share.values, share.friction * share.steepest(), strict=True)
+            known |= zip(index.tolist(), pairs, strict=True)
+            rubs[index] = True
+        elif contact.law != "tied":
+            pressed[index], rough[index] = True, bears_shear(contact)
+    if len(set(axis[rubs])) != 1:
         return None
-    b = across.pop()
-    a = 1 - b
-    beside = [sides[2 * a + end] for end in (0, 1)]
-    mirrors = [[all(edge.held[axis] for edge in sides[2 * axis + end]) for end in (0, 1)] for axis in (0, 1)]
-    allowed = all(edge.held[a] or not (edge.held[b] or edge.rough) for edges in beside for edge in edges)
-    if not any(mirrors[a]) or not allowed:
+    b = int(axis[rubs][0])
+    a, extent = 1 - b, high - low
+    mirrors = [[held[(axis == k) & (end == side), k].all() for side in (False, True)] for k in (0, 1)]
+    beside = axis == a
+    if not any(mirrors[a]) or not (held[:, a] | ~(held[:, b] | rough))[beside].all():
         return None
-    extent = np.ptp(problem.mesh.vertices, axis=0)
-    profiles = [_Profile.of(sides[2 * b + end], a) for end in (0, 1)]
-    demanded = [profile for profile in profiles if profile is not None]
-    low, high = (demanded * 2)[:2]
-    steep = 0.0 if len(demanded) == 1 else (low.largest + high.largest) / extent[b]
+    demanded, profiles = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a])), []
+    for side in (False, True):
+        chosen = np.flatnonzero(demanded & (end == side))
+        places = np.sort(ends[chosen, :, a], axis=1)
+        order = np.argsort(places[:, 0])
+        if len(order):
+            nothing = np.zeros(1), np.zeros(1)
+            profiles.append(_profile(places[order], [known.get(edge, nothing) for edge in chosen[order].tolist()]))
+    largest, parts = zip(*profiles, strict=True)
+    steep = 0.0 if len(profiles) == 1 else sum(largest) / extent[b]
     half = extent[b] if any(mirrors[b]) else extent[b] / 2.0
-    inf_sup = np.sin(0.5 * np.arctan2(*np.sort([extent[a], half])))
-    ends = problem.mesh.vertices[:, a].min(), problem.mesh.vertices[:, a].max()
-    turned = min(
-        max(profile.turned(end) for profile in (low, high))
-        for end, mirror in zip(ends, mirrors[a], strict=True)
+    inf_sup = float(np.sin(0.5 * np.arctan2(*np.sort([extent[a], half]))))
+
+    # H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of a side with v = 0 at a place: v² ≤ |a − place| ‖v′‖²
+    H = min(
+        max(
+            float(np.sqrt((d**2 * np.abs((start + stop) / 2.0 - place) * (stop - start)).sum()))
+            for start, stop, d in parts
+        )
+        for place, mirror in zip((low[a], high[a]), mirrors[a], strict=True)
         if mirror
     )
-    largest = max(low.largest, high.largest)
-    found = rectangle_constant(ratio, float(inf_sup), largest, steep * 2.0 * extent[a] / np.pi, turned)
+    found = rectangle_constant(ratio, inf_sup, max(largest), steep * 2.0 * extent[a] / np.pi, H)
     return found if np.isfinite(found) else None
 
 
-@dataclass(frozen=True, eq=False)
-class _Profile:
-    """What θ is along one side, in parts: continuous, linear where nothing is demanded."""
+def _profile(places: FloatArray, known: list[tuple[FloatArray, FloatArray]]) -> tuple[float, FloatArray]:
+    """θ along one side, continuous, linear where nothing is demanded: max |θ|, and parts: (start, stop, steepest).
 
-    largest: float  # max |θ|
-    # start, stop, steepest, (k,) each: of each part the ends along the side, and no less than |dθ/da| on it
-    start: FloatArray
-    stop: FloatArray
-    steepest: FloatArray
-
-    @classmethod
-    def of(cls, edges: list[_Edge], a: int) -> _Profile | None:
-        """From what the edges of the side demand; None if that is nothing."""
-        ordered = sorted(edges, key=lambda edge: edge.place)
-        known = [edge.profile(a) for edge in ordered]
-        if all(each is None for each in known):
-            return None
-        largest, parts, last = 0.0, list[tuple[float, float, float]](), None
-        for edge, each in zip(ordered, known, strict=True):
-            if each is None:
-                continue
-            first, second, most, slopes = each
-            if last is not None and edge.place[0] > last[0]:  # nothing is demanded since the last edge
-                gap = edge.place[0] - last[0]
-                parts.append((last[0], edge.place[0], abs(first - last[1]) / gap))
-            ends = np.linspace(*edge.place, len(slopes) + 1)
-            parts += zip(ends[:-1].tolist(), ends[1:].tolist(), slopes.tolist(), strict=True)
-            largest, last = max(largest, most), (edge.place[1], second)
-        return cls(largest, *np.array(parts).T)
-
-    def turned(self, end: float) -> float:
-        """H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of the side with v = 0 at the end: v² ≤ |a − end| ‖v′‖²."""
-        away = np.abs((self.start + self.stop) / 2.0 - end) * (self.stop - self.start)
-        return float(np.sqrt((self.steepest**2 * away).sum()))
+    Places (e, 2) are those of edges, in order; known are coefficients of θ, and no less than its steps on equal parts.
+    """
+    parts, largest, last = list[FloatArray](), 0.0, (np.inf, 0.0)
+    for (start, stop), (values, steps) in zip(places, known, strict=True):
+        if start > last[0]:
+            parts.append(np.array([[last[0]], [start], [abs(values[0] - last[1]) / (start - last[0])]]))
+        ends = np.linspace(start, stop, len(steps) + 1)
+        parts.append(np.stack([ends[:-1], ends[1:], steps * len(steps) / (stop - start)]))
+        largest, last = max(largest, float(np.abs(values).max())), (stop, values[-1])
+    return largest, np.concatenate(parts, axis=1)
 
 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
@@ -173,69 +171,6 @@ def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: f
     return float(np.sqrt(square.max()) * ROUNDED)
 
 
-@dataclass(frozen=True, eq=False)
-class _Edge:
-    """What one edge of the boundary demands of v and of Rv."""
-
-    held: tuple[bool, bool]  # whether v has no part along x, along y
-    place: tuple[float, float]  # where it begins and ends along its side
-    # (Share, number of the edge, ±μ): with Coulomb friction: the part of Rv across the edge is ±μ s times v along it
-    share: tuple[Share, int, float] | None
-    pressed: bool  # pressed, rough: whether (Rv)_N, (Rv)_T must vanish because of a contact without Coulomb friction
-    rough: bool
-
-    def profile(self, a: int) -> tuple[float, float, float, FloatArray] | None:
-        """θ at both ends, max |θ| and |dθ/da| on equal parts; None where nothing is demanded."""
-        if self.share is not None:
-            share, number, factor = self.share
-            values, length = factor * share.values[number], self.place[1] - self.place[0]
-            slopes = abs(factor) * share.steepest()[number]
-            slopes = slopes * len(slopes) / length
-            return float(values[0]), float(values[-1]), float(np.abs(values).max()), slopes
-        if not self.held[a] and (self.held[1 - a] or self.pressed):
-            return 0.0, 0.0, 0.0, np.zeros(1)
-        return None
-
-
-def _sides(problem: ContactProblem, shares: Mapping[str, Share]) -> dict[int, list[_Edge]] | None:
-    """Edges by side, 2 axis + end with the end 1 towards +axis; None unless the body is a rectangle along the axes."""
-    mesh, boundary = problem.mesh, problem.mesh.boundary
-    corners = mesh.vertices[np.unique(mesh.cells)]
-    places = (mesh.vertices[boundary.first] + mesh.vertices[boundary.second]) / 2.0
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    near = np.abs(np.stack([places - low, places - high], axis=-1)) <= _ALIKE * (high - low).max()
-    if not np.allclose(np.abs(boundary.normal).max(axis=1), 1.0, rtol=0.0, atol=_ALIKE):
-        return None
-    axis = np.argmax(np.abs(boundary.normal), axis=1)
-    end = (boundary.normal[np.arange(len(axis)), axis] > 0.0).astype(int)
-    if not near[np.arange(len(axis)), axis, end].all():
-        return None
-    held = np.zeros((len(axis), 2), dtype=bool)
-    for given in problem.prescribed(Displacement):
-        if not np.allclose(np.abs(given.direction).max(axis=1), 1.0, rtol=0.0, atol=_ALIKE):
-            return None
-        held[given.index, np.argmax(np.abs(given.direction), axis=1)] = True
-    pressed, rough = np.zeros(len(axis), dtype=bool), np.zeros(len(axis), dtype=bool)
-    known: dict[int, tuple[Share, int, float]] = {}
-    for contact in problem.contacts:
-        index = mesh.edge_set(contact.edges)
-        if contact.law == "tied":
-            held[index] = True
-        elif has_coulomb(contact):
-            share = shares[contact.name]
-            for edge, number in enumerate(index.tolist()):
-                known[number] = share, edge, share.friction * (1.0 if end[number] == 1 else -1.0)
-        else:
-            pressed[index], rough[index] = True, bears_shear(contact)
-    found: dict[int, list[_Edge]] = {side: [] for side in range(4)}
-    for number, side in enumerate((2 * axis + end).tolist()):
-        parts = bool(held[number, 0]), bool(held[number, 1])
-        ends = mesh.vertices[[boundary.first[number], boundary.second[number]], 1 - side // 2]
-        place = float(ends.min()), float(ends.max())
-        found[side].append(_Edge(parts, place, known.get(number), bool(pressed[number]), bool(rough[number])))
-    return found
-
-
 def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
     """A number that |R| does not exceed, or None where the body or its contacts are of another kind.
 
@@ -243,8 +178,8 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
     are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
     where v_t ≠ 0.
     """
-    senses = all_alike(shares)
-    if senses is None:
+    senses = {name: share.slipping[0] for name, share in shares.items()}
+    if any(senses[name] == 0.0 or (share.slipping != senses[name]).any() for name, share in shares.items()):
         return None
     boundary, sides = problem.mesh.boundary, held_directions(problem)
     weights = np.zeros(len(boundary))  # ±μ of each edge

@@ -51,22 +51,6 @@ class Body:
     problem: ContactProblem  # its mesh and the conditions on its edges
     beyond: Mapping[str, str]  # by contact that is a joint seen from the side its normal points to: the joint's name
 
-    def edges_of(self, whole: ContactProblem, name: str) -> tuple[str, IntArray]:
-        """The contact of the whole problem that one of its contacts is, and which of the edges there its own are."""
-        joint = self.beyond.get(name, name)
-        near, far = (
-            problem.mesh.edges(next(each.edges for each in problem.contacts if each.name == known))
-            for problem, known in ((self.problem, name), (whole, joint))
-        )
-        places = {
-            tuple(place): number
-            for number, place in enumerate(
-                whole.mesh.vertices[np.column_stack([far.first, far.second])].reshape(-1, 4).tolist()
-            )
-        }
-        own = self.problem.mesh.vertices[np.column_stack([near.first, near.second])].reshape(-1, 4)
-        return joint, np.array([places[tuple(place)] for place in own.tolist()], dtype=np.int64)
-
 
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     """Each body alone, a joint that parts it from another one being a contact with an obstacle; tied joints part none.
@@ -180,19 +164,23 @@ class Share:
         found = n * weights.max(axis=2) / weights.min(axis=2) * (steps + 0.5 * (turn - 1.0) * np.ptp(points, axis=2))
         return np.where(even[:, None], 0.0, np.where(bears, found, np.inf))
 
-    def on(self, body: Body, whole: ContactProblem, name: str) -> "Share":
-        """The same on the contact of one body: beyond a joint the normal is another, the tangent is not."""
-        _, edges = body.edges_of(whole, name)
-        sign = -1.0 if name in body.beyond else 1.0
-        contact = next(each for each in body.problem.contacts if each.name == name)
-        parts = (sign * self.values, self.weights, sign * self.slipping, self.room)
-        return Share(contact, *(part[edges] for part in parts))
-
 
 def shares_on(body: Body, whole: ContactProblem, shares: Mapping[str, Share]) -> dict[str, Share]:
-    """Shares of the contacts of one body from those of the whole problem."""
-    names = {each.name: body.beyond.get(each.name, each.name) for each in body.problem.contacts}
-    return {name: shares[known].on(body, whole, name) for name, known in names.items() if known in shares}
+    """Shares on one body from those of all: beyond a joint the normal of a contact is another, the tangent is not."""
+    found, mesh = dict[str, Share](), body.problem.mesh
+    for contact in body.problem.contacts:
+        share = shares.get(body.beyond.get(contact.name, contact.name))
+        if share is None:
+            continue
+        near, far = (
+            each.vertices[np.column_stack([edges.first, edges.second])].reshape(-1, 4).tolist()
+            for each, edges in ((mesh, mesh.edges(contact.edges)), (whole.mesh, whole.mesh.edges(share.contact.edges)))
+        )
+        numbers = {tuple(place): number for number, place in enumerate(far)}
+        own, sign = [numbers[tuple(place)] for place in near], -1.0 if contact.name in body.beyond else 1.0
+        parts = (sign * share.values, share.weights, sign * share.slipping, share.room)
+        found[contact.name] = Share(contact, *(part[own] for part in parts))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -515,11 +503,3 @@ def _fits(
     across = contact.friction * float(normal @ n) * t - other * tangent
     along = contact.friction * float(tangent @ n) if bears_shear(law) else 0.0
     return bool(np.abs(across).max() <= PARALLEL and abs(along) <= PARALLEL)
-
-
-def all_alike(shares: Mapping[str, Share]) -> dict[str, int] | None:
-    """1 or −1 by contact where s is that on all of it; None where it is not."""
-    found = {name: share.slipping for name, share in shares.items()}
-    if any(not (part[0] != 0.0 and (part == part[0]).all()) for part in found.values()):
-        return None
-    return {name: int(part[0]) for name, part in found.items()}

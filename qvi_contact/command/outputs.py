@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -115,11 +116,12 @@ class SecondModel:
 
     def write(self, path: str, units: Units) -> None:
         """Write the fields of the body, with the displacement if there is one, and those of contacts beside them."""
-        from qvi_contact.files.export import contacts_path, write_contacts_vtu, write_vtu
+        from qvi_contact.files.export import write_contacts_vtu, write_vtu
 
         write_vtu(path, self.result, units, bracket=None if self.companion is None else self.bracket)
         if self.result.contacts:
-            write_contacts_vtu(contacts_path(path), self.result, units)
+            whole = Path(path)
+            write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), self.result, units)
 
 
 def asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:

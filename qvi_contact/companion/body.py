@@ -14,6 +14,7 @@ are.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from scipy import sparse
@@ -58,36 +59,24 @@ class Elasticity:
         return self.space.size + (0 if self.springs is None else self.springs.shape[0])
 
     def stiffness(self) -> sparse.csr_array:
-        """K with vᵀKv = ∫ ε:C:ε without springs, shape (size, size) of the space."""
-        space, count = self.space, len(self.space.table)
-        local, slopes = reference_matrices(space.cell), space.slopes
-        n = local.shape[-1]
-        blocks = np.empty((count, n, 2, n, 2))
-        for c in (0, 1):
-            for d in (0, 1):
-                moduli = self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]]
-                weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
-                blocks[:, :, c, :, d] = (weights.reshape(count, 4) @ local.reshape(4, n * n)).reshape(count, n, n)
-        if len(space.curved):
-            blocks[space.curved.numbers] = self._curved_stiffness()
-        K = space.assembled(blocks.reshape(count, 2 * n, 2 * n))
-        return sparse.csr_array((K + K.T) / 2.0)
-
-    def _curved_stiffness(self) -> FloatArray:
-        """The blocks (c, n, 2, n, 2) of cells with arcs, by quadrature."""
+        """K with vᵀKv = ∫ ε:C:ε without springs, shape (size, size) of the space; cells with arcs by quadrature."""
         space, curved = self.space, self.space.curved
+        local, slopes, n = reference_matrices(space.cell), space.slopes, space.table.shape[1]
         t, w = space.cell.quadrature(self._count)
-        tables = [space.cell.derivative_values(t) @ space.cell.differences[axis] for axis in (0, 1)]
-        found = np.empty((len(curved), tables[0].shape[1], 2, tables[0].shape[1], 2))
-        for k in range(len(curved)):
-            jacobians = curved.jacobians(np.array([k]), t)[0]
-            slopes = np.einsum("qab,aqn->qbn", np.linalg.inv(jacobians), np.stack(tables))
-            weights, moduli = np.abs(np.linalg.det(jacobians)) * w, self.moduli[curved.numbers[k]]
-            for c in (0, 1):
-                for d in (0, 1):
-                    inner = moduli[_ENTRIES[c]][:, _ENTRIES[d]]
-                    found[k, :, c, :, d] = np.einsum("q,qan,ab,qbm->nm", weights, slopes, inner, slopes, optimize=True)
-        return found
+        along, bent = (
+            np.stack([space.cell.derivative_values(t) @ each for each in space.cell.differences]),
+            curved.numbers,
+        )
+        gradients = np.einsum("kqab,aqn->kqbn", space.inverse_jacobians(bent, t), along)
+        measures, blocks = space.measures(t, w)[bent], np.empty((len(space.table), n, 2, n, 2))
+        for c, d in product((0, 1), repeat=2):
+            moduli = self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]]
+            weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
+            blocks[:, :, c, :, d] = (weights.reshape(-1, 4) @ local.reshape(4, n * n)).reshape(-1, n, n)
+            parts = (measures, gradients, moduli[bent], gradients)
+            blocks[bent, :, c, :, d] = np.einsum("kq,kqan,kab,kqbm->knm", *parts, optimize=True)
+        K = space.assembled(blocks.reshape(-1, 2 * n, 2 * n))
+        return sparse.csr_array((K + K.T) / 2.0)
 
     @property
     def _count(self) -> int:
@@ -97,7 +86,10 @@ class Elasticity:
 
     def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
-        (xx, xy), (yx, yy) = np.moveaxis(self._gradients(v, cells, t), (3, 1), (0, 1))
+        cell, local = self.space.cell, v[: self.space.size].reshape(-1, 2)[self.space.table[cells]]
+        values = cell.derivative_values(t)
+        along = np.stack([values @ (each @ local) for each in cell.differences], axis=1)
+        (xx, xy), (yx, yy) = np.einsum("kqab,kaqc->cbkq", self.space.inverse_jacobians(cells, t), along)
         return np.stack([xx, yy, xy + yx], axis=-1)
 
     def initial_stress(self, cells: IntArray | slice, t: FloatArray) -> FloatArray | float:
@@ -118,18 +110,6 @@ class Elasticity:
         if self.at_rest is None:
             return np.zeros(self.size)
         return -self.virtual_work(self.initial_stress(slice(None), t) * weights[..., None], t)
-
-    def _gradients(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """∂_b u_c as [cell, b, point, c]."""
-        cell, local = self.space.cell, v[: self.space.size].reshape(-1, 2)[self.space.table[cells]]
-        values = cell.derivative_values(t)
-        along = np.stack([values @ (cell.differences[axis] @ local) for axis in (0, 1)], axis=1)
-        found = _combined(self.space.slopes[cells].swapaxes(1, 2), along)
-        at, which = self.space.curved.among(cells, len(self.space.table))
-        if len(at):
-            slopes = np.linalg.inv(self.space.curved.jacobians(which, t if np.ndim(t) == 2 else t[at]))
-            found[at] = np.einsum("kqab,kaqc->kbqc", slopes, along[at])
-        return found
 
     def points(self) -> tuple[FloatArray, FloatArray]:
         """Reference points t (q, 2) and weights (cells, q) that integrate ε:C:ε exactly."""
@@ -163,21 +143,11 @@ class Elasticity:
         space, cell = self.space, self.space.cell
         xx, yy, xy = np.moveaxis(stress, -1, 0)
         tensor = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=1)
-        along = _combined(space.slopes, tensor)
-        if len(space.curved):
-            every = np.arange(len(space.curved))
-            slopes = np.linalg.inv(space.curved.jacobians(every, t))
-            along[space.curved.numbers] = np.einsum("kqab,kbqc->kaqc", slopes, tensor[space.curved.numbers])
+        along = np.einsum("kqab,kbqc->kaqc", space.inverse_jacobians(slice(None), t), tensor)
         values = cell.derivative_values(t).T
         local = sum(cell.differences[axis].T @ (values @ along[:, axis]) for axis in (0, 1))
         found = np.bincount(space.dofs.ravel(), np.ravel(local), minlength=self.size)
         return np.asarray(found, dtype=np.float64)
-
-
-def _combined(matrices: FloatArray, fields: FloatArray) -> FloatArray:
-    """Σ_b M_ab f_b of each cell for matrices (cells, 2, 2) and fields (cells, 2, q, c)."""
-    n, _, q, c = fields.shape
-    return np.asarray((matrices @ fields.reshape(n, 2, q * c)).reshape(n, 2, q, c))
 
 
 def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
@@ -186,10 +156,25 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     That is a difference of the body force's from a finer quadrature, or what is left of tractions that no quadrature
     can follow. Of a body potential only the points of the two quadratures are seen, 541 or more a cell.
     """
-    tractions, remarks = _traction_load(problem, body, scales)
+    space, tractions, found = body.space, np.zeros(body.size), list[str]()
+    for given in problem.prescribed(Traction):
+        edges, count = given.edges, load_points(space.degree)
+        part = along_edges(problem.mesh, edges, given.name, given.value, count)
+        shapes = bernstein.basis(space.degree, part.t.ravel()).reshape(*part.t.shape, -1)
+        lengths = edges.length / scales.length
+        along = vectors_along(edges.take(part.edge), given.direction[part.edge], part.t, turns=given.turns)
+        for component in (0, 1):
+            work = lengths[:, None] * part.integrals(shapes * along[..., [component]]) / scales.stress
+            np.add.at(tractions, 2 * space.along(edges) + component, work)
+        if part.error > MISFIT * float(np.abs(part.values).max(initial=0.0)):
+            size = f"{part.error:.2g} [stress]"
+            found.append(
+                f"{given.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
+            )
+    remarks = tuple(dict.fromkeys(found))
     first, second = (
         tractions + _body_load(problem, body, scales, count)
-        for count in (load_points(body.space.degree), 2 * load_points(body.space.degree) + 1)
+        for count in (load_points(space.degree), 2 * load_points(space.degree) + 1)
     )
     error = float(np.abs(first - second).max(initial=0.0))
     if error <= _QUADRATURE * max(float(np.abs(second).max(initial=0.0)), _QUADRATURE):
@@ -197,26 +182,6 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     force = error * scales.stress * scales.length
     changed = f"Loads are not polynomials on each edge or cell. Quadrature changes them by {force:.1e} [force]."
     return second, (changed, *remarks)
-
-
-def _traction_load(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
-    """∫_{Γσ} T·v ds as a vector (size,), and which tractions no quadrature follows."""
-    space, load, remarks = body.space, np.zeros(body.size), list[str]()
-    for given in problem.prescribed(Traction):
-        edges = given.edges
-        found = along_edges(problem.mesh, edges, given.name, given.value, load_points(space.degree))
-        shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
-        lengths = edges.length / scales.length
-        along = vectors_along(edges.take(found.edge), given.direction[found.edge], found.t, turns=given.turns)
-        for component in (0, 1):
-            work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
-            np.add.at(load, 2 * space.along(edges) + component, work)
-        if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
-            size = f"{found.error:.2g} [stress]"
-            remarks.append(
-                f"{given.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
-            )
-    return load, tuple(dict.fromkeys(remarks))
 
 
 def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count: int) -> FloatArray:
@@ -236,9 +201,7 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)
     t, w = gauss_legendre(count)
     shape = bernstein.basis(space.degree, t) * w[:, None]
-    outlines = [
-        (mesh.boundary, space.along(mesh.boundary), mesh.boundary.normal)
-    ]  # edges, coefficients, outward normals
+    outlines = [(mesh.boundary, space.along(mesh.boundary), mesh.boundary.normal)]  # with outward normals
     for joint in problem.joints:
         edges = mesh.edges(joint.edges)
         outlines.append((edges, space.along(edges), edges.normal))

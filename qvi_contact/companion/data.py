@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
 from qvi_contact.companion.space import DisplacementSpace
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
@@ -109,171 +109,90 @@ class Supports:
         return replace(self, axes=sparse.csr_array(axes), inverse=sparse.csr_array(inverse))
 
 
-@dataclass(frozen=True, eq=False)
-class _Given:
-    """Conditions d·v = value at coefficients, one entry each: coefficient, d (m, 2) and value (m,)."""
-
-    coefficient: IntArray
-    direction: FloatArray
-    value: FloatArray
-
-    def take(self, chosen: BoolArray | IntArray) -> "_Given":
-        return _Given(self.coefficient[chosen], self.direction[chosen], self.value[chosen])
-
-
-@dataclass(frozen=True, eq=False)
-class _OnArcs:
-    """Conditions on arcs along normals or tangents (n, 2): coefficients of the body and of the data, (n, p + 1)."""
-
-    edges: Edges
-    numbers: IntArray
-    direction: FloatArray
-    data: FloatArray
-
-    @property
-    def _alike(self) -> FloatArray:
-        """By which factor the direction is the normal, and the tangent: ±1 and 0, shape (n, 2)."""
-        axes = np.stack([self.edges.normal, self.edges.tangent], axis=1)
-        return np.rint((axes @ self.direction[:, :, None])[:, :, 0])
-
-    @property
-    def index(self) -> IntArray:
-        """Degrees of freedom w: n·v of a coefficient, then t·v; shape (n (p − 1),)."""
-        return np.ravel(2 * self.numbers[:, 1:-1] + np.argmax(np.abs(self._alike), axis=1)[:, None])
-
-    @property
-    def values(self) -> FloatArray:
-        """Their values."""
-        return np.ravel(self.data[:, 1:-1] * self._alike.sum(axis=1)[:, None])
-
-
 def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) -> Supports:
     """Prescribed displacements; where two disagree in a corner their mean."""
-    given, arcs, reasons = _given(problem, space, scales)
-    allowed = MISFIT * max(1.0, float(np.abs(given.value).max(initial=0.0)))
-    slanted = np.isin(given.coefficient, given.coefficient[np.abs(given.direction).max(axis=1) < 1.0])
-    index, values, wrong = _along_axes(given.take(~slanted), allowed)
-    found, axes = [(index, values)], dict[int, FloatArray]()
-    for coefficient in np.unique(given.coefficient[slanted]).tolist():
-        here = given.take(given.coefficient == coefficient)
-        frame, fixed = _at_one(here)
-        axes[coefficient] = frame
-        dofs = 2 * coefficient + np.arange(len(fixed))
-        found.append((dofs, fixed))
-        missed = here.direction @ frame[:, : len(fixed)] @ fixed - here.value
-        if np.abs(missed).max() > allowed:
-            wrong.append(coefficient)
-    if wrong:
-        x, y = problem.mesh.origin + scales.length * space.places[min(wrong)]
-        reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}). Their mean is used.")
-    found += [(arc.index, arc.values) for arc in arcs]
-    index, values = (np.concatenate(part) for part in zip(*found, strict=True))
-    order = np.argsort(index)
-    Q = _turned(space.size, axes)
-    Q, R = _along_arcs(Q, arcs, space.degree)
-    return Supports(index[order], values[order], Q, R, bool(axes or arcs), tuple(reasons))
-
-
-def _given(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales
-) -> tuple[_Given, list[_OnArcs], list[str]]:
-    """All conditions, in the order of the problem: those at coefficients, and those inside arcs along their frames."""
-    arcs: list[_OnArcs] = []
-    coefficients: list[IntArray] = [np.empty(0, dtype=np.int64)]
-    directions, values, reasons = [np.empty((0, 2))], [np.empty(0)], list[str]()
+    p, unit, reasons = space.degree, scales.displacement, list[str]()
+    on_arcs, fixed = list[tuple[Edges, IntArray]](), list[tuple[IntArray, FloatArray]]()
+    conditions = [(np.empty(0, dtype=np.int64), np.empty((0, 2)), np.empty(0))]  # d·v = value at coefficients
     for given in problem.prescribed(Displacement):
-        edges = given.edges
-        data, misfit = edge_data(problem, edges, given.name, given.value, space.degree, scales.displacement)
+        edges, numbers = given.edges, space.along(given.edges)
+        data, misfit = edge_data(problem, edges, given.name, given.value, p, unit)
         if misfit > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):
             reasons.append(
-                f"{given.name} is not a polynomial of degree {space.degree} on each edge. It is interpolated, with an "
-                f"error of up to {misfit * scales.displacement:.2g} [length]."
+                f"{given.name} is not a polynomial of degree {p} on each edge. It is interpolated, with an "
+                f"error of up to {misfit * unit:.2g} [length]."
             )
-        numbers = space.along(edges)
         turning = edges.bent & given.turns
-        if turning.any():
-            reasons.append(
-                f"{given.name} holds on arcs as closely as polynomials of degree {space.degree} follow its directions."
-            )
-            arcs.append(_OnArcs(edges.take(turning), numbers[turning], given.direction[turning], data[turning]))
-        places = np.linspace(0.0, 1.0, numbers.shape[1])
+        if turning.any():  # inside arcs n·v or t·v
+            reasons.append(f"{given.name} holds on arcs as closely as polynomials of degree {p} follow its directions.")
+            arcs, inside = edges.take(turning), numbers[turning, 1:-1]
+            alike = np.rint([(part * given.direction[turning]).sum(axis=1) for part in (arcs.normal, arcs.tangent)])
+            on_arcs.append((arcs, numbers[turning]))
+            dofs, values = 2 * inside + np.argmax(np.abs(alike), axis=0)[:, None], alike.sum(axis=0)[:, None]
+            fixed.append((dofs.ravel(), (data[turning, 1:-1] * values).ravel()))
+        places = np.linspace(0.0, 1.0, p + 1)
         here = ~turning[:, None] | (places == 0.0) | (places == 1.0)
-        coefficients.append(numbers[here])
-        directions.append(vectors_along(edges, given.direction, places, turns=given.turns)[here])
-        values.append(data[here])
-    return _Given(np.concatenate(coefficients), np.concatenate(directions), np.concatenate(values)), arcs, reasons
+        conditions.append(
+            (numbers[here], vectors_along(edges, given.direction, places, turns=given.turns)[here], data[here])
+        )
 
+    coefficient, direction, value = (np.concatenate(part) for part in zip(*conditions, strict=True))
+    known, group, count = np.unique(coefficient, return_inverse=True, return_counts=True)
+    order = np.argsort(group, kind="stable")
+    place = group[order], np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
+    D, wanted = (
+        np.zeros((len(known), max(2, *count.tolist(), 0), 2)),
+        np.zeros((len(known), max(2, *count.tolist(), 0))),
+    )
+    D[place], wanted[place] = direction[order], value[order]  # those of one coefficient in a row, zeros after them
+    U, size, V = np.linalg.svd(D, full_matrices=False)
+    both, first = size[:, 1] > PARALLEL, D[:, 0]
+    solved = np.einsum("kmi,km,ki,kij->kj", U, wanted, 1.0 / np.where(both[:, None], size, 1.0), V)
+    mean = (np.sign(np.einsum("kmi,ki->km", D, first)) * wanted).sum(axis=1) / count
+    found = np.where(both[:, None], solved, mean[:, None] * first)
+    wrong = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1) > MISFIT * max(
+        1.0, np.abs(value).max(initial=0.0)
+    )
+    if wrong.any():
+        x, y = problem.mesh.origin + scales.length * space.places[known[wrong].min()]
+        reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}). Their mean is used.")
+    along, slanted = np.argmax(np.abs(first), axis=1), ~both & (np.abs(first).max(axis=1) < 1.0)
+    one = np.where(slanted, mean, np.take_along_axis(found, along[:, None], axis=1)[:, 0])
+    fixed.append(((2 * known + np.where(slanted, 0, along))[~both], one[~both]))
+    fixed.append(((2 * known[both, None] + np.arange(2)).ravel(), solved[both].ravel()))
 
-def _along_axes(given: _Given, allowed: float) -> tuple[IntArray, FloatArray, list[int]]:
-    """Degrees of freedom and values of conditions along the axes, and coefficients where they disagree."""
-    index = 2 * given.coefficient + np.argmax(np.abs(given.direction), axis=1)
-    values = given.direction.sum(axis=1) * given.value
-    unique, inverse, count = np.unique(index, return_inverse=True, return_counts=True)
-    mean = np.bincount(inverse, values, minlength=len(unique)) / count
-    first = np.zeros(len(unique))
-    first[inverse[::-1]] = values[::-1]
-    spread = np.zeros(len(unique))
-    np.maximum.at(spread, inverse, np.abs(values - first[inverse]))
-    wrong = spread > allowed
-    return unique, np.where(wrong, mean, first), (unique[wrong] // 2).tolist()
-
-
-def _at_one(given: _Given) -> tuple[FloatArray, FloatArray]:
-    """Axes (2, 2), as columns, of one coefficient, and the values of the first, or of both, that are prescribed."""
-    if np.linalg.svd(given.direction, compute_uv=False)[-1] > PARALLEL and len(given.value) > 1:
-        return np.eye(2), np.asarray(np.linalg.lstsq(given.direction, given.value, rcond=None)[0], dtype=np.float64)
-    first = given.direction[0]
-    along = np.sign(given.direction @ first) * given.value
-    return np.column_stack([first, [-first[1], first[0]]]), np.array([along.mean()])
-
-
-def _turned(size: int, axes: dict[int, FloatArray]) -> sparse.csr_array:
-    """Q (size, size) from the axes of coefficients that have their own."""
-    blocks = np.tile(np.eye(2), (size // 2, 1, 1))
-    for coefficient, frame in axes.items():
-        blocks[coefficient] = frame
-    rows = np.arange(size).reshape(-1, 2, 1)
-    rows, columns = np.broadcast_arrays(rows, rows.swapaxes(1, 2))
-    Q = sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+    frames = np.tile(np.eye(2), (space.size // 2, 1, 1))
+    frames[known[slanted]] = np.stack([first, np.stack([-first[:, 1], first[:, 0]], axis=1)], axis=2)[slanted]
+    dofs = np.arange(space.size).reshape(-1, 2)
+    Q = spread(dofs, dofs, frames, space.size)
     Q.eliminate_zeros()
-    return Q
+    index, values = (np.concatenate(part) for part in zip(*fixed, strict=True))
+    order = np.argsort(index)
+    axes, inverse = _along_arcs(Q, on_arcs, p) if on_arcs else (Q, sparse.csr_array(Q.T))
+    return Supports(index[order], values[order], axes, inverse, bool(slanted.any() or on_arcs), tuple(reasons))
 
 
-def _along_arcs(Q: sparse.csr_array, arcs: list[_OnArcs], degree: int) -> tuple[sparse.csr_array, sparse.csr_array]:
+def _along_arcs(
+    Q: sparse.csr_array, on_arcs: list[tuple[Edges, IntArray]], degree: int
+) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Q and Q⁻¹ with the coefficients inside arcs along their frames, from Q of all others.
 
     An arc with two conditions is listed twice, with the same rows. With v and w inside (i) and at both ends (e),
     w_i = A v_i + B v_e, so that v_i = A⁻¹ w_i − A⁻¹ B Q_e w.
     """
-    if not arcs:
-        return Q, sparse.csr_array(Q.T)
-    inside, at_ends, A, B = _blocks(arcs, degree)
-    size = Q.shape[0]
-    keep = np.ones(size)
+    dofs = np.concatenate([2 * numbers[:, :, None] + np.arange(2) for _, numbers in on_arcs])
+    each = (np.stack([along_arcs(arcs, d, degree) for d in (arcs.normal, arcs.tangent)], axis=2) for arcs, _ in on_arcs)
+    _, once = np.unique(dofs[:, 1, 0], return_index=True)
+    n, dofs, rows = len(once), dofs[once], np.concatenate(list(each))[once]
+    rows = rows.reshape(n, 2 * (degree - 1), degree + 1, 2)
+    inside, at_ends = dofs[:, 1:-1].reshape(n, -1), dofs[:, [0, -1]].reshape(n, -1)
+    A, B = rows[:, :, 1:-1].reshape(*rows.shape[:2], -1), rows[:, :, [0, -1]].reshape(*rows.shape[:2], -1)
+    size, keep, inverse = Q.shape[0], np.ones(Q.shape[0]), np.asarray(np.linalg.inv(A), dtype=np.float64)
     keep[inside] = 0.0
-    others = sparse.diags_array(keep)
-    inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
+    whole = sparse.diags_array(keep) @ Q @ sparse.diags_array(keep)
     own, beside = spread(inside, inside, inverse, size), spread(inside, at_ends, inverse @ B, size)
     rows = spread(inside, inside, A, size) + spread(inside, at_ends, B, size)
-    whole = others @ Q @ others
     return sparse.csr_array(whole + own - beside @ whole), sparse.csr_array(whole.T + rows)
-
-
-def _blocks(arcs: list[_OnArcs], degree: int) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Degrees of freedom inside arcs (n, 2p − 2) and at their ends (n, 4), A and B; each arc once."""
-    inner = 2 * (degree - 1)
-    dofs = np.concatenate([2 * arc.numbers[:, :, None] + np.arange(2) for arc in arcs])
-    rows = np.concatenate(
-        [
-            np.stack([along_arcs(arc.edges, d, degree) for d in (arc.edges.normal, arc.edges.tangent)], axis=2)
-            for arc in arcs
-        ]
-    )
-    once = np.unique(dofs[:, 1, 0], return_index=True)[1]
-    dofs, rows = dofs[once], rows[once].reshape(len(once), inner, degree + 1, 2)
-    inside, at_ends = dofs[:, 1:-1].reshape(len(once), -1), dofs[:, [0, -1]].reshape(len(once), -1)
-    A, B = rows[:, :, 1:-1].reshape(len(once), inner, -1), rows[:, :, [0, -1]].reshape(len(once), inner, -1)
-    return inside, at_ends, A, B
 
 
 def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:

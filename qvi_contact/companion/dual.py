@@ -70,18 +70,15 @@ class Contacts:
         obstacle = np.concatenate([np.empty(0), *(t.gap for t in traces), *(t.offset for t in traces)])
         weights = np.concatenate([np.empty(0), *(t.weights for t in traces)])
         columns, resultants = [np.zeros((2 * n, 0))], list[float]()
-        start = 0
         for trace in traces:
-            chosen = slice(start, start + trace.count)
-            for first, blocks in zip((start, n + start), trace.stiffness, strict=True):
+            for first, blocks in zip((trace.start, n + trace.start), trace.stiffness, strict=True):
                 if blocks is not None:
                     springs = springs + spread(first + trace.columns, first + trace.columns, blocks, 2 * n)
             for _, normal, tangential, resultant in trace.motions:
                 column = np.zeros((2, n))
-                column[0, chosen], column[1, chosen] = normal, tangential
+                column[:, trace.here] = normal, tangential
                 columns.append(column.reshape(-1, 1))
                 resultants.append(resultant)
-            start += trace.count
         fluid = np.concatenate([np.empty(0), *(t.fluid for t in traces), np.zeros(n)])
         motions, moved = np.hstack(columns), np.hstack([np.empty((2, 0)), *(t.moved for t in traces)]).ravel()
         given = np.array(resultants) + motions.T @ fluid
@@ -143,9 +140,9 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         If loads, or resultants of plates, contradict equilibrium.
 
     """
-    W, rows = contacts.weights, contacts.rows @ body.supports.axes
-    constant = rows @ body.fixed - contacts.moved
-    B = rows[:, body.interface].toarray()
+    W, touched = contacts.weights, contacts.rows @ body.supports.axes
+    constant = touched @ body.fixed - contacts.moved
+    B = touched[:, body.interface].toarray()
     movable = np.abs(B).sum(axis=1) > PARALLEL
     B[~movable] = 0.0
     live = movable.copy()
@@ -162,35 +159,29 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
     kept = _independent(A, b, body.R.shape[1])
     limited = ~contacts.gathered("tied").astype(bool)
-    qvi = _qvi(contacts, C, f, A[kept], b[kept], limited)
-    return DualProblem(contacts, body, B, constant, movable, live, limited, kept, qvi)
-
-
-def _qvi(
-    contacts: Contacts, C: FloatArray, f: FloatArray, A: FloatArray, b: FloatArray, limited: BoolArray
-) -> FrictionQVI:
-    n, rows = contacts.count, np.flatnonzero(limited)
-    m, cohesion, sticks = len(rows), contacts.gathered("cohesion"), contacts.gathered("slipping") == 0.0
+    rows, cohesion, sticks = (
+        np.flatnonzero(limited),
+        contacts.gathered("cohesion"),
+        contacts.gathered("slipping") == 0.0,
+    )
     cohesion = np.where(sticks, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
-
-    def selection(columns: IntArray) -> sparse.csc_array:
-        return sparse.csc_array((np.ones(m), (np.arange(m), columns)), shape=(m, 2 * n))
-
-    return FrictionQVI.from_arrays(
+    every, none = sparse.eye_array(2 * contacts.count, format="csr"), np.zeros(len(rows))
+    qvi = FrictionQVI.from_arrays(
         K=sparse.csc_array(C),
         f=f,
-        N=selection(rows),
-        n0=np.zeros(m),
-        T=selection(n + rows),
-        t0=np.zeros(m),
+        N=sparse.csc_array(every[rows]),
+        n0=none,
+        T=sparse.csc_array(every[contacts.count + rows]),
+        t0=none,
         mu=contacts.gathered("friction")[rows],
-        W=contacts.weights[rows],
+        W=W[rows],
         cohesion=cohesion[rows],
         cap=contacts.gathered("shear_limit")[rows],
         bilateral=contacts.gathered("bilateral").astype(bool)[rows],
-        A=sparse.csc_array(A.reshape(len(b), 2 * n)),
-        b=b,
+        A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
+        b=b[kept],
     )
+    return DualProblem(contacts, body, B, constant, movable, live, limited, kept, qvi)
 
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:

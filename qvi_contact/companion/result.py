@@ -21,6 +21,7 @@ from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import contact_states, turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
+from qvi_contact.solution.stress import mean_at
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.names import Named, known_name
 from solvers.basics.types import PicklesFields
@@ -227,11 +228,6 @@ class CompanionResult(PicklesFields):
         """Displacements at one such point each, (n, 2), of cells given by number (n,), shape (n, 2) [length]."""
         return np.asarray(self._displacement_in(cells, t[:, None])[:, 0] * self.scales.displacement)
 
-    def obstacle(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Where a contact's obstacle stands: g and w, with the motion of a plate, as `trace` gives v_N and v_T."""
-        contacts = self._state.contacts
-        return self.along(name, contacts.obstacle + contacts.plates(self._state.plates), t)
-
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
 
@@ -246,9 +242,10 @@ class CompanionResult(PicklesFields):
 
     def along(self, name: str, coefficients: FloatArray, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Dimensionless coefficients (2 n,) of all contacts as values on the edges of one, as `trace` gives them."""
-        trace, chosen = self._trace(name)
+        traces = {trace.name: trace for trace in self._state.contacts.traces}
+        trace = traces[known_name("name", name, {"contacts": list(traces)})]
         shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
-        normal, tangential = trace.on_edges(*coefficients.reshape(2, -1)[:, chosen])
+        normal, tangential = trace.on_edges(*coefficients.reshape(2, -1)[:, trace.here])
         return normal @ shape.T, tangential @ shape.T
 
     @cached_property
@@ -256,7 +253,16 @@ class CompanionResult(PicklesFields):
         """The parts of the energy [stress × length²]."""
         state, unit = self._state, self.scales.energy
         load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
-        friction = sum(self._friction(trace) for trace in state.contacts.traces)
+        friction = 0.0  # ∫ s |v_T − w| ds; under Coulomb's law the sum over coefficients that was minimised
+        for trace in state.contacts.traces:
+            slip = state.c[state.contacts.count :][trace.here] - trace.offset
+            if trace.law == "tied":
+                continue
+            if trace.bound is None:
+                friction += float(np.sum(trace.weights * state.bound[trace.here] * np.abs(slip)))
+            else:
+                along = trace.on_edges(slip, slip)[1]
+                friction += float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
         return CompanionParts(self.body.energy(state.v) * unit, load * unit, friction * unit)
 
     @property
@@ -300,28 +306,8 @@ class CompanionResult(PicklesFields):
     def _v(self) -> FloatArray:
         return self._state.v[: self.space.size]
 
-    def _trace(self, name: str) -> tuple[DisplacementContact, slice]:
-        traces = self._state.contacts.traces
-        names = [trace.name for trace in traces]
-        number = names.index(known_name("name", name, {"contacts": names}))
-        start = sum(trace.count for trace in traces[:number])
-        return traces[number], slice(start, start + traces[number].count)
-
-    def _friction(self, trace: DisplacementContact) -> float:
-        """∫ s |v_T − w| ds, dimensionless; under Coulomb's law the sum over coefficients that was minimised."""
-        _, chosen = self._trace(trace.name)
-        state, n = self._state, self._state.contacts.count
-        if trace.law == "tied":
-            return 0.0
-        slip = state.c[n:][chosen] - trace.offset
-        if trace.bound is None:
-            return float(np.sum(trace.weights * state.bound[chosen] * np.abs(slip)))
-        along = trace.on_edges(slip, slip)[1]
-        return float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
-
     def _contact(self, trace: DisplacementContact) -> CompanionContact:
-        _, chosen = self._trace(trace.name)
-        state, scales = self._state, self.scales
+        state, scales, chosen = self._state, self.scales, trace.here
         n = state.contacts.count
         normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
         gap, slip = trace.gap - state.c[:n][chosen], state.c[n:][chosen] - trace.offset
@@ -354,15 +340,9 @@ class CompanionResult(PicklesFields):
         except ValueError as error:
             raise InputError("x, y", (x, y), "give numbers or arrays whose shapes go together") from error
         _ = self._state
-        mesh, places = self.problem.mesh, np.column_stack([px.ravel(), py.ravel()])
-        point, cell = mesh.around(places)
-        count = np.bincount(point, minlength=len(places))
-        if (count == 0).any():
-            raise InputError("x, y", tuple(places[np.argmin(count)].tolist()), "give points of the body")
-        t = np.clip(mesh.reference(cell, places[point])[:, -2:], 0.0, 1.0)
-        found = values(cell, t[:, None])[:, 0]
-        total = np.column_stack([np.bincount(point, part, len(places)) for part in found.T])
-        return np.asarray((total / count[:, None]).reshape(*px.shape, found.shape[1]))
+        return mean_at(
+            self.problem.mesh, px, py, lambda cell, t: values(cell, np.clip(t[..., 1:], 0.0, 1.0))[:, 0], "x, y"
+        )
 
 
 def _points(tx: ArrayLike, ty: ArrayLike) -> FloatArray:

@@ -33,7 +33,7 @@ from skfem.element import Element  # type: ignore[import-untyped]
 from skfem.refdom import RefTri  # type: ignore[import-untyped]
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature, triangle_lattice
+from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import OPPOSITE, Edges, arc_offsets
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -73,11 +73,6 @@ def triangle(degree: int | None = None) -> "Triangle":
     if isinstance(chosen, bool) or not isinstance(chosen, int | np.integer) or chosen not in DEGREES:
         raise InputError("degree", degree, f"give one of {', '.join(map(str, DEGREES))}")
     return _triangle(int(chosen))
-
-
-@cache
-def _triangle(degree: int) -> "Triangle":
-    return Triangle(degree)
 
 
 @dataclass(frozen=True)
@@ -130,11 +125,6 @@ class Triangle:
         points, weights = quadrature(2 * count - 1)
         return points[:, 1:], weights / 2.0
 
-    def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
-        """Points (k, 2) that divide the triangle, so many parts along each side, and the parts' corners (c, 3)."""
-        points, parts = triangle_lattice(divisions)
-        return points[:, 1:], parts
-
     def table(self, vertices: IntArray) -> IntArray:
         """Numbers of the coefficients of cells whose corners are the vertices (cells, 3), shape (cells, n).
 
@@ -147,6 +137,9 @@ class Triangle:
         inside = np.flatnonzero((exponents(p) > 0).all(axis=1))
         own = np.argsort(np.concatenate([self.corners, *on_sides, inside]))
         return np.asarray(numbers, dtype=np.int64)[:, own]
+
+
+_triangle = cache(Triangle)
 
 
 def barycentric(t: FloatArray) -> FloatArray:
@@ -309,6 +302,15 @@ class DisplacementSpace:
     def slopes(self) -> FloatArray:
         """Gradients of the reference coordinates, ∂t_a/∂x_b as [cell, a, b]."""
         return np.asarray(np.linalg.inv(self.frames), dtype=np.float64)
+
+    def inverse_jacobians(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """∂t_a/∂x_b as [cell, point, a, b]; one point stands for all where no cell has arcs."""
+        found = self.slopes[cells][:, None]
+        at, which = self.curved.among(cells, len(self.table))
+        if len(at):
+            found = np.repeat(found, np.shape(t)[-2], axis=1)
+            found[at] = np.linalg.inv(self.curved.jacobians(which, t if np.ndim(t) == 2 else t[at]))
+        return np.asarray(found)
 
     @cached_property
     def areas(self) -> FloatArray:

@@ -76,6 +76,12 @@ class DisplacementContact:
     # two (e, p + 1, p + 1): ∫ k_N B_i B_j ds and ∫ k_T B_i B_j ds on each edge, of springs; the latter for c_T as
     # `turned`
     stiffness: tuple[FloatArray | None, FloatArray | None]
+    start: int  # its first coefficient among those of all contacts
+
+    @property
+    def here(self) -> slice:
+        """Its coefficients among those of all contacts."""
+        return slice(self.start, self.start + self.count)
 
     @property
     def count(self) -> int:
@@ -116,10 +122,12 @@ def traces(
 ) -> tuple[tuple[DisplacementContact, ...], tuple[str, ...]]:
     """The traces of all contacts in the order of the problem, and why their laws are not met exactly."""
     given = checked_bounds(problem, bounds)
-    found, reasons = [], list[str]()
+    found, reasons, start = [], list[str](), 0
     for contact in problem.contacts:
         bound = given.get(contact.name)
-        trace, remarks = _trace(problem, space, scales, contact, None if bound is None else bound / scales.stress)
+        bound = None if bound is None else bound / scales.stress
+        trace, remarks = _trace(problem, space, scales, contact, bound, start)
+        start += trace.count
         found.append(trace)
         reasons += remarks
     return tuple(found), tuple(reasons)
@@ -149,31 +157,25 @@ def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | No
             continue
         if contact.name not in bounds:
             raise InputError("bounds", contact.name, "give a bound for every contact that is not tied")
-        found[contact.name] = _checked_bound(problem, contact, bounds[contact.name])
+        field, count = f"bounds[{contact.name!r}]", len(problem.mesh.edges(contact.edges))
+        values = real_array(field, bounds[contact.name], "give an array of real numbers")
+        if values.ndim != 2 or values.shape[0] != count or not values.shape[1]:
+            remedy = f"give Bernstein coefficients, one row for each of the {count} edges"
+            raise InputError(field, f"shape {values.shape}", remedy)
+        if not np.isfinite(values).all():
+            raise InputError(field, "NaN or infinity", "give finite numbers")
+        quadratic, least = values.shape[1] == 3, (values @ bernstein.basis(values.shape[1] - 1, _PLACES).T).min(axis=1)
+        least = -bernstein.largest_quadratic(-values) if quadratic else least
+        if least.min(initial=0.0) < -1e-12 * np.abs(values).max(initial=0.0):
+            raise InputError(field, float(values.min()), "give a bound that is ≥ 0 all along each edge")
+        found[contact.name] = values
     return found
 
 
-def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) -> FloatArray:
-    field = f"bounds[{contact.name!r}]"
-    values = real_array(field, bound, "give an array of real numbers")
-    count = len(problem.mesh.edges(contact.edges))
-    if values.ndim != 2 or values.shape[0] != count or not values.shape[1]:
-        remedy = f"give Bernstein coefficients, one row for each of the {count} edges"
-        raise InputError(field, f"shape {values.shape}", remedy)
-    if not np.isfinite(values).all():
-        raise InputError(field, "NaN or infinity", "give finite numbers")
-    if values.shape[1] == 3:
-        least = -bernstein.largest_quadratic(-values)
-    else:
-        least = (values @ bernstein.basis(values.shape[1] - 1, _PLACES).T).min(axis=1)
-    if least.min(initial=0.0) < -1e-12 * np.abs(values).max(initial=0.0):
-        raise InputError(field, float(values.min()), "give a bound that is ≥ 0 all along each edge")
-    return values
-
-
 def _trace(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, bound: FloatArray | None
-) -> tuple[DisplacementContact, list[str]]:
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, bound: FloatArray | None,
+    start: int,
+) -> tuple[DisplacementContact, list[str]]:  # fmt: skip
     """The trace of one contact, and why its law is not met exactly."""
     mesh, p, reasons = problem.mesh, space.degree, list[str]()
     edges, joint = mesh.edges(contact.edges), contact in problem.joints
@@ -219,6 +221,7 @@ def _trace(
         contact.name, contact.law, edges, columns, turned, places, weights, normal, tangential, friction, cohesion,
         limit, gap, offset, fluid, bound, motions, moved, lengths, np.full(n, np.nan),
         (line.stiffness("normal_stiffness", np.ones_like(turned)), line.stiffness("tangential_stiffness", turned)),
+        start,
     )  # fmt: skip
     return trace, reasons
 
@@ -325,15 +328,12 @@ def _directions(vectors: FloatArray) -> IntArray:
 
 def _rows(pairs: IntArray, vectors: FloatArray, size: int, joint: bool) -> sparse.csr_array:
     """(n, size): the components along vectors (n, 2) of the first of each pair, on a joint less those of the second."""
-    shape, number = (len(pairs), size), np.repeat(np.arange(len(pairs)), 2)
-
-    def part(side: int) -> sparse.csr_array:
+    number, found = np.repeat(np.arange(len(pairs)), 2), sparse.csr_array((len(pairs), size))
+    for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
         dofs = 2 * pairs[:, [side]] + np.arange(2)
-        return sparse.csr_array((vectors.ravel(), (number, dofs.ravel())), shape=shape)
-
-    rows = sparse.csr_array(part(0) - part(1)) if joint else part(0)
-    rows.eliminate_zeros()
-    return rows
+        found = found + sparse.csr_array((sign * vectors.ravel(), (number, dofs.ravel())), shape=found.shape)
+    found.eliminate_zeros()
+    return sparse.csr_array(found)
 
 
 def _bent_rows(

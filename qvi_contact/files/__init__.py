@@ -5,14 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "archive": (
-            "FORMAT_VERSION",
-            "OWN",
-            "Archive",
-            "digest",
-            "load_result",
-            "write_archive",
-        ),
+        "archive": ("FORMAT_VERSION", "OWN", "Archive", "digest", "load_result", "write_archive"),
         "export": ("summary", "write_npz"),
         "keys": ("file_keys",),
         "options": ("SolveOptions",),

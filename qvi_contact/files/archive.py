@@ -44,6 +44,7 @@ STORE: Final = "store"
 
 _VECTORS: Final = ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold")
 _TEXTS: Final = ("method", "inner", "form", "factorisation")
+_GROUPS: Final = ("measures", "scales", "signed")  # of numbers in a certificate
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -70,21 +71,10 @@ def write_archive(path: str | Path, arrays: Mapping[str, Any]) -> None:
 
 
 class Archive:
-    """The entries of a file, read and checked one by one.
+    """The entries of a file in `arrays` by name, read and checked one by one.
 
-    Attributes
-    ----------
-    path : str
-        The file.
-    arrays : mapping of str to array
-        All entries.
-
-    Raises
-    ------
-    InputError
-        If the file is no archive, truncated, holds pickles, or is of another format or version; and by the methods if
-        an entry is missing or of another kind.
-
+    `InputError` if the file is no archive, truncated, holds pickles, or is of another format or version; and by the
+    methods if an entry is missing or of another kind.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -204,10 +194,11 @@ def solution_names(result: ContactResult) -> set[str]:
 def answer_arrays(result: ContactResult) -> dict[str, Any]:
     """The algebraic solution alone, from which `answer_from_archive` makes the result again beside the problem."""
     solution, known, certificate = result.solution, result.discretization, result.solution.certificate
-    groups = {name: getattr(certificate, name) for name in ("measures", "scales", "signed")}
     plain = {  # infinity as null
-        group: {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
-        for group, values in groups.items()
+        group: {
+            name: float(value) if np.isfinite(value) else None for name, value in getattr(certificate, group).items()
+        }
+        for group in _GROUPS
     }
     history = [
         [e.number, e.residual, e.energy, e.normal_resultant, e.inner_iterations, e.seconds] for e in solution.history
@@ -245,22 +236,8 @@ def load_result(path: str | Path) -> ContactResult:
 
     The problem is discretised afresh; unknowns and multipliers are those of the file to the last bit. Status and
     certificate are what the file claims: `qvi_contact.verification.verify_file` tells whether they are true.
-
-    Parameters
-    ----------
-    path : str or Path
-        The archive.
-
-    Returns
-    -------
-    ContactResult
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is not such an archive, entries are missing or of the wrong size, or it holds no
-        problem since that has Python functions.
-
+    `InputError` if the file cannot be read or is not such an archive, entries are missing or of the wrong size, or it
+    holds no problem since that has Python functions.
     """
     return result_from_archive(Archive(path))
 
@@ -298,12 +275,18 @@ def answer_from_archive(archive: Archive, discretized: Callable[[Scales], Discre
     if "strict" in archive.arrays and archive.number("strict") != 0.0:
         remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
         raise InputError("result", archive.path, remedy)
-    qvi = known.qvi
+    qvi, (table, words) = known.qvi, (archive.floats("history", 2), archive.texts("history_status"))
+    if table.shape != (len(words), 6) or not np.isfinite(table[:, [0, 4]]).all():
+        raise InputError("result", archive.path, "entries 'history' and 'history_status' do not fit together")
+    history = tuple(
+        Iteration(int(number), residual, energy, force, archive.status(word) if word else None, int(inner), seconds)
+        for (number, residual, energy, force, inner, seconds), word in zip(table.tolist(), words, strict=True)
+    )
     sizes = dict(zip(_VECTORS, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True))
     given: dict[str, Any] = {
         **{name: archive.floats(name, size=size) for name, size in sizes.items()},
         "certificate": _certificate(archive),
-        "history": _history(archive),
+        "history": history,
         "iterations": archive.count("iterations"),
         "message": archive.text("message"),
         "corrections": tuple(archive.floats("corrections").tolist()),
@@ -341,7 +324,7 @@ def _certificate(archive: Archive) -> Certificate:
     if not 0.0 < tolerance < 1.0:
         raise archive.refused("tolerance", "is not between 0 and 1")
     found = []
-    for group in (groups.get(name) for name in ("measures", "scales", "signed")):
+    for group in map(groups.get, _GROUPS):
         if not isinstance(group, dict) or any(type(value) not in (int, float, NoneType) for value in group.values()):
             raise archive.refused("certificate", "holds entries that are not numbers")
         try:
@@ -352,14 +335,3 @@ def _certificate(archive: Archive) -> Certificate:
         raise archive.refused("certificate", "holds measures below zero")
     measures = dict.fromkeys(EXPONENTS, np.inf) | found[0]  # what is not claimed does not pass
     return Certificate(measures, tolerance, found[1], found[2])
-
-
-def _history(archive: Archive) -> tuple[Iteration, ...]:
-    table, words = archive.floats("history", 2), archive.texts("history_status")
-    if table.shape != (len(words), 6) or not np.isfinite(table[:, [0, 4]]).all():
-        raise InputError("result", archive.path, "entries 'history' and 'history_status' do not fit together")
-    states = [archive.status(word) if word else None for word in words]
-    return tuple(
-        Iteration(int(number), residual, energy, resultant, state, int(inner), seconds)
-        for (number, residual, energy, resultant, inner, seconds), state in zip(table.tolist(), states, strict=True)
-    )

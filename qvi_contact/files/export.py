@@ -42,25 +42,13 @@ SUMMARY_VERSION: Final = 1
 
 
 def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]:
-    """What came out, as a document of plain values that JSON can hold.
+    """What came out, solved or failed, as a document of plain values that JSON can hold.
 
-    Parameters
-    ----------
-    result : ContactResult
-        The result, solved or failed.
-    units : Units, optional
-        Names of the units.
-
-    Returns
-    -------
-    dict
-        Physical quantities are ``{"value": …, "unit": …}``, the rest plain. What does not exist, such as contacts of an
-        infeasible problem or measures that could not be computed, is None. Signs are those of `ContactLine` and
-        `Resultant`: the largest pressure is the largest −σ_N, the largest shear and slip are absolute values.
-
+    Physical quantities are ``{"value": …, "unit": …}``, the rest plain. What does not exist, such as contacts of an
+    infeasible problem or measures that could not be computed, is None. Signs are those of `ContactLine` and
+    `Resultant`: the largest pressure is the largest −σ_N, the largest shear and slip are absolute values.
     """
-    units, mesh = units or Units(), result.problem.mesh
-    solution, certificate = result.solution, result.certificate
+    units, mesh, solution = units or Units(), result.problem.mesh, result.solution
     document = {
         "format": "qvi_contact summary",
         "version": SUMMARY_VERSION,
@@ -71,22 +59,15 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "advice": result.status.advice,
         "remarks": [units.filled(remark) for remark in result.remarks],
         "certificate": {
-            "passed": certificate.passed,
-            "tolerance": certificate.tolerance,
-            "accuracy": certificate.accuracy,
-            "worst": certificate.worst,
-            "measures": dict(certificate.measures),
-            "limits": certificate.limits,
-            "signed": dict(certificate.signed),
+            name: getattr(solution.certificate, name)
+            for name in ("passed", "tolerance", "accuracy", "worst", "measures", "limits", "signed")
         },
-        "contraction": solution.contraction,
-        "iterations": result.iterations,
-        "method": solution.method,
-        "inner": solution.inner,
-        "factorisation": solution.factorisation,
-        "form": solution.form,
-        "seconds": dict(solution.timings),
-        "versions": dict(solution.versions),
+        **{
+            name: getattr(solution, name)
+            for name in ("contraction", "iterations", "method", "inner", "factorisation", "form")
+        },
+        "seconds": solution.timings,
+        "versions": solution.versions,
         "mesh": {
             "cells": mesh.cell_count,
             "nodes": len(mesh.vertices),
@@ -96,8 +77,9 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
             "largest_cell": _quantity(mesh.cell_range[1], units.length),
         },
         "element": element_of(result.discretization),
-        **(_state(result, units) if result.has_state else dict.fromkeys(_STATE_KEYS)),
     }
+    stated = ("contacts", "plates", "energies", "resultants", "traction_misfit")
+    document |= _state(result, units) if result.has_state else dict.fromkeys(stated)
     return {key: json_ready(value) for key, value in document.items()}
 
 
@@ -110,50 +92,10 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
     """Write everything about a result as a NumPy archive that `numpy.load` reads without pickle.
 
     `qvi_contact.load_result` makes the result again, and `qvi-contact verify` checks all that the file claims.
+    `InputError` if there is no stress state, the suffix is another one, or the file cannot be written.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, ending in .npz.
-    result : ContactResult
-        A result with a stress state.
-    units : Units, optional
-        Names of the units, kept with the problem.
-    title : str
-        What to call the problem.
-
-    Raises
-    ------
-    InputError
-        If there is no stress state, the suffix is another one, or the file cannot be written.
-
-    Notes
-    -----
-    The fields are
-
-    * ``vertices`` (v, 2) [length], ``cells`` (cells, 3) and ``material`` (cells,);
-    * ``gauss_x``, ``gauss_y`` (cells, g) [length] and ``gauss_stress`` (cells, g, 3): σ_xx, σ_yy, σ_xy [stress];
-    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has of its points, and its
-      forces; ``pore_pressure`` and effective stress and force where a fluid presses in the contact; with a
-      plate ``<name>.motion``: x, y [length] and rotation [rad];
-    * ``energies``: strain, load, complementary, dissipation [stress × length²]; ``traction_misfit`` [stress];
-    * ``status``, ``message``: texts.
-
-    What the fields are made from is there too:
-
-    * ``problem``: the text of a problem file; empty if functions are Python's, which no file can hold, and
-      ``problem_missing`` then says which. Such a file has all fields, but cannot be checked;
-    * ``degree`` and ``law_on`` ("points" or "edges") of the element; ``centres``: vertices with affine
-      functions from which ``z`` counts, where small cells lie in several places; ``cuts``: vertices along lines from
-      holes across which the Airy function of ``z`` jumps, line by line;
-    * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
-      farther than so many units of displacement count as that far; ``earlier_slip``: of load steps before this one,
-      at all contact points;
-    * ``z``, ``normal_multiplier``, ``tangential_multiplier``, ``equality_multiplier``, ``threshold``: of `QVISolution`;
-    * ``certificate`` (JSON) and ``tolerance``; ``method``, ``inner``, ``form``, ``factorisation``, ``iterations``,
-      ``corrections``, ``remarks``, ``history``, ``history_status``, ``timings``, ``versions``;
-    * ``format``, ``format_version`` and ``digest``, see `qvi_contact.files.archive`.
-
+    What the entries are, with shapes and units, says "NumPy archive" in docs/formats.md. Where functions are Python's,
+    which no file can hold, ``problem`` is empty: such a file has all fields, but cannot be checked.
     """
     check_suffix("npz", path, ".npz")
     write_archive(path, {**field_arrays(result), **solution_arrays(result, units, title)})
@@ -182,9 +124,6 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
         "traction_misfit": result.traction_misfit,
         **{f"{name}.motion": np.array([m.x, m.y, m.rotation]) for name, m in result.plates.items()},
     }
-
-
-_STATE_KEYS: Final = ("contacts", "plates", "energies", "resultants", "traction_misfit")
 
 
 def _state(result: ContactResult, units: Units) -> dict[str, Any]:
@@ -219,15 +158,17 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
             **pair(pushed, "force_", units.force),
             "moment": _quantity(pushed.moment, units.moment),
         }
-    resultants = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
-    values = (
-        contacts,
-        plates,
-        {name: _quantity(getattr(energies, name), units.energy) for name in energies.__dataclass_fields__},
-        {n: {**pair(f, "", units.force), "moment": _quantity(f.moment, units.moment)} for n, f in resultants.items()},
-        _quantity(result.traction_misfit, units.stress),
-    )
-    return dict(zip(_STATE_KEYS, values, strict=True))
+    forces = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
+    return {
+        "contacts": contacts,
+        "plates": plates,
+        "energies": {field.name: _quantity(getattr(energies, field.name), units.energy) for field in fields(energies)},
+        "resultants": {
+            name: {**pair(force, "", units.force), "moment": _quantity(force.moment, units.moment)}
+            for name, force in forces.items()
+        },
+        "traction_misfit": _quantity(result.traction_misfit, units.stress),
+    }
 
 
 def element_of(discretization: Discretization) -> dict[str, Any]:
@@ -270,36 +211,18 @@ def write_vtu(
 
     Each of the three parts of a cell is divided into subdivisions² triangles of its own, that share no points with
     those of other cells, so that normal stresses may jump between cells as they do in the element. Fields are linear in
-    them.
+    them. `InputError` if meshio is missing, there is no stress state, the bracket is of another mesh or has no
+    displacement, the suffix is another one, or the file cannot be written.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, ending in .vtu.
-    result : ContactResult
-        A result with a stress state.
-    units : Units, optional
-        If given, names of fields end in their unit, as in "stress [MPa]".
-    subdivisions : int
-        Parts along each side of a cell.
-    bracket : Bracket, optional
-        That of the result, such as ``result.bracket``: displacements and the error of each cell are written too.
+    With units names of fields end in these, as in "stress [MPa]". With the bracket of the result, such as
+    ``result.bracket``, displacements and the error of each cell are written too.
 
-    Raises
-    ------
-    InputError
-        If meshio is missing, there is no stress state, the bracket is of another mesh or has no displacement, the
-        suffix is another one, or the file cannot be written.
-
-    Notes
-    -----
     Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = ν(xx + yy) in plane
     strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function (left out
     where a hole carries a force, as it has several values around it); with a bracket "displacement", x, y, 0, of its
     displacement elements. Cell data: "material", 0 for the body's own and then the number of the region, "cell", the
     number of the mesh's cell; with a bracket "energy gap", what the whole cell adds to the gap between the bounds of
     the energy.
-
     """
     _check_vtu(path)
     known, problem = result.discretization, result.problem
@@ -344,13 +267,10 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
 
     Arguments and errors are those of `write_vtu`; `InputError` too if the result has no contact.
 
-    Notes
-    -----
     Point data: "pressure" −σ_N, "fluid pressure" p_w, which is part of it, "shear" σ_T, "friction bound" (NaN where
     tied), "gap", "slip" and "state" (numbers of `ContactState`) as `ContactLine` has them, "traction" on the body and
     "normal" as vectors. Cell data: "contact", its number in the order of the problem. Lines join neighbouring points
     along each contact.
-
     """
     _check_vtu(path)
     if not result.contacts:
@@ -392,13 +312,10 @@ def write_collapse_vtu(
     `limit_load_factor` has found. Path, units and errors are those of `write_vtu`; `InputError` too if the body does
     not yield or has no limit.
 
-    Notes
-    -----
     Each of the three parts of a triangle is cut into 9. Point data: "stress" at `LimitLoad.lower`, with xx, yy, 0, xy,
     0, 0 as components of VTK's symmetric tensors; "velocity", x, y, 0, of the flow that proves `LimitLoad.upper`, its
     largest coefficient being 1. Cell data: "dissipation" of a triangle over its area, the largest being 1, "gap", its
     part of upper − lower, "material", and "cell", its number.
-
     """
     _check_vtu(path)
     from qvi_contact.limit.flow import Nodes  # loaded for bodies that yield alone
@@ -428,12 +345,6 @@ def write_collapse_vtu(
     }
     triangles = (len(places) * np.arange(3 * mesh.cell_count)[:, None, None] + corners).reshape(-1, 3)
     _write_grid(path, points, triangles, point_data, cell_data)
-
-
-def contacts_path(path: str | Path) -> Path:
-    """The file of contacts beside a file of fields: part.vtu has part_contacts.vtu."""
-    whole = Path(path)
-    return whole.with_name(f"{whole.stem}_contacts{whole.suffix}")
 
 
 def _check_vtu(path: str | Path) -> None:

@@ -9,30 +9,11 @@ import re
 import textwrap
 from collections.abc import Iterator
 from functools import cache
-from itertools import pairwise
 from textwrap import dedent
 from typing import Any, Final, NamedTuple
 
-from qvi_contact.basics.schema import (
-    Choice,
-    Kind,
-    Listed,
-    Named,
-    Number,
-    Scalar,
-    Table,
-    Tables,
-    Tagged,
-    Text,
-    Truth,
-    Varying,
-    Whole,
-    defaults_of,
-    described,
-    file_keys,
-    inlined,
-    is_needed,
-)
+from qvi_contact.basics import schema
+from qvi_contact.basics.schema import file_keys
 from qvi_contact.basics.units import Units
 from qvi_contact.files import mesh_tables, options, problem_file
 from qvi_contact.mesh.outline import Corner
@@ -76,16 +57,16 @@ TABLES: Final[dict[str, type]] = {
 }
 """Heading → class that states the table."""
 
-_WORDS: Final[tuple[tuple[type[Kind], str], ...]] = (
-    (Varying, "number, expression or polynomial"),
-    (Scalar, "number or expression"),
-    (Number, "number"),
-    (Whole, "whole number"),
-    (Truth, "true or false"),
-    (Text, "text"),
-    (Tables, "tables"),
-    (Tagged, "table with a law"),
-    (Table, "table"),
+_WORDS: Final[tuple[tuple[type[schema.Kind], str], ...]] = (
+    (schema.Varying, "number, expression or polynomial"),
+    (schema.Scalar, "number or expression"),
+    (schema.Number, "number"),
+    (schema.Whole, "whole number"),
+    (schema.Truth, "true or false"),
+    (schema.Text, "text"),
+    (schema.Tables, "tables"),
+    (schema.Tagged, "table with a law"),
+    (schema.Table, "table"),
     (mesh_tables.Axis, "list of numbers, piece or list of pieces"),
     (problem_file.Values, "list of numbers, or range"),
 )
@@ -105,28 +86,25 @@ def keys(table: type) -> Iterator[Key]:
     """The keys of a table, in the order of its class."""
     texts: dict[str, str] = {}
     defaults: dict[str, Any] = {}
-    for kind in (*inlined(table), table):
-        defaults |= defaults_of(kind)
-        texts |= described(kind)
+    for kind in (*schema.inlined(table), table):
+        defaults |= schema.defaults_of(kind)
+        texts |= schema.described(kind)
         for each in reversed(kind.__mro__[:-1]):
             texts |= _below(each)
     for name, own in file_keys(table).items():
         found = re.fullmatch(r"(.+): `\w+ = ([^`]+)`\.", texts.get(name, ""))  # without docstrings there is nothing
         meaning, example = (found[1], f"{name} = {found[2]}") if found is not None else ("", "")
-        default = "needed" if is_needed(table, name) else _default(defaults.get(name))
-        yield Key(name, _values(own.kind), default, meaning, example)
+        value = defaults.get(name)
+        shown = str(value).lower() if isinstance(value, bool) else list(value) if isinstance(value, tuple) else value
+        default = "" if value in (None, "", (), {}, Units()) else str(shown)
+        yield Key(name, _values(own.kind), "needed" if schema.is_needed(table, name) else default, meaning, example)
 
 
 def listed(name: str = "") -> Iterator[str]:
     """Lines for a terminal: the keys of the tables, or of keys of that name, with all there is to say.
 
     A name is that of a table, as contacts or mesh.outline, of a key, or of both, as contacts.friction.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such table or key.
-
+    `UnknownNameError` if there is no such table or key.
     """
     found = {heading: list(keys(table)) for heading, table in TABLES.items()}
     if not name:
@@ -154,36 +132,32 @@ def listed(name: str = "") -> Iterator[str]:
             yield f"      {key.example}"
 
 
-def _values(kind: Kind) -> str:
+def _values(kind: schema.Kind) -> str:
     """The values of a kind in words."""
-    if isinstance(kind, Choice):
+    if isinstance(kind, schema.Choice):
         return "one of " + ", ".join(map(str, kind.words)) if len(kind.words) > 1 else str(kind.words[0])
-    if isinstance(kind, Listed):
+    if isinstance(kind, schema.Listed):
         return (
             f"list of {kind.most} × {_values(kind.kind)}"
             if kind.most == kind.least
             else f"list of {_values(kind.kind)}"
         )
-    if isinstance(kind, Named):
+    if isinstance(kind, schema.Named):
         return f"table by names, each {_values(kind.kind)}"
     return next(word for of, word in _WORDS if isinstance(kind, of))
 
 
 @cache
 def _below(kind: type) -> dict[str, str]:
-    """The texts below the fields of a class, and below `in_files` that of the key it names."""
+    """The texts below fields of a class, each of those right above it; below `in_files` that of the key it names."""
     (found,) = ast.parse(dedent(inspect.getsource(kind))).body
     assert isinstance(found, ast.ClassDef)
-    texts = {}
-    for line, below in pairwise(found.body):
-        if isinstance(line, ast.AnnAssign) and isinstance(below, ast.Expr):
-            text = " ".join(ast.literal_eval(below.value).split())
-            name = ast.unparse(line.target)
-            texts[text.rpartition(": `")[2].partition(" ")[0] if name == "in_files" else name] = text
+    texts, above = dict[str, str](), list[str]()
+    for line in found.body:
+        if isinstance(line, ast.AnnAssign):
+            above.append(ast.unparse(line.target))
+        elif isinstance(line, ast.Expr) and above:
+            text = " ".join(ast.literal_eval(line.value).split())
+            names = [text.rpartition(": `")[2].partition(" ")[0]] if above[-1] == "in_files" else above
+            texts, above = texts | dict.fromkeys(names, text), []
     return texts
-
-
-def _default(value: Any) -> str:
-    if value in (None, "", (), {}, Units()):
-        return ""
-    return str(value).lower() if isinstance(value, bool) else str(list(value) if isinstance(value, tuple) else value)

@@ -5,12 +5,10 @@ Each table is declared by its keys, and makes its part of the mesh. Errors have 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from itertools import pairwise
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 
@@ -27,6 +25,7 @@ from qvi_contact.basics.schema import (
     Tables,
     Whole,
     check_keys,
+    defaults_of,
     keys_of,
     located,
     quoted,
@@ -37,24 +36,33 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
-from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment, triangles_in_box
+from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.material import Plane, Region
 
 _MOST_IN_A_ROW: Final = 10_000  # cells of a piece of grid lines
 _MOST_CELLS: Final = 1_000_000  # of a grid
-_MOST_LINES: Final = 100_000  # that refinement makes
 _FINEST: Final = 1e-9  # smallest cell that refinement makes, relative to the body
 _SAMPLES: Final = 2000  # points per half interval where sizes are summed
-_MESH_KINDS: Final = (("x", "y"), ("file",), ("outline",), ("vertices", "triangles"))
-_MESH_EXTRAS: Final = {
-    "file": ("join",),
-    "x": ("remove", "refine"),
-    "vertices": ("edges", "regions"),
-}  # what else a kind of mesh has
 
 Lines = tuple[FloatArray, FloatArray]
 """Grid lines across x and across y."""
+
+
+def _one_way(table: object, ways: Mapping[tuple[str, ...], tuple[str, ...]]) -> None:
+    """`InputError` unless a table says a thing in one of some ways, by all keys of that and further ones of its own."""
+    given = [way for way in ways if any(getattr(table, name) is not None for name in way)]
+    if len(given) != 1:
+        remedy = f"give {', or '.join(map(' and '.join, ways))}: one of these"
+        raise InputError((given or list(ways)[:1])[-1][0], [" and ".join(way) for way in given] or None, remedy)
+    for name in given[0]:
+        if getattr(table, name) is None:
+            raise InputError(name, None, ADD)
+    for way, further in ways.items():
+        for name in further if way not in given else ():
+            value = getattr(table, name)
+            if value != defaults_of(type(table))[name]:
+                raise InputError(name, value, f"this belongs to {' and '.join(way)}: leave it out")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,33 +86,25 @@ class Axis(Kind):
 
     def read(self, value: Any, reader: Reader) -> FloatArray:
         """All lines, those that are given as they are."""
-        if isinstance(value, dict):
-            return self._extended(np.empty(0), read_table(Segment, value, reader))
-        if not isinstance(value, list):
+        piece = isinstance(value, dict)
+        if not piece and not isinstance(value, list):
             remedy = "give a list of grid lines, or { start = 0.0, stop = 1.0, cells = 8 }, or a list of such"
             raise InputError("", value, remedy)
-        if not value or not isinstance(value[0], dict):
+        if not piece and not (value and isinstance(value[0], dict)):
             return np.array(Listed(FINITE).read(value, reader), dtype=float)
         lines: FloatArray = np.empty(0)
-        for index, segment in enumerate(Tables(Segment).read(value, reader)):
-            with within(f"[{index}]"):
-                lines = self._extended(lines, segment)
+        segments = [read_table(Segment, value, reader)] if piece else Tables(Segment).read(value, reader)
+        for index, segment in enumerate(segments):
+            with within("" if piece else f"[{index}]"):
+                start = float(lines[-1]) if segment.start is None and len(lines) else segment.start
+                if start is None:
+                    raise InputError("start", Missing(), ADD)
+                if len(lines) and start != lines[-1]:
+                    raise InputError("start", start, f"start where the one before stops, at {lines[-1]:g}")
+                with located("", keys_of(Segment)):
+                    more = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
+                lines = np.concatenate([lines[:-1], more])
         return lines
-
-    def _extended(self, lines: FloatArray, segment: Segment) -> FloatArray:
-        """The lines and those of a piece."""
-        start = segment.start
-        if start is None:
-            if not len(lines):
-                raise InputError("start", Missing(), ADD)
-            start = float(lines[-1])
-        elif len(lines) and start != lines[-1]:
-            raise InputError("start", start, f"start where the one before stops, at {lines[-1]:g}")
-        with located("", keys_of(Segment)), np.errstate(all="ignore"):
-            more = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
-            if not np.isfinite(more).all():
-                raise InputError("grading", segment.grading, "give a number nearer to 1, or fewer cells")
-        return np.concatenate([lines[:-1], more])
 
 
 @dataclass(frozen=True)
@@ -176,8 +176,6 @@ class RefineTable:
                 raise InputError("largest", self.largest, f"give more: this makes some {wanted:.0e} cells in all")
             if smallest < _FINEST * length:
                 raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
-            if length / largest > _MOST_LINES:
-                raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
         places = np.concatenate(critical)
         x, y = (
             _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)
@@ -217,14 +215,7 @@ class LineTable:
     """Size of the triangles along a circle: `size = 0.1`."""
 
     def __post_init__(self) -> None:
-        circle = {"centre": self.centre, "radius": self.radius}
-        if (self.corners is None) == all(value is None for value in circle.values()):
-            raise InputError("corners", None, "give corners, or centre and radius of a circle")
-        for name, value in (circle | {"size": self.size}).items():
-            if self.corners is not None and value is not None:
-                raise InputError(name, value, "this belongs to a circle, which has no corners: leave it out")
-            if self.corners is None and value is None and name != "size":
-                raise InputError(name, None, ADD)
+        _one_way(self, {("centre", "radius"): ("size",), ("corners",): ()})
 
     def line(self, kind: str, taken: Iterable[str]) -> Sequence[Corner]:
         """The corners of a hole, joint or region."""
@@ -313,19 +304,11 @@ class ArcTable:
     """The edges themselves instead, two vertices each: `edges = [[0, 1], [1, 2]]`."""
 
     def __post_init__(self) -> None:
-        if (self.name is None) == (self.edges is None):
-            raise InputError("name", self.name, "give a name of edges, or edges by their vertices: one of both")
-        if self.bends is not None and self.edges is None:
-            raise InputError("edges", None, "bends belong to edges by their vertices: give these")
-        given = [name for name in ("radius", "axes", "bends") if getattr(self, name) is not None]
-        if len(given) != 1:
-            remedy = "give a radius (of a circle), axes (of an ellipse), or bends (of the edges): one of these"
-            raise InputError("radius", given or None, remedy)
+        _one_way(self, {("name",): (), ("edges",): ("bends",)})
+        _one_way(self, {("radius",): (), ("axes",): ("angle",), ("bends",): ()})
         if (self.centre is None) != (self.bends is not None):
             remedy = ADD if self.centre is None else "bends need no centre: leave it out"
             raise InputError("centre", self.centre, remedy)
-        if self.angle is not None and self.axes is None:
-            raise InputError("angle", self.angle, "this belongs to an ellipse: give axes, or leave it out")
 
     def on(self, mesh: TriangleMesh) -> Curve:
         """These edges of the mesh on their circle, ellipse or other curve."""
@@ -378,20 +361,8 @@ class MeshTable:
     }]`."""
 
     def __post_init__(self) -> None:
-        kinds = [kind for kind in _MESH_KINDS if any(getattr(self, name) is not None for name in kind)]
-        if len(kinds) != 1:
-            remedy = "give x and y (grid lines), or file (of a mesh), or vertices and triangles, or an outline"
-            given = [name for kind in kinds for name in kind] or None
-            raise InputError("", given, f"{remedy}: one of these")
-        for name in kinds[0]:
-            if getattr(self, name) is None:
-                raise InputError(name, None, ADD)
-        for needed, names in _MESH_EXTRAS.items():
-            for name in names:
-                if getattr(self, name) and needed not in kinds[0]:
-                    raise InputError(
-                        name, getattr(self, name), f"this belongs to a mesh given by {needed}: leave it out"
-                    )
+        grid, triangles = ("remove", "refine"), ("edges", "regions")
+        _one_way(self, {("x", "y"): grid, ("file",): ("join",), ("outline",): (), ("vertices", "triangles"): triangles})
 
     def inline(self) -> TriangleMesh:
         """Triangles of the file itself."""
@@ -434,26 +405,16 @@ class MeshTable:
 class _Place:
     """Edges that are given in one way: by a line of a grid, or by a segment or box of any mesh."""
 
-    ways: ClassVar[tuple[str, ...]]
-    """Keys of these, that of a grid first."""
     name: str
     start: float | None
     stop: float | None
     at: float | None
     segment: tuple[Point, Point] | None
 
-    def __post_init__(self) -> None:
-        given = [name for name in self.ways if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise InputError(given[-1] if given else self.ways[0], None, f"give one of {', '.join(self.ways)}")
-        for name in ("start", "stop", "at"):
-            if getattr(self, name) is not None and given != [self.ways[0]]:
-                remedy = f"this belongs to {self.ways[0]}, on a grid: leave it out"
-                raise InputError(name, getattr(self, name), remedy)
-
     def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
         """The edges (k, 2) by their vertices; `lines` are those of a grid."""
-        inside, box, facing = isinstance(self, JointTable), getattr(self, "box", None), getattr(self, self.ways[0])
+        inside, box = isinstance(self, JointTable), getattr(self, "box", None)
+        facing = getattr(self, "direction" if inside else "side")
         if self.segment is not None:
             return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=inside)
         if box is not None:
@@ -497,7 +458,8 @@ class EdgesTable(_Place):
     box: Rectangle | None = None
     """What lies inside a box: `box = { y = [0.9, 1.1] }`."""
 
-    ways = ("side", "segment", "box")
+    def __post_init__(self) -> None:
+        _one_way(self, {("side",): ("start", "stop", "at"), ("segment",): (), ("box",): ()})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -517,12 +479,8 @@ class JointTable(_Place):
     segment: tuple[Point, Point] | None = None
     """The line between two points: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
 
-    ways = ("direction", "segment")
-
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.direction is not None and self.at is None:
-            raise InputError("at", None, ADD)
+        _one_way(self, {("direction", "at"): ("start", "stop"), ("segment",): ()})
 
 
 @dataclass(frozen=True)
@@ -537,70 +495,3 @@ class RegionTable(Region):
         material = replace(self.material, plane=plane)
         x, y = (None, None) if self.name else (self.x, self.y)
         return Region(material, x, y, self.name or None, self.temperature)
-
-
-def _named(
-    edges: Sequence[EdgesTable],
-    joints: Sequence[JointTable],
-    tables: Sequence[RegionTable],
-    arcs: Sequence[ArcTable],
-    mesh: TriangleMesh,
-    lines: Lines | None,
-) -> TriangleMesh:
-    """The mesh with named parts: [[regions]] with ranges and a name; and edges on arcs. `lines` are those of a grid."""
-    sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
-    for kind, parts in (("edges", edges), ("joints", joints)):
-        for index, part in enumerate(parts):
-            with located(f"{kind}[{index}]", ("name", "start", "stop", "at", "segment", "box")):
-                if part.name in sets:
-                    raise InputError("name", part.name, "this edge set exists already: choose another name")
-                sets[part.name] = part.pairs(mesh, lines)
-    for index, region in enumerate(tables):
-        if region.name is not None and (region.x is not None or region.y is not None):
-            with located(f"regions[{index}]", keys_of(RegionTable)):
-                if region.name in regions:
-                    remedy = "this region exists already: choose another name, or no ranges"
-                    raise InputError("name", region.name, remedy)
-                regions[region.name] = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
-    mesh = replace(mesh, edge_sets=sets, regions=regions)
-    for index, arc in enumerate(arcs):
-        with located(f"mesh.arcs[{index}]", keys_of(ArcTable)):
-            mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
-    return mesh
-
-
-def built_mesh(
-    table: MeshTable,
-    edges: Sequence[EdgesTable],
-    joints: Sequence[JointTable],
-    regions: Sequence[RegionTable],
-    folder: Path | None,
-) -> TriangleMesh:
-    """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
-    lines, named = None, partial(_named, edges, joints, regions, table.arcs)
-    with within("mesh"):
-        if table.file is not None:
-            if folder is None:
-                remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
-                raise InputError("file", table.file, remedy)
-            try:
-                mesh = TriangleMesh.load(folder / table.file, table.join)
-            except InputError as error:
-                with located("" if error.field == "join" else "file", ("join",)):
-                    raise
-        elif table.outline is not None:
-            with within("outline"):
-                mesh = table.outline.mesh()
-        elif table.x is None or table.y is None:
-            mesh = table.inline()
-        else:
-            lines = table.x, table.y
-            mesh = table.grid(lines)
-    mesh = named(mesh, lines)
-    if table.refine is None or lines is None:
-        return mesh
-    with within("mesh"):
-        with within("refine"):
-            lines = table.refine.lines(mesh, table.body(lines), lines)
-        mesh = table.grid(lines)
-    return named(mesh, lines)

@@ -71,31 +71,23 @@ def result_html(result: ContactResult) -> Markup:
     lines = [result.message, *(f"Remark: {remark}" for remark in result.remarks)]
     found = Markup("").join(Markup("<div>{}</div>").format(line) for line in lines)
     if result.has_state and result.contacts:
-        found += _contacts(list(result.contacts.values()))
+        found += contacts_html(list(result.contacts.values()))
     return Markup("<div>{}</div>").format(found)
 
 
-def contact_html(line: ContactLine) -> Markup:
-    """What one contact carries, and how it moves."""
-    largest = {
-        "pressure [stress]": (-line.normal_stress, line.rounding.stress),
-        "|σ_T| [stress]": (np.abs(line.tangential_stress), line.rounding.stress),
-        "gap [length]": (line.gap, line.rounding.displacement),
-        "|slip| [length]": (np.abs(line.slip), line.rounding.displacement),
-    }
-    rows = [[f"largest {name}", shown(float(values.max()), least)] for name, (values, least) in largest.items()]
-    table = _table(["", line.name], [["points", str(len(line.x))], *rows])
-    return Markup("<div>{}{}</div>").format(_contacts([line]), table)
-
-
-def _contacts(lines: Sequence[ContactLine]) -> Markup:
-    """Forces and shares of the length by contact."""
-    states = list(dict.fromkeys(name for line in lines for name in line.shares))
-    rows = []
+def contacts_html(lines: Sequence[ContactLine]) -> Markup:
+    """What contacts carry, how they move, and in what states they are: forces, extremes, shares of the length."""
+    states, rows = list(dict.fromkeys(name for line in lines for name in line.shares)), []
     for line in lines:
+        stress, displacement = line.rounding.stress, line.rounding.displacement
+        largest = [(-line.normal_stress, stress), (np.abs(line.tangential_stress), stress)]
+        largest += [(line.gap, displacement), (np.abs(line.slip), displacement)]
         shares = [f"{100.0 * line.shares[name]:.1f} %" if name in line.shares else "-" for name in states]
-        rows.append([line.name, *line.shown_forces, *shares])
-    return _table(["contact", "N [stress × length]", "T [stress × length]", *states], rows)
+        extremes = [shown(float(values.max()), least) for values, least in largest]
+        rows.append([line.name, str(len(line.x)), *line.shown_forces, *extremes, *shares])
+    forces = ["N [stress × length]", "T [stress × length]"]
+    extremes = ["largest pressure [stress]", "|σ_T| [stress]", "gap [length]", "|slip| [length]"]
+    return Markup("<div>{}</div>").format(_table(["contact", "points", *forces, *extremes, *states], rows))
 
 
 def _table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Markup:

@@ -6,7 +6,6 @@ errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts
 
 import tomllib
 import unicodedata
-import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -46,8 +45,9 @@ from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.mesh_tables import EdgesTable, JointTable, MeshTable, RegionTable, built_mesh
+from qvi_contact.files.mesh_tables import ArcTable, EdgesTable, JointTable, Lines, MeshTable, RegionTable
 from qvi_contact.files.options import RefineOptions, SolveOptions
+from qvi_contact.mesh.selection import new_name, triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
@@ -68,6 +68,10 @@ TABLES: Final[dict[str, type[Condition]]] = {
 """Which table states which condition, in the order in which a problem gets them."""
 
 _LONGEST: Final = 20_000_000  # bytes of a file, characters of its text
+_TOO_LONG: Final = (
+    f"has more than {_LONGEST} bytes, the limit of a problem file: give grid lines as {{ start = …, stop = …, "
+    "cells = … }, triangles in a mesh file, and functions as expressions"
+)
 _MOST_STEPS: Final = 10_000
 _IN_TIME: Final = ("version", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
 """Tables that expressions in t may stand in."""
@@ -207,6 +211,55 @@ class Document:
         if self.sweep is not None and self.history is not None:
             raise InputError("sweep", self.sweep.parameter, "a file with a [history] cannot be swept: leave one out")
 
+    def built_mesh(self, folder: Path | None) -> TriangleMesh:
+        """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
+        table, lines = self.mesh, None
+        assert table is not None  # it is needed
+        with within("mesh"):
+            if table.file is not None:
+                if folder is None:
+                    remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
+                    raise InputError("file", table.file, remedy)
+                try:
+                    mesh = TriangleMesh.load(folder / table.file, table.join)
+                except InputError as error:
+                    with located("" if error.field == "join" else "file", ("join",)):
+                        raise
+            elif table.outline is not None:
+                with within("outline"):
+                    mesh = table.outline.mesh()
+            elif table.x is None or table.y is None:
+                mesh = table.inline()
+            else:
+                lines = table.x, table.y
+                mesh = table.grid(lines)
+        mesh = self._named(mesh, lines)
+        if table.refine is None or lines is None:
+            return mesh
+        with within("mesh"):
+            with within("refine"):
+                lines = table.refine.lines(mesh, table.body(lines), lines)
+            mesh = table.grid(lines)
+        return self._named(mesh, lines)
+
+    def _named(self, mesh: TriangleMesh, lines: Lines | None) -> TriangleMesh:
+        """The mesh with named parts: [[regions]] with ranges and a name; and edges on arcs; the lines are of a grid."""
+        sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
+        parts = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
+        for path, part in parts.items():
+            with located(path, ("name", "start", "stop", "at", "segment", "box")):
+                sets[new_name(part.name, sets)] = part.pairs(mesh, lines)
+        for index, region in enumerate(self.regions):
+            if region.name is not None and (region.x is not None or region.y is not None):
+                with located(f"regions[{index}]", keys_of(RegionTable)):
+                    chosen = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
+                    regions[new_name(region.name, regions, "region")] = chosen
+        mesh = replace(mesh, edge_sets=sets, regions=regions)
+        for index, arc in enumerate(self.mesh.arcs if self.mesh is not None else ()):
+            with located(f"mesh.arcs[{index}]", keys_of(ArcTable)):
+                mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
+        return mesh
+
     def problem(self, mesh: TriangleMesh, given: Mapping[str, Any]) -> ContactProblem:
         """The problem on that mesh, its fields checked where they count; `given` are the tables as they were read."""
         forces: Field = self.body_potential
@@ -222,14 +275,6 @@ class Document:
                 regions.append(table.region(self.material.plane))
                 cell_materials(mesh, regions[-1:])
         placed = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
-        for path, each in placed:
-            with located(path, ("edges",)):
-                _ = mesh.edges(each.edges) if isinstance(each, Contact) else mesh.edge_set(each.edges)
-        used = {contact.edges for contact in self.contacts}
-        for index, joint in enumerate(given.get("joints", ())):
-            if joint["name"] not in used:
-                remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
-                raise InputError(f"joints[{index}]", joint["name"], remedy)
         try:
             problem = ContactProblem(
                 mesh, self.material, [each for _, each in placed], forces, regions, self.temperature
@@ -241,6 +286,11 @@ class Document:
                     found = f"{path}.{name}" if name in keys_of(type(each)) else path
             with located(found):
                 raise
+        used = {contact.edges for contact in self.contacts}
+        for index, joint in enumerate(given.get("joints", ())):
+            if joint["name"] not in used:
+                remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
+                raise InputError(f"joints[{index}]", joint["name"], remedy)
         _check_values(placed, mesh)
         return problem
 
@@ -260,25 +310,16 @@ def _check_values(placed: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -
 
 @dataclass(frozen=True)
 class FileReader:
-    """Makes objects out of the tables of a file.
-
-    Attributes
-    ----------
-    data : mapping
-        The tables, as TOML has them.
-    constants : mapping
-        Numbers that expressions may name.
-    t : float or None
-        Value of t in expressions; None where there is no history, and t means nothing.
-    folder : Path, optional
-        Where files with point data are looked for.
-
-    """
+    """Makes objects out of the tables of a file."""
 
     data: Mapping[str, Any]
+    """The tables, as TOML has them."""
     constants: Mapping[str, float]
+    """Numbers that expressions may name."""
     t: float | None = None
+    """Value of t in expressions; None where there is no history, and t means nothing."""
     folder: Path | None = None
+    """Where files with point data are looked for."""
     whole = Document
 
     def field(self, value: Any) -> Field:
@@ -312,86 +353,41 @@ class FileReader:
         return float(here[0])
 
     def _expression(self, text: str) -> Expression:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of Python's parser, about texts that are refused anyway
-            words = set("".join(c if c.isalnum() or c == "_" else " " for c in text).split())
-            used = {name: value for name, value in self.constants.items() if name in words}
-            try:
-                expression = Expression(text, used)
-            except InputError:
-                expression = Expression(text, self.constants)  # the same error, which names all constants
-            if not expression.uses_time:
-                return expression
-            if self.t is None:
-                raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
-            return expression.at_time(self.t)
-
-    def document(self) -> Document:
-        """All tables."""
-        found: Document = read_table(Document, self.data, self)
-        return found
-
-    def problem(self, mesh: TriangleMesh) -> ContactProblem:
-        """The problem at this time, on the mesh of the file."""
-        known = {name: self.data[name] for name in _IN_TIME if name in self.data}
-        found: Document = read_table(Document, known, self, partly=True)
-        return found.problem(mesh, self.data)
+        """The expression with the constants that it names, at the time if it names that."""
+        t = self.t if Expression(text, self.constants).uses_time else 0.0  # an error of it names all constants
+        if t is None:
+            raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
+        words = set("".join(c if c.isalnum() or c == "_" else " " for c in text).split())
+        return Expression(text, {name: value for name, value in self.constants.items() if name in words}, t)
 
 
 @dataclass(frozen=True, eq=False)
 class ProblemFile:
-    """What a problem file says.
-
-    Attributes
-    ----------
-    problem : ContactProblem
-        The problem, at the first time if there is a history.
-    title, description : str
-        What the author calls it.
-    units : Units
-        Labels of the numbers' units.
-    solve_options : mapping
-        Arguments for `qvi_contact.solve`.
-    refine_options : mapping
-        Arguments for `qvi_contact.refine` beside those.
-    times : tuple of float
-        Times of the load steps; empty without a history.
-    sweep : SweepPlan or None
-        Values for which the problem is to be solved, if there is a sweep.
-    is_grid : bool
-        Whether the file gives its mesh by grid lines.
-
-    """
+    """What a problem file says."""
 
     problem: ContactProblem
+    """The problem, at the first time if there is a history."""
     title: str
     description: str
+    """What the author calls it."""
     units: Units
+    """Labels of the numbers' units."""
     solve_options: Mapping[str, Any]
+    """Arguments for `qvi_contact.solve`."""
     refine_options: Mapping[str, Any]
+    """Arguments for `qvi_contact.refine` beside those."""
     times: tuple[float, ...]
+    """Times of the load steps; empty without a history."""
     sweep: SweepPlan | None
+    """Values for which the problem is to be solved, if there is a sweep."""
     is_grid: bool
+    """Whether the file gives its mesh by grid lines."""
     _reader: FileReader = field(repr=False)
 
     @property
     def element(self) -> dict[str, Any]:
         """What the file says of the element: arguments for `qvi_contact.discretize`."""
         return {name: value for name, value in self.solve_options.items() if name in ELEMENT_OPTIONS}
-
-    def problem_at(self, t: float) -> ContactProblem:
-        """The problem with another value of t in its expressions, on the same mesh.
-
-        Raises
-        ------
-        InputError
-            If an expression has a bad value at that time.
-
-        """
-        try:
-            return replace(self._reader, t=t).problem(self.problem.mesh)
-        except InputError as error:
-            raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
 
     @property
     def constants(self) -> Mapping[str, float]:
@@ -404,8 +400,16 @@ class ProblemFile:
 
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
-        """The problems of all load steps; without a history the one there is."""
-        return (self.problem, *(self.problem_at(t) for t in self.times[1:]))
+        """The problems of all load steps, on one mesh; without a history the one there is."""
+        found, data = [self.problem], self._reader.data
+        known = {name: data[name] for name in _IN_TIME if name in data}
+        for t in self.times[1:]:
+            try:
+                document: Document = read_table(Document, known, replace(self._reader, t=t), partly=True)
+                found.append(document.problem(self.problem.mesh, data))
+            except InputError as error:
+                raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
+        return tuple(found)
 
     @contextmanager
     def named_errors(self) -> Iterator[None]:
@@ -413,42 +417,27 @@ class ProblemFile:
         try:
             yield
         except InputError as error:
-            path, remedy = self._path(error), in_toml(error.remedy)
+            path, remedy = _RENAMED.get(error.field, error.field), in_toml(error.remedy)
+            for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
+                if error.value is not None and options.get(error.field) == error.value:
+                    path = f"{kind}.{error.field}"
+            first, _, name = error.field.partition(".")
+            if first == RigidPlate.__name__:
+                contacts = enumerate(self._reader.data["contacts"])
+                places = [
+                    f"[{i}].{kind}" for i, table in contacts for kind in ("plate", "pin") if name in table.get(kind, ())
+                ]
+                path = f"contacts{places[0]}.{name}" if len(places) == 1 else f"contacts.plate.{name}"
             if (path, remedy) == (error.field, error.remedy):
                 raise
             raise type(error)(path, error.value, remedy) from error
 
-    def _path(self, error: InputError) -> str:
-        """Path in the file of what an error met after reading is about."""
-        first, _, name = error.field.partition(".")
-        if first == RigidPlate.__name__:
-            driven = [
-                f"contacts[{i}].{kind}.{name}"
-                for i, table in enumerate(self._reader.data["contacts"])
-                for kind in ("plate", "pin")
-                if name in table.get(kind, ())
-            ]
-            return driven[0] if len(driven) == 1 else f"contacts.plate.{name}"
-        for kind, options in (("solve", self.solve_options), ("refine", self.refine_options)):
-            if error.value is not None and options.get(error.field) == error.value:
-                return f"{kind}.{error.field}"
-        return _RENAMED.get(error.field, error.field)
-
 
 def load_problem(path: str | Path) -> ProblemFile:
-    """Read a problem file.
+    """Read a problem file (TOML); the folder ``examples`` shows how to write them.
 
-    Parameters
-    ----------
-    path : str or Path
-        A TOML file; the folder ``examples`` shows how to write them.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or anything in it is wrong; the field is the path inside the file, such as
-        ``contacts[1].friction``, counted from 0.
-
+    `InputError` if the file cannot be read, or anything in it is wrong; the field is the path inside the file, such as
+    ``contacts[1].friction``, counted from 0.
     """
     path = given_path("file", path)
     try:
@@ -457,7 +446,8 @@ def load_problem(path: str | Path) -> ProblemFile:
     except (OSError, ValueError) as error:  # ValueError: a name no file can have
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError("file", str(path), f"cannot be read ({reason}): give the name of a problem file") from error
-    _check_length("file", str(path), len(content))
+    if len(content) > _LONGEST:
+        raise InputError("file", str(path), _TOO_LONG)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -474,18 +464,10 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
     return _from_tables(_tables_of(text.replace("\r\n", "\n")), folder)
 
 
-def _check_length(field: str, value: str, length: int) -> None:
-    if length > _LONGEST:
-        remedy = (
-            f"has more than {_LONGEST} bytes, the limit of a problem file: give grid lines as {{ start = …, stop = …, "
-            "cells = … }, triangles in a mesh file, and functions as expressions"
-        )
-        raise InputError(field, value, remedy)
-
-
 def _tables_of(text: str) -> dict[str, Any]:
     """The tables in a TOML text; `InputError` if it is none, or has values that no table wants."""
-    _check_length("TOML", text[:200], len(text))
+    if len(text) > _LONGEST:
+        raise InputError("TOML", text[:200], _TOO_LONG)
     try:
         data = tomllib.loads(text)
         _check_scalars(data, "")
@@ -539,12 +521,9 @@ def _from_tables(
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
     reader = FileReader(data, constants, times[0] if times else None, None if folder is None else Path(folder))
-    document = reader.document()
-    assert document.mesh is not None  # it is needed
-    if mesh is None:
-        mesh = built_mesh(document.mesh, document.edges, document.joints, document.regions, reader.folder)
+    document: Document = read_table(Document, data, reader)
     found = ProblemFile(
-        problem=document.problem(mesh, data),
+        problem=document.problem(document.built_mesh(reader.folder) if mesh is None else mesh, data),
         title=document.title,
         description=document.description,
         units=document.units,
@@ -552,7 +531,7 @@ def _from_tables(
         refine_options=document.refine,
         times=times,
         sweep=document.sweep,
-        is_grid=document.mesh.x is not None,
+        is_grid="x" in data["mesh"],
         _reader=reader,
     )
     _ = found.problems  # checks the other times

@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -13,7 +14,6 @@ from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import write_text
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import TABLES, VERSION, problem_from_toml
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import load
@@ -39,29 +39,13 @@ def problem_to_toml(
 ) -> str:
     """A problem as the text of a problem file, from which `problem_from_toml` makes the same problem.
 
-    Numbers are kept to the last digit, the mesh triangle by triangle. Conditions get ordered by kind, which has
-    no meaning.
+    Numbers are kept to the last digit, the mesh triangle by triangle. Conditions get ordered by kind, which has no
+    meaning. `InputError` if a function is one of Python, which a file cannot hold, or expressions disagree about
+    constants or time.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem; its functions must be numbers, `Polynomial` or `Expression`.
-    title, description : str
-        What to call it.
-    units : Units, optional
-        Labels of the numbers' units.
-    solve_options : mapping, optional
-        Arguments for `solve` to be taken by default.
-    refine_options : mapping, optional
-        The same for `refine`: target, quantity, max_unknowns, max_rounds, guaranteed.
-    times : sequence of float
-        Times of the load steps, of which the problem is to be the first; by default the one of expressions in t.
-
-    Raises
-    ------
-    InputError
-        If a function is one of Python, which a file cannot hold, or expressions disagree about constants or time.
-
+    Title and description say what to call it, units are labels of numbers. Options are arguments for `solve` and
+    `refine` (target, quantity, max_unknowns, max_rounds, guaranteed) to be taken by default. The problem is the first
+    of the load steps at the times, by default the one of expressions in t.
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
@@ -80,25 +64,21 @@ def problem_to_toml(
                 raise InputError(f"{field}_options", name, "give texts as names of options")
             if not isinstance(value, str | int | float | np.generic):
                 raise InputError(f"{field}_options.{name}", value, "give a number or a text: a file holds nothing else")
-    text = _text(problem, title, description, units, options, times)
+    text = unread_toml(problem, title, description, units, options, times)
     problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
     return text
 
 
-def unread_toml(problem: ContactProblem) -> str:
-    """The same without details, and without the look whether a file may say all of it, which takes most of the time."""
-    return _text(problem, "", "", None, {}, ())
-
-
-def _text(
+def unread_toml(
     problem: ContactProblem,
-    title: str,
-    description: str,
-    units: Units | None,
-    options: Mapping[str, Mapping[str, Any] | None],
-    times: Sequence[float],
+    title: str = "",
+    description: str = "",
+    units: Units | None = None,
+    options: Mapping[str, Mapping[str, Any] | None] = MappingProxyType({}),
+    times: Sequence[float] = (),
 ) -> str:
-    writer = _Writer()
+    """The same without the look whether a file may say all of it, which takes most of the time."""
+    writer, mesh = _Writer(), problem.mesh
     document: dict[str, Any] = {"version": VERSION, "title": title, "description": description}
     if isinstance(problem.body_potential, BodyForces):
         named = problem.body_potential.parts.items()
@@ -109,7 +89,11 @@ def _text(
         document["temperature"] = writer.field("temperature", problem.temperature)
     document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
     document["constants"] = writer.constants  # filled by what follows
-    document["mesh"] = _mesh(problem.mesh)
+    table: dict[str, Any] = {"vertices": mesh.vertices.tolist(), "triangles": mesh.cells.tolist()}
+    table["edges"] = {name: pairs.tolist() for name, pairs in mesh.edge_sets.items()}
+    table["regions"] = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
+    table["arcs"] = [{"bends": arc.coefficients.tolist(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
+    document["mesh"] = {name: value for name, value in table.items() if value}
     document["material"] = write_table("material", problem.material, writer)
     stated: dict[str, Sequence[object]] = {"regions": problem.regions}
     stated |= {name: [each for each in problem.conditions if isinstance(each, kind)] for name, kind in TABLES.items()}
@@ -118,7 +102,16 @@ def _text(
     document |= {name: dict(given or {}) for name, given in options.items()}
     if len(times) or writer.time is not None:
         document["history"] = {"times": list(times) if len(times) else [writer.time]}
-    return _toml({name: value for name, value in document.items() if value not in ({}, [], "")})
+    document = {name: value for name, value in document.items() if value not in ({}, [], "")}
+    blocks = [("", {key: value for key, value in document.items() if not isinstance(value, dict | list)})]
+    for key, value in document.items():  # as people write it: one [table] or [[table]] after the other
+        if isinstance(value, dict):
+            inner = {name: item for name, item in value.items() if isinstance(item, dict)}
+            blocks.append((f"[{key}]\n", {name: item for name, item in value.items() if name not in inner}))
+            blocks += [(f"[{key}.{name}]\n", part) for name, part in inner.items()]
+        elif isinstance(value, list):
+            blocks += [(f"[[{key}]]\n", table) for table in value]
+    return "\n".join(heading + "".join(map(_entry, table, table.values())) for heading, table in blocks)
 
 
 class _Writer:
@@ -148,19 +141,6 @@ class _Writer:
         return value.text
 
 
-def _toml(document: Mapping[str, Any]) -> str:
-    """TOML as people write it: one [table] or [[table]] after the other, short lists on one line."""
-    blocks = [("", {key: value for key, value in document.items() if not isinstance(value, dict | list)})]
-    for key, value in document.items():
-        if isinstance(value, dict):
-            inner = {name: item for name, item in value.items() if isinstance(item, dict)}
-            blocks.append((f"[{key}]\n", {name: item for name, item in value.items() if name not in inner}))
-            blocks += [(f"[{key}.{name}]\n", part) for name, part in inner.items()]
-        elif isinstance(value, list):
-            blocks += [(f"[[{key}]]\n", table) for table in value]
-    return "\n".join(heading + "".join(map(_entry, table, table.values())) for heading, table in blocks)
-
-
 def _entry(key: str, value: object) -> str:
     """A line, or as many as a list of numbers, or of lists of them, fills."""
     name = load("tomli_w").dumps({key: 0}).removesuffix(" = 0\n")
@@ -184,12 +164,3 @@ def _inline(value: object) -> str:
         return "[" + ", ".join(map(_inline, value)) + "]"
     plain = value.item() if isinstance(value, np.generic) else value
     return str(load("tomli_w").dumps({"value": plain}).removeprefix("value = ").rstrip("\n"))
-
-
-def _mesh(mesh: TriangleMesh) -> dict[str, Any]:
-    """The table of the mesh."""
-    table: dict[str, Any] = {"vertices": mesh.vertices.tolist(), "triangles": mesh.cells.tolist()}
-    edges = {name: pairs.tolist() for name, pairs in mesh.edge_sets.items()}
-    regions = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
-    arcs = [{"bends": arc.coefficients.tolist(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
-    return {key: value for key, value in {**table, "edges": edges, "regions": regions, "arcs": arcs}.items() if value}

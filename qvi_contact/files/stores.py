@@ -22,7 +22,7 @@ from copy import copy
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, overload
+from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args
 
 import numpy as np
 
@@ -52,30 +52,11 @@ Restore = Callable[[int, Scales], Discretization]
 
 
 class StepStore(Sequence[ContactResult]):
-    """Results of steps, read when they are asked for; the last one that was read or added is at hand.
+    """Results of so many planned steps, read when they are asked for; the last one read or added is at hand.
 
-    Parameters
-    ----------
-    folder : str or Path
-        Made if it is missing.
-    fingerprint : str
-        Digest of the problems and options.
-    planned : int
-        Number of steps.
-    restore : function
-        Makes the problem of a step again.
-
-    Attributes
-    ----------
-    statuses : list of Status
-        Of each step there is.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written, holds other files, or the steps of another history; by what reads a step, if
-        its file cannot be read, was changed, or belongs to another history.
-
+    The folder is made if it is missing, the fingerprint is a digest of problems and options, `restore` makes the
+    problem of a step again, and `statuses` are those of each step there is. `InputError` if the folder cannot be
+    written, or holds other files or another history; where a step is read, if its file is damaged or was changed.
     """
 
     def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
@@ -112,13 +93,7 @@ class StepStore(Sequence[ContactResult]):
     def __len__(self) -> int:
         return len(self._numbers)
 
-    @overload
-    def __getitem__(self, index: int) -> ContactResult: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[ContactResult]: ...
-
-    def __getitem__(self, index: int | slice) -> ContactResult | Sequence[ContactResult]:
+    def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             some = copy(self)
             some._part = self._numbers[index]
@@ -202,20 +177,8 @@ _FAILED: Final = f"""
 class StoredSweep:
     """A sweep whose rows are in a file, from which everything is read when it is asked for.
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    parameter : "friction", "load", "gap" or "offset"
-        What was changed.
-    values : tuple of float
-        All values asked for, done or not.
-
-    Raises
-    ------
-    InputError
-        By what reads the file, where it is not there any more or damaged.
-
+    `values` of the parameter are all that were asked for, done or not. `InputError` where the file is read, if it is
+    not there any more or damaged.
     """
 
     path: Path
@@ -265,14 +228,7 @@ class StoredSweep:
 
 
 def read_sweep(path: str | Path) -> StoredSweep:
-    """The sweep of a store, which may belong to a run that goes on.
-
-    Raises
-    ------
-    InputError
-        If there is no such store, or it is damaged or of another version.
-
-    """
+    """The sweep of a store, which may belong to a run that goes on; `InputError` if there is none, or it is damaged."""
     place = _place(path)
     with _DATABASE.opened(place) as connection:
         parameter, _, values = _plan(connection, place)
@@ -317,11 +273,7 @@ class SweepStore:
 def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> Iterator[SweepStore]:
     """Open the store of a sweep, made if it is missing, and keep all other runs away from it.
 
-    Raises
-    ------
-    InputError
-        If it cannot be written, is in use, damaged, or holds another sweep.
-
+    `InputError` if it cannot be written, is in use, damaged, or holds another sweep.
     """
     place = _place(path)
     if place.is_dir() or not place.name:

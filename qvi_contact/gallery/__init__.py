@@ -2,37 +2,45 @@
 
 from qvi_contact.gallery.benchmarks import (
     CORNER_EXPONENTS,
+    SSNV128_DISPLACEMENTS,
+    arc,
     block_corner,
+    compressed_plate,
     cylinder_in_bore,
     cylinder_on_block,
+    fan,
     half_discs,
     loaded_pin,
     persson_pressure,
     press_fit,
     press_fit_torque,
     rings,
+    ssnv128,
 )
 from qvi_contact.gallery.blocks import DOOR_AND_WINDOW, jointed_slope, masonry_wall
-from qvi_contact.gallery.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
-from qvi_contact.gallery.literature import (
-    SSNV128_DISPLACEMENTS,
-    compressed_plate,
+from qvi_contact.gallery.exact import (
+    ExactState,
+    cantilever,
+    gravity_column,
+    problem_from_state,
+    pure_bending,
     sliding_block,
-    ssnv128,
     stick_slip_block,
+    uniform,
 )
-from solvers.basics.front import front
 
 __all__ = [
     "CORNER_EXPONENTS",
     "DOOR_AND_WINDOW",
     "SSNV128_DISPLACEMENTS",
     "ExactState",
+    "arc",
     "block_corner",
     "cantilever",
     "compressed_plate",
     "cylinder_in_bore",
     "cylinder_on_block",
+    "fan",
     "gravity_column",
     "half_discs",
     "jointed_slope",
@@ -49,10 +57,3 @@ __all__ = [
     "stick_slip_block",
     "uniform",
 ]
-
-__getattr__ = front(
-    __name__,
-    {
-        "meshes": ("arc", "fan"),
-    },
-)

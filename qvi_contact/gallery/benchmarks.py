@@ -1,19 +1,18 @@
-"""Published contact problems of several bodies: rings, a press fit, pins in holes, the corner of a block.
+"""Published contact problems: rings, a press fit, pins in holes, cylinders, the corner of a block, plates.
 
 Circles are true arcs. `sectors` are the edges of each circle in a quarter, `friction` is the coefficient μ.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, positive_number, whole_number
-from qvi_contact.gallery.meshes import arc, fan, radii_between, steps_between
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, finite_number, positive_number, whole_number
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
-from qvi_contact.problem.material import Material, Region
+from qvi_contact.problem.material import Material, Plane, Region
 from qvi_contact.problem.problem import ContactProblem
 
 _MOST: Final = 1000  # sectors
@@ -217,7 +216,7 @@ def cylinder_on_block(share: float = 0.01, sectors: int = 6, depth: int = 4) -> 
     are so many triangles around it in a quarter, and those at its end are halved in size `depth` times.
     """
     half_width = 6.2146 * float(np.sqrt(positive_number("share", share)))
-    mesh = _welded(_half_disc(50.0, half_width, sectors, 1), _block(100.0, 200.0, half_width, sectors), half_width)
+    mesh = _welded(_half_disc(50.0, half_width, sectors, 1), _block(100.0, 200.0, half_width, sectors))
     height = float(mesh.vertices[:, 1].max())
     mesh = mesh.with_edges("load", lambda _, y: y >= height)
     mesh = mesh.with_edges("axis", lambda x, _: x == 0.0).with_edges("bottom", lambda _, y: y == -200.0)
@@ -246,7 +245,7 @@ def half_discs(share: float = 1e-4, sectors: int = 6, depth: int = 4) -> Contact
     """
     root = float(np.sqrt(positive_number("share", share)))
     half_width, stick = 0.680778 * root, 0.496511 * root
-    mesh = _welded(_half_disc(8.0, half_width, sectors, 2), None, half_width)
+    mesh = _welded(_half_disc(8.0, half_width, sectors, 2), None)
     height = float(mesh.vertices[:, 1].max())
     mesh = mesh.with_edges("load", lambda _, y: y >= height).with_edges("bottom", lambda _, y: y <= -height)
     mesh = mesh.with_arc("cylinder", (0.0, height), 8.0).with_arc("below", (0.0, -height), 8.0)
@@ -318,24 +317,163 @@ def _radii(half_width: float, last: float, sectors: int) -> FloatArray:
     return np.concatenate([even, radii_between(joined, last, sectors)[1:]])
 
 
-def _welded(above: list[FloatArray], below: list[FloatArray] | None, half_width: float) -> TriangleMesh:
-    """One mesh of two bodies that share the vertices of the joint "contact", the region "above" being one of them.
+def _welded(above: list[FloatArray], below: list[FloatArray] | None) -> TriangleMesh:
+    """One mesh of two bodies with the joint "contact", the region "above" being one of them.
 
     The round side of it is "cylinder". The body below is the other one turned by 180° if not given, its round side
     being "below".
     """
-    first = fan(above, closed=False, centre=(0.0, 0.0))
-    second = fan(below or [-line for line in above], closed=False, centre=(0.0, 0.0))
-    vertices, found = np.unique(np.vstack([first.vertices, second.vertices + 0.0]), axis=0, return_inverse=True)
-    own, other = found[: len(first.vertices)], found[len(first.vertices) :]
-    count = len(first.cells)
-    mesh = TriangleMesh(vertices, np.vstack([own[first.cells], other[second.cells]]), {}, {"above": np.arange(count)})
-    joined = 1.000001 * _JOINED * half_width
-    mesh = mesh.with_joint("contact", lambda x, y: (y == 0.0) & (np.abs(x) < joined))
-    for name, body, numbers in (("cylinder", first, own), ("below", second, other)):
-        sides = ("start",) if below else ("start", "end")
-        pairs = np.vstack([numbers[body.edge_sets[side]] for side in sides])
-        if below is None or name == "cylinder":
-            beyond = np.abs(vertices[pairs][:, :, 0]).max(axis=1) > joined
-            mesh = mesh.with_edges(name, pairs[beyond])
+    bodies = list[TriangleMesh]()
+    for name, lines in (("cylinder", above), ("below", below or [-line for line in above])):
+        body = fan(lines, closed=False, centre=(0.0, 0.0))
+        sides = [body.edge_sets[side] for side in (("start",) if below else ("start", "end"))]
+        region = {"above": np.arange(len(body.cells))} if name == "cylinder" else {}
+        edge_sets = {name: np.concatenate(sides)} if below is None or region else {}
+        bodies.append(TriangleMesh(body.vertices, body.cells, edge_sets, region))
+    return TriangleMesh.joined("contact", bodies)
+
+
+# plates on rigid planes
+
+
+SSNV128_DISPLACEMENTS: Final = (
+    ("A", 0.0, 2.86e-5),
+    ("B", 1.25e-3, 2.72e-5),
+    ("C", 5.0e-3, 2.28e-5),
+    ("D", 7.5e-3, 1.98e-5),
+    ("E", 11.25e-3, 1.5e-5),
+)
+"""Published answer to `ssnv128`: point, x [m], u_x(x, 0) [m], means over several codes with a tolerance of 5 %.
+
+Point E has two digits in the manual. Refined meshes of this package and of biquadratic displacement elements settle
+on 2.860, 2.723, 2.287, 1.981 and 1.541e-5 m: the published value is 2.7 % low at E and within 0.3 % elsewhere.
+"""
+
+
+def compressed_plate(
+    friction: Field,
+    cells: tuple[int, int] = (2, 2),
+    width: float = 1.0,
+    height: float = 1.0,
+    young: float = 2.09e5,
+    poisson: float = 0.3,
+    plane: Plane = "stress",
+    displacement: float = 1e-3,
+    grading: float = 1.0,
+) -> ContactProblem:
+    """Quarter of a plate compressed between two rough rigid plates: Więckowski (1992), section 5.
+
+    The body is [0, width] × [0, height] with symmetry on x = 0 and y = 0, the side x = width free, and the contact
+    "plate" on y = height, pushed down by `displacement`. Without friction the answer is the uniform stress
+    σ_yy = −E U/height in plane stress. The default units are MPa and a length of 1.
+
+    Cells are those of `TriangleMesh.rectangle`; the paper, which has rectangles, takes (2, 2). With a `grading` below 1
+    they shrink towards the free corner. The `displacement` U is that of the quarter's own top; the paper prints it as
+    the relative one.
+    """
+    mesh = TriangleMesh.rectangle(cells, width, height, grading=grading)
+    conditions: list[Condition] = [
+        Symmetry("left"),
+        Symmetry("bottom"),
+        Traction("right", x=0.0, y=0.0),
+        Contact("top", friction=friction, gap=-finite_number("displacement", displacement), name="plate"),
+    ]
+    return ContactProblem(mesh, Material(young, poisson, plane), conditions)
+
+
+def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0) -> ContactProblem:
+    """A square plate pressed against a rigid plane that opens, slips and sticks: Code_Aster's test SSNV128.
+
+    The body is [0, 0.04 m]² in plane strain with E = 1.3e11 Pa, ν = 0.2. A pressure of 5e7 Pa acts on the top and one
+    of 15e7 Pa on x = 0; the side x = 0.04 m is a line of symmetry. The base y = 0 is the contact "base" with μ = 1.
+    The pressures push the body to the right, friction pulls it back: σ_T < 0, and u_T > 0 where it slips.
+
+    From the left, the base is open for x < 3.28 mm, slips up to 29.84 mm and sticks beyond. Balance gives the normal
+    force 2.0e6 N/m; biquadratic displacement elements settle on these zones, a tangential force of −1.40535e6 N/m and
+    a pressure of 8.388e7 Pa at x = 0.04 m. The published displacements are in `SSNV128_DISPLACEMENTS`. Without
+    friction the stress is uniform and u_x(0) = 4.061538e-5 m.
+
+    Source: Code_Aster, Manuel de validation V6.04.128, "SSNV128 - Plaque avec contact et frottement sur un plan
+    rigide"; proposed by GRECO. Small displacements are assumed here. Units: Pa, m.
+    """
+    mesh = TriangleMesh.rectangle(cells, 0.04, 0.04)
+    conditions: list[Condition] = [
+        Contact("bottom", friction=friction, name="base"),
+        Symmetry("right"),
+        Traction("top", x=0.0, y=-5e7),
+        Traction("left", x=15e7, y=0.0),
+    ]
+    return ContactProblem(mesh, Material(1.3e11, 0.2, "strain"), conditions)
+
+
+# meshes of discs, rings and plates with a round part in them, made line by line without a mesh generator
+
+
+def fan(
+    lines: Sequence[FloatArray],
+    *,
+    closed: bool,
+    centre: tuple[float, float] | None = None,
+    joints: Mapping[str, int] | None = None,
+    arcs: Sequence[str] = (),
+) -> TriangleMesh:
+    """Triangles between lines (n, 2) around a point [length], counterclockwise, from the innermost to the outermost.
+
+    Closed lines lead back to their first vertex. The centre is a vertex inside the first line, joined to it by
+    triangles; by default there is a hole. Joints are numbers of lines by name, arcs the names of lines that are arcs of
+    circles around the origin. The outermost line is called "outer", that around the hole "inner"; the two ends of open
+    lines are "start" and "end". What lies inside a joint is the region of its name, as far as the joint before it.
+    """
+    count, steps = len(lines[0]), len(lines[0]) if closed else len(lines[0]) - 1
+    first = np.arange(steps)
+    following = (first + 1) % count
+    vertices, cells, regions = np.concatenate(lines), list[IntArray](), list[IntArray]()
+    for k in range(len(lines) - 1):
+        a, b, c, d = (
+            line * count + place for line, place in ((k, first), (k, following), (k + 1, following), (k + 1, first))
+        )
+        even = (first % 2 == 0)[:, None]
+        cells.append(np.where(even, np.column_stack([a, b, c]), np.column_stack([a, b, d])))
+        cells.append(np.where(even, np.column_stack([a, c, d]), np.column_stack([b, c, d])))
+        regions += [np.full(2 * steps, k + 1)]
+    if centre is not None:
+        cells.append(np.column_stack([np.full(steps, len(vertices)), first, following]))
+        regions.append(np.zeros(steps, dtype=np.int64))
+        vertices = np.vstack([vertices, centre])
+    edges = {name: _along(line, first, following, count) for name, line in (joints or {}).items()}
+    edges["outer"] = _along(len(lines) - 1, first, following, count)
+    if centre is None:
+        edges["inner"] = _along(0, first, following, count)
+    if not closed:
+        for name, place in (("start", 0), ("end", count - 1)):
+            radial = np.arange(len(lines)) * count + place
+            radial = radial if centre is None else np.concatenate([[len(vertices) - 1], radial])
+            edges[name] = np.column_stack([radial[:-1], radial[1:]])
+    layer, inside, named = np.concatenate(regions), 0, dict[str, IntArray]()
+    for name, line in sorted((joints or {}).items(), key=lambda item: item[1]):
+        named[name] = np.flatnonzero((layer >= inside) & (layer <= line))
+        inside = line + 1
+    mesh = TriangleMesh(vertices, np.concatenate(cells), edges, named)
+    for name in arcs:
+        mesh = mesh.with_arc(name, (0.0, 0.0), float(np.hypot(*vertices[edges[name][0, 0]])))
     return mesh
+
+
+def arc(radius: float, angles: FloatArray) -> FloatArray:
+    """Points (n, 2) on a circle around the origin; those on an axis lie on it to the last digit."""
+    points = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(np.where(np.abs(points) > 1e-15 * radius, points, 0.0))
+
+
+def radii_between(first: float, last: float, sectors: int) -> FloatArray:
+    """Radii in geometric progression, so that triangles are about as long as wide with so many sectors in a quarter."""
+    return np.geomspace(first, last, max(1, steps_between(first, last, sectors)) + 1)
+
+
+def steps_between(first: float, last: float, sectors: int) -> int:
+    """How many steps from one radius to another make triangles about as long as wide."""
+    return round(float(np.log(last / first)) * sectors / (0.5 * np.pi))
+
+
+def _along(line: int, first: IntArray, following: IntArray, count: int) -> IntArray:
+    return np.column_stack([line * count + first, line * count + following])

@@ -1,6 +1,7 @@
 """Bodies of many blocks with dry joints between them: a masonry wall with openings, and a jointed rock slope."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -39,25 +40,11 @@ def masonry_wall(
     Blocks are 0.5 m long and 0.25 m high, with γ = 20 kN/m³, E = 5 GPa, ν = 0.2, in plane stress. Head joints of each
     course lie over the middle of the blocks below; half blocks fill the ends. A lintel, one course high and resting on
     half a block at each side, spans each opening. All joints are unilateral contacts with the same friction and
-    cohesion: "beds", "heads", and "ground" below the wall. Loads are "body" (weight), and "wind" on the left side.
+    cohesion [kPa]: "beds", "heads", and "ground" below the wall. Loads are "body" (weight), and "wind" on the left side
+    [kPa]. Openings are as `Opening` says; lintels must lie inside the wall, apart from other openings and lintels.
 
     Without openings and cohesion, a wall of n blocks of the length a in each course slides at the wind μ γ n a, along
     every bed alike. A stack of single blocks of the total height h tips at γ a²/h if friction holds.
-
-    Parameters
-    ----------
-    courses, blocks : int
-        Courses, and blocks in each.
-    openings : sequence of (int, int, int, int)
-        For each: half blocks left of it, courses below it, its width in half blocks, its height in courses. Lintels
-        must lie inside the wall, apart from other openings and lintels.
-    friction : float
-        Coefficient of friction μ of all joints.
-    cohesion : float
-        Shear that joints carry without pressure [kPa].
-    wind : float
-        Pressure on the left side [kPa].
-
     """
     active, heads = _bond(whole_number("courses", courses, _MOST), 2 * whole_number("blocks", blocks, _MOST), openings)
     mesh = _wall_mesh(active, heads)
@@ -77,8 +64,7 @@ def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolA
     heads = (row + line) % 2 == 0
     for opening in openings:
         if len(opening) != 4:
-            remedy = "give four whole numbers: half blocks left, courses below, width, height"
-            raise InputError("openings", opening, remedy)
+            raise InputError("openings", opening, "give four numbers: half blocks left, courses below, width, height")
         bottom = opening[1] and whole_number("openings", opening[1], _MOST)
         left, across, up = (whole_number("openings", opening[k], 2 * _MOST) for k in (0, 2, 3))
         right, top = left + across, bottom + up
@@ -99,22 +85,17 @@ def _wall_mesh(active: BoolArray, heads: BoolArray) -> TriangleMesh:
     rows, halves = active.shape
     cut = TriangleMesh.grid(np.arange(halves + 1) * _BLOCK / 2.0, np.arange(rows + 1) * _COURSE, active)
     mesh = TriangleMesh(cut.vertices, cut.cells)
-    line, row = np.rint(mesh.vertices / (_BLOCK / 2.0, _COURSE)).astype(np.int64).T
-    edges, outside = mesh.topology.ends, mesh.topology.boundary
-    ends, around = edges[~outside], edges[outside]
-    upright, level = np.ptp(line[ends], axis=1) == 0, np.ptp(row[ends], axis=1) == 0
-    joint = upright & heads[row[ends].min(axis=1).clip(max=rows - 1), line[ends[:, 0]]]
-    mesh = mesh.with_joint("beds", ends[level]) if level.any() else mesh
-    mesh = mesh.with_joint("heads", ends[joint]) if joint.any() else mesh
-    sides = {
-        "ground": (row[around] == 0).all(axis=1),
-        "windward": (line[around] == 0).all(axis=1),
-        "top": (row[around] == rows).all(axis=1),
-    }
-    sides["free"] = ~np.any(list(sides.values()), axis=0)
-    for name, chosen in sides.items():
-        mesh = mesh.with_edges(name, around[chosen])
-    return mesh
+    outside, (line, row) = mesh.topology.boundary, (mesh.midpoints / (_BLOCK / 2.0, _COURSE)).T
+    place = np.minimum(row.astype(np.int64), rows - 1), line.astype(np.int64)
+    named = {"beds": ~outside & (row % 1.0 == 0.0), "heads": ~outside & (line % 1.0 == 0.0) & heads[place]}
+    named |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
+    named["free"] = outside & ~np.any(list(named.values()), axis=0)
+    return _with_names(mesh, named)
+
+
+def _with_names(mesh: TriangleMesh, named: dict[str, BoolArray]) -> TriangleMesh:
+    """The mesh with those joints and parts of the boundary, masks (e,) of edges, that there are."""
+    return replace(mesh, edge_sets={name: mesh.topology.ends[chosen] for name, chosen in named.items() if chosen.any()})
 
 
 def jointed_slope(
@@ -130,9 +111,13 @@ def jointed_slope(
 
     The face rises to 12 m, twice as steeply as the bedding: tan ψ = 2 tan β. Bedding planes meet it at the toe and at
     equal distances above; vertical cross joints divide the layers into blocks, staggered from layer to layer. The crack
-    is vertical, behind the crest, and as deep as the lowest bedding plane is there. The rock is in plane strain, with γ
-    = 25 kN/m³, E = 10 GPa, ν = 0.25. The contacts are "bedding" and "cross joints"; loads are "body" (weight) and
+    is vertical, behind the crest, and as deep as the lowest bedding plane is there. The rock is in plane strain, with
+    γ = 25 kN/m³, E = 10 GPa, ν = 0.25. The contacts are "bedding" and "cross joints"; loads are "body" (weight) and
     "water" in the crack.
+
+    There are so many rows of bedding planes, and blocks along the face. The crest is so many columns long, fewer than
+    `rows`, each as wide as the run of the face between two bedding planes. The angle β [°] is `dip`, from 5 to 60. The
+    water weighs `crack_water` times 10 kN/m³; 0 leaves the crack dry. Friction and cohesion [kPa] are those of joints.
 
     With the weight W above the lowest plane, its length L, the depth z of the crack, and the thrust V = γ_w z²/2 of the
     water, everything above that plane slides at the multiple α of V where
@@ -141,20 +126,6 @@ def jointed_slope(
 
     Without water and cohesion the factor of safety is tan φ/tan β, μ = tan φ: blocks of any layer slide when μ is
     divided by it. E. Hoek and J. W. Bray, Rock Slope Engineering, plane failure.
-
-    Parameters
-    ----------
-    rows : int
-        Bedding planes, and blocks along the face.
-    crest : int
-        Length of the crest, in columns as wide as the run of the face between two bedding planes; less than `rows`.
-    dip : float
-        Angle β of the bedding [°], from 5 to 60.
-    friction, cohesion : float
-        As of `masonry_wall`, of the rock and its joints.
-    crack_water : float
-        Weight of the water, as a multiple of 10 kN/m³; 0 leaves the crack dry.
-
     """
     columns = whole_number("rows", rows, _MOST) + whole_number("crest", crest, _MOST)
     if crest >= rows:
@@ -202,7 +173,4 @@ def _slope_mesh(rows: int, columns: int, size: tuple[float, float]) -> TriangleM
     named["bench"] = (j == 0).all(axis=1) & (i <= 0).all(axis=1) & outside
     named["crest"] = (j == 2 * rows).all(axis=1)
     named["face"] = (j == 2 * i).all(axis=1) & outside
-    for name, chosen in named.items():
-        pairs = mesh.topology.ends[chosen]
-        mesh = mesh.with_joint(name, pairs) if name in ("bedding", "cross joints") else mesh.with_edges(name, pairs)
-    return mesh
+    return _with_names(mesh, named)

@@ -6,14 +6,16 @@ block. A fluid in a contact presses on both sides, and does the work −∫ p_w 
 is the rest, σ_N' = σ_N + p_w. Integrals are those that stresses take of the same data.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
 from qvi_contact.mesh.edges import Edges, vectors_along
-from qvi_contact.problem.conditions import LOCAL, Contact, RigidPlate, Traction, components
+from qvi_contact.problem.conditions import LOCAL, Contact, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
@@ -51,8 +53,9 @@ class Bodies:
             size.append(np.hypot(*(corners - centre[-1]).T).max())
         driven = [contact for contact in problem.contacts if contact.plate is not None]
         for contact in driven:
-            plate = plate_of(contact)
-            ends = _ends(problem, contact)
+            plate, edges = contact.plate, mesh.edges(contact.edges)
+            assert plate is not None
+            ends = mesh.vertices[np.concatenate([edges.first, edges.second])]
             centre.append(np.array(plate.reference(*ends.mean(axis=0))))
             size.append(np.hypot(*(ends - centre[-1]).T).max())
             free.append(np.array([part is not None for part in (plate.force_x, plate.force_y, plate.moment)]))
@@ -72,18 +75,6 @@ class Bodies:
     def number(self, contact: Contact) -> int:
         """The body that drives the obstacle of a contact; −1 for one that stands still."""
         return self.blocks + self.plates.index(contact.name) if contact.name in self.plates else -1
-
-
-def plate_of(contact: Contact) -> RigidPlate:
-    """The plate of a contact that has one."""
-    assert contact.plate is not None
-    return contact.plate
-
-
-def _ends(problem: ContactProblem, contact: Contact) -> FloatArray:
-    """Both ends of all edges of a contact (2 n, 2) [length]."""
-    edges = problem.mesh.edges(contact.edges)
-    return np.asarray(problem.mesh.vertices[np.concatenate([edges.first, edges.second])])
 
 
 def enclosed_beyond(problem: ContactProblem, edges: Edges) -> BoolArray:
@@ -122,58 +113,48 @@ class Work:
     # the largest work that the load could do on motions of size 1 if nothing of it cancelled [stress × length]
     size: float
 
-    def __add__(self, other: "Work") -> "Work":
-        return Work(self.row + other.row, self.size + other.size)
-
 
 def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
     """Works of tractions, plates, body force and fluids by the names a limit analysis gives them."""
-    given, found = list[tuple[str, Work]](), dict[str, Work]()
+    rows, sizes = dict[str, FloatArray](), dict[str, float]()
+    for name, row, size in _parts(problem, bodies):
+        rows[name], sizes[name] = rows.get(name, 0.0) + row, sizes.get(name, 0.0) + size
+    return {name: Work(np.where(np.abs(row) > _ROUNDING * sizes[name], row, 0.0), sizes[name])
+            for name, row in rows.items()}  # fmt: skip
+
+
+def _parts(problem: ContactProblem, bodies: Bodies) -> Iterator[tuple[str, FloatArray, float]]:
+    """Parts of what each load does: its name, row and size of the work."""
+    mesh, along = problem.mesh, partial(_along, problem, bodies)
     for condition in problem.conditions:
         if isinstance(condition, Traction):
-            given.append((condition.name, _of_traction(problem, bodies, condition)))
+            edges = mesh.edges(condition.edges)
+            block = bodies.of_cells[edges.cells[:, 0]]
+            for key, value in components(condition).items():
+                direction, turns = direction_of(key, edges), key in LOCAL
+                yield condition.name, *along(edges, block, direction, f"Traction.{key}", value, turns=turns)
         elif isinstance(condition, Contact) and condition.plate is not None:
-            given.append((condition.name, _of_plate(bodies, condition)))
-    forces = problem.body_forces.items()
-    given += [(name, _of_body(problem, bodies, field)) for name, field in forces if callable(field)]  # else no force
-    given += [(FLUID, _of_fluid(problem, bodies, contact)) for contact in problem.contacts if contact.has_fluid]
-    for name, work in given:
-        found[name] = found[name] + work if name in found else work
-    return {name: Work(np.where(np.abs(work.row) > _ROUNDING * work.size, work.row, 0.0), work.size)
-            for name, work in found.items()}  # fmt: skip
-
-
-def _of_traction(problem: ContactProblem, bodies: Bodies, load: Traction) -> Work:
-    mesh, total = problem.mesh, Work(np.zeros(3 * len(bodies)), 0.0)
-    edges = mesh.edges(load.edges)
-    block = bodies.of_cells[edges.cells[:, 0]]
-    for name, value in components(load).items():
-        given = f"Traction.{name}", value
-        total = total + _along(problem, bodies, edges, block, direction_of(name, edges), *given, turns=name in LOCAL)
-    return total
-
-
-def _of_body(problem: ContactProblem, bodies: Bodies, field: Field) -> Work:
-    """−∮ φ n·u ds around all blocks; of edges inside the body only those between two blocks count."""
-    mesh = problem.mesh
-    block = bodies.of_cells[mesh.interior.cells]
-    apart = np.flatnonzero(block[:, 0] != block[:, 1])
-    joints, boundary = mesh.interior.take(apart), mesh.boundary
-    name = "ContactProblem.body_potential"
-    outer = _along(problem, bodies, boundary, bodies.of_cells[boundary.cells[:, 0]], -boundary.normal, name, field)
-    lower = _along(problem, bodies, joints, block[apart, 0], -joints.normal, name, field)
-    return outer + lower + _along(problem, bodies, joints, block[apart, 1], joints.normal, name, field)
-
-
-def _of_fluid(problem: ContactProblem, bodies: Bodies, contact: Contact) -> Work:
-    """−∫ p_w n·v ds on the first body of a contact, and the opposite on the second body, or on the plate."""
-    edges = problem.mesh.edges(contact.edges)
-    first = bodies.of_cells[edges.cells[:, 0]]
-    plate = np.full(len(edges), bodies.number(contact))
-    second = bodies.of_cells[edges.cells[:, 1]] if contact in problem.joints else plate
-    name, field = "Contact.pore_pressure", contact.pore_pressure
-    pushed = _along(problem, bodies, edges, first, -edges.normal, name, field)
-    return pushed + _along(problem, bodies, edges, second, edges.normal, name, field)
+            body, plate = bodies.number(condition), condition.plate
+            moment = 0.0 if plate.moment is None else plate.moment_about(*bodies.centre[body]) / bodies.size[body]
+            row = np.zeros((len(bodies), 3))
+            row[body] = plate.force_x or 0.0, plate.force_y or 0.0, moment
+            yield condition.name, row.ravel(), float(np.abs(row).sum())
+    block, boundary = bodies.of_cells[mesh.interior.cells], mesh.boundary
+    apart = np.flatnonzero(block[:, 0] != block[:, 1])  # of edges inside the body only those between two blocks count
+    joints, (lower, upper) = mesh.interior.take(apart), block[apart].T
+    for name, field in problem.body_forces.items():
+        if callable(field):  # else no force
+            datum = "ContactProblem.body_potential", field
+            yield name, *along(boundary, bodies.of_cells[boundary.cells[:, 0]], -boundary.normal, *datum)
+            yield name, *along(joints, lower, -joints.normal, *datum)
+            yield name, *along(joints, upper, joints.normal, *datum)
+    for contact in problem.contacts:
+        if contact.has_fluid:  # −∫ p_w n·v ds on the first body, and the opposite on the second, or on the plate
+            edges, pressure = mesh.edges(contact.edges), ("Contact.pore_pressure", contact.pore_pressure)
+            beyond = np.full(len(edges), bodies.number(contact))
+            second = bodies.of_cells[edges.cells[:, 1]] if contact in problem.joints else beyond
+            yield FLUID, *along(edges, bodies.of_cells[edges.cells[:, 0]], -edges.normal, *pressure)
+            yield FLUID, *along(edges, second, edges.normal, *pressure)
 
 
 def _along(
@@ -186,7 +167,7 @@ def _along(
     field: Field,
     *,
     turns: bool = True,
-) -> Work:
+) -> tuple[FloatArray, float]:
     """∫ f d·u ds of a field f on edges whose blocks are (n,), along d (n, 2), which turns along arcs or does not."""
     mesh = problem.mesh
     found = along_edges(mesh, edges, name, field)
@@ -204,14 +185,4 @@ def _along(
         row += force.ravel() @ bodies.rows(np.repeat(block[number], t.shape[1]), points, along.reshape(-1, 2))
     for force, vertices in zip(at_ends.T, (edges.first, edges.second), strict=True):  # of the same force and moment
         row += force @ bodies.rows(block, mesh.vertices[vertices], direction)
-    return Work(row, float(size))
-
-
-def _of_plate(bodies: Bodies, contact: Contact) -> Work:
-    body, plate = bodies.number(contact), plate_of(contact)
-    centre, size = bodies.centre[body], float(bodies.size[body])
-    moment = 0.0 if plate.moment is None else plate.moment_about(*centre) / size
-    given = np.array([plate.force_x or 0.0, plate.force_y or 0.0, moment])
-    row = np.zeros((len(bodies), 3))
-    row[body] = given
-    return Work(row.ravel(), float(np.abs(given).sum()))
+    return row, float(size)

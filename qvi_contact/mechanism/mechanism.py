@@ -211,27 +211,19 @@ def _mechanism(problem: ContactProblem, rigid: Rigid, motion: Motion) -> Mechani
     )
     scale = 1.0 / (largest or float(np.abs(v).max()))  # plates alone may move
     moved = [RigidMotion(scale * m.x, scale * m.y, scale * m.rotation, m.centre) for m in moved]
+    contacts = {}
+    for contact in problem.contacts:
+        chosen = [line for line in rigid.lines if line.contact is contact]
+        opening = [float((line.opening(bodies) @ motion.v).max()) for line in chosen]
+        slip = [line.slip(bodies, motion.v) for line in chosen]
+        contacts[contact.name] = ContactMotion(scale * max(opening, default=0.0), scale * max(slip, default=0.0))
+    plates = dict(zip(bodies.plates, moved[bodies.blocks :], strict=True))
     return Mechanism(
         bodies.of_cells,
         tuple(moved[: bodies.blocks]),
-        MappingProxyType(
-            Named(
-                "plates", "contacts with a plate or pin", dict(zip(bodies.plates, moved[bodies.blocks :], strict=True))
-            )
-        ),
+        MappingProxyType(Named("plates", "contacts with a plate or pin", plates)),
         MappingProxyType(Named("works", "loads", {name: scale * work for name, work in motion.works.items()})),
         scale * motion.resistance,
-        MappingProxyType(Named("contacts", "contacts", _contacts(problem, rigid, scale * motion.v))),
+        MappingProxyType(Named("contacts", "contacts", contacts)),
         scale * motion.violation,
     )
-
-
-def _contacts(problem: ContactProblem, rigid: Rigid, v: FloatArray) -> dict[str, ContactMotion]:
-    """Largest opening and slip of each contact."""
-    found = {}
-    for contact in problem.contacts:
-        chosen = [line for line in rigid.lines if line.contact is contact]
-        opening = [float((line.opening(rigid.bodies) @ v).max()) for line in chosen]
-        slip = [line.slip(rigid.bodies, v) for line in chosen]
-        found[contact.name] = ContactMotion(max(opening, default=0.0), max(slip, default=0.0))
-    return found

@@ -17,7 +17,7 @@ In `docs/theory.md`: (D23).
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -38,6 +38,8 @@ _SETTLED: Final = 1e-13
 _NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # shares of the way to the next place, where more are tried
 _NOTHING: Final = 1e-9  # share of speeds within which opening is just enough
 _BESIDE: Final = 1e-3  # share of an interval within which a place counts as its end
+
+_Equations: TypeAlias = Sequence[tuple[Any, float]]  # (row, value): row · v = value
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,25 +69,20 @@ class Rigid:
         self.bodies = Bodies.of(problem)
         self.lines = lines(problem, self.bodies)
         self.works = works(problem, self.bodies)
-        self.held = self._equations(problem)
-        self.free = _null_space(self.held, float(np.abs(problem.mesh.vertices).max() / self.bodies.size.min()))
+        bodies, vertices = self.bodies, problem.mesh.vertices
+        rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]  # of velocities that supports, plates, contacts rule out
+        for given in problem.prescribed(Displacement):
+            edges, block = given.edges, bodies.of_cells[given.edges.cells[:, 0]]
+            along = vectors_along(edges, given.direction, np.array([0.0, 1.0]), turns=given.turns)
+            ends = (edges.first, edges.second)
+            rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
+        self.held = np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
+        self.free = _null_space(self.held, float(np.abs(vertices).max() / bodies.size.min()))
 
     @property
     def size(self) -> float:
         """Largest work of all loads on motions of size 1, nothing cancelled [stress × length]."""
         return sum(work.size for work in self.works.values())
-
-    def _equations(self, problem: ContactProblem) -> FloatArray:
-        """Rows (e, 3 k) of the velocities that supports, plates and contacts rule out."""
-        bodies, vertices = self.bodies, problem.mesh.vertices
-        rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]
-        for given in problem.prescribed(Displacement):
-            edges = given.edges
-            block = bodies.of_cells[edges.cells[:, 0]]
-            along = vectors_along(edges, given.direction, np.array([0.0, 1.0]), turns=given.turns)
-            ends = (edges.first, edges.second)
-            rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
-        return np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
 
     def strongest(self, names: Sequence[str], idle: Sequence[str] = ()) -> Motion | None:
         """The motion on which driving over resisting work of the named loads is largest; None if nothing moves.
@@ -97,7 +94,7 @@ class Rigid:
             return None
         rows = np.array([self.works[name].row for name in names]) / unit
         together = sum(self.works[name].size for name in idle)
-        none = [_Equation(sum(self.works[name].row for name in idle) / together, 0.0)] if together else []
+        none = [(sum(self.works[name].row for name in idle) / together, 0.0)] if together else []
         motion = self._settled(lambda program: program.strongest(rows, unit, none))
         return None if motion is None else self.motion(motion, names)
 
@@ -203,14 +200,6 @@ def resistance(line: Line, bodies: Bodies, v: FloatArray) -> float:
     return work - float(line.relief() @ np.minimum(dilatant, slip))
 
 
-@dataclass(frozen=True, eq=False)
-class _Equation:
-    """Row · v = value."""
-
-    row: Any
-    value: float
-
-
 class _Program:
     """The conditions of lines as rows in x = (y, slips, dilatant slips, …) with v = Z y."""
 
@@ -259,9 +248,7 @@ class _Program:
         entries = np.flatnonzero(row)
         return dict(zip(entries.tolist(), (-row[entries]).tolist(), strict=True))
 
-    def strongest(
-        self, loads: FloatArray, unit: float, equations: Sequence[_Equation]
-    ) -> tuple[FloatArray, float] | None:
+    def strongest(self, loads: FloatArray, unit: float, equations: _Equations) -> tuple[FloatArray, float] | None:
         """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (L⁺ − resisting)/(L⁺ + resisting) is largest."""
         cost = np.array(self._cost) / unit
         whole = dict(enumerate(cost.tolist()))
@@ -287,14 +274,14 @@ class _Program:
         """Min R − L(others)  s.t.  row · v = 1."""
         objective = np.array(self._cost) / unit
         objective[: self._motions] -= self._on_motions(other[None])[0]
-        return self._solve(objective, [_Equation(row, 1.0)])
+        return self._solve(objective, [(row, 1.0)])
 
     def _append(self, row: dict[int, float], limit: float) -> None:
         self._rows.append(row)
         self._limits.append(limit)
 
     def _solve(
-        self, objective: FloatArray, equations: Sequence[_Equation], farthest: float = _FARTHEST
+        self, objective: FloatArray, equations: _Equations, farthest: float = _FARTHEST
     ) -> tuple[FloatArray, float] | None:
         """The motion v and the least value; None if there is no motion."""
         for number in range(self._motions):  # as rows: variables with two bounds would stand at one of them
@@ -303,10 +290,14 @@ class _Program:
         known: Any = {}
         if equations:
             A = np.zeros((len(equations), len(objective)))
-            A[:, : self._motions] = self._on_motions(np.array([equation.row for equation in equations]))
-            known = {"A_eq": sparse.csr_array(A), "b_eq": np.array([equation.value for equation in equations])}
+            A[:, : self._motions] = self._on_motions(np.array([row for row, _ in equations]))
+            known = {"A_eq": sparse.csr_array(A), "b_eq": np.array([value for _, value in equations])}
+        numbers = np.repeat(np.arange(len(self._rows)), [len(row) for row in self._rows])
+        columns = [column for row in self._rows for column in row]
+        values = np.array([value for row in self._rows for value in row.values()])
+        matrix = sparse.csr_array((values, (numbers, columns)), shape=(len(self._rows), len(self._cost)))
         bounds: Any = [(low, np.inf) for low in self._lower]
-        answer = solved(objective, A_ub=self._matrix, b_ub=self._limits, bounds=bounds, **known)
+        answer = solved(objective, A_ub=matrix, b_ub=self._limits, bounds=bounds, **known)
         if answer.status == INFEASIBLE:
             return None
         if answer.status == TIME_LIMIT:
@@ -314,13 +305,6 @@ class _Program:
         if not answer.solved:
             raise SolveError(f"mechanism: the linear program was not solved ({answer.message})")
         return np.asarray(self._basis @ answer.x[: self._motions]), float(objective @ answer.x)
-
-    @property
-    def _matrix(self) -> sparse.csr_array:
-        numbers = np.repeat(np.arange(len(self._rows)), [len(row) for row in self._rows])
-        columns = [column for row in self._rows for column in row]
-        values = [value for row in self._rows for value in row.values()]
-        return sparse.csr_array((values, (numbers, columns)), shape=(len(self._rows), len(self._cost)))
 
 
 def _null_space(rows: FloatArray, shift: float) -> FloatArray:

@@ -45,20 +45,13 @@ _LEVEL: Final = 1e-9  # angle between a chord and the line that angles count fro
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Edges that follow a smooth curve.
-
-    Attributes
-    ----------
-    edges : (k, 2) int array
-        The edges by their vertices.
-    coefficients : (k, n) array
-        How each bends from its first vertex to the second one: coefficients of Legendre, along its length, of the angle
-        from its chord to its tangent, counterclockwise [rad]. See `mesh.edges`.
-
-    """
+    """Edges that follow a smooth curve."""
 
     edges: IntArray
+    """The edges by their vertices, shape (k, 2)."""
     coefficients: FloatArray
+    """How each bends from its first vertex to the second one: coefficients of Legendre, along its length, of the angle
+    from its chord to its tangent, counterclockwise [rad]. See `mesh.edges`. Shape (k, n)."""
 
     def middles(self, pairs: IntArray, vertices: FloatArray) -> FloatArray:
         """The points in the middle of edges (n, 2) of the curve, shape (n, 2)."""
@@ -80,12 +73,8 @@ class Curve:
     def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.
 
-        Raises
-        ------
-        InputError
-            If edges are no edges of the mesh, or given twice, or bends are not one row of angles for each; its field
-            begins with the name if there is one.
-
+        `InputError` if edges are no edges of the mesh, or given twice, or bends are not one row of angles for each; its
+        field begins with the name if there is one.
         """
         pairs, given = checked_pairs(name or "edges", self.edges, topology, vertices), np.asarray(self.edges)
         bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(given))
@@ -119,11 +108,7 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
 def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:
     """The edges (k, 2) as arcs of a circle, on which their vertices lie: of each edge the shorter one.
 
-    Raises
-    ------
-    InputError
-        If a vertex is off the circle; fields of errors begin so.
-
+    `InputError` if a vertex is off the circle; fields of errors begin so.
     """
     middle, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
     pairs = np.unique(np.sort(edges, axis=1), axis=0)
@@ -288,7 +273,16 @@ def fitted(
         raise InputError(name, tuple(samples[0].tolist()), "all points of the curve are this one")
     given = replace(given, closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
     numbers, places = np.unique(edges, return_inverse=True)
-    found = _nearest(given, vertices[numbers], t, samples)
+    # (γ − x)·d vanishes at a vertex x, d being from the sample before the nearest to that after: by halving, which
+    # needs no derivative, and no smoothness but between vertices
+    nearest = np.asarray(cKDTree(samples).query(vertices[numbers])[1])
+    before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
+    low, high, along = t[before], t[after], samples[after] - samples[before]
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2.0
+        ahead = ((given.points(middle) - vertices[numbers]) * along).sum(axis=1) > 0.0
+        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
+    found = (low + high) / 2.0
     off = np.hypot(*(given.points(found) - vertices[numbers]).T)
     worst = int(np.argmax(off))
     if off[worst] > ROUNDING * size:
@@ -299,21 +293,6 @@ def fitted(
     if given.closed:
         second = second - (stop - start) * np.rint((second - first) / (stop - start))
     return Curve(edges, _bends(given, first, second, vertices[edges]))
-
-
-def _nearest(given: _Given, places: FloatArray, t: FloatArray, samples: FloatArray) -> FloatArray:
-    """Parameters (n,) where (γ − x)·d vanishes for places x (n, 2), d from the sample before the nearest to that after.
-
-    By halving, which needs no derivative, and no smoothness but between vertices.
-    """
-    nearest = np.asarray(cKDTree(samples).query(places)[1])
-    before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
-    low, high, along = t[before], t[after], samples[after] - samples[before]
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2.0
-        ahead = ((given.points(middle) - places) * along).sum(axis=1) > 0.0
-        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
-    return np.asarray((low + high) / 2.0)
 
 
 def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArray) -> FloatArray:

@@ -41,9 +41,8 @@ def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     chosen = np.asarray(marked)
     if chosen.dtype == bool and chosen.shape == (count,):
         chosen = np.flatnonzero(chosen)
-    if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
-        raise InputError("marked", marked, remedy)
-    if chosen.size and (chosen.min() < 0 or chosen.max() >= count):
+    whole = chosen.dtype.kind in "iu" or not chosen.size
+    if chosen.ndim != 1 or not whole or chosen.min(initial=0) < 0 or chosen.max(initial=0) >= count:
         raise InputError("marked", marked, remedy)
     return divided_at_arcs(_bisected(mesh, chosen.astype(np.int64)))
 
@@ -129,10 +128,7 @@ def _pieces(corners: list[int], sides: list[int], vertices: FloatArray) -> list[
     tip = 3 - sum(cut)  # both sides meet in this corner
     one, other = cut
     first, second = sides[one], sides[other]  # on the sides tip–other and tip–one
-    quads = [
-        (corners[other], second, [corners[one], first]),
-        (corners[one], first, [corners[other], second]),
-    ]
+    quads = [(corners[other], second, [corners[one], first]), (corners[one], first, [corners[other], second])]
     lengths = [float(np.hypot(*(vertices[a] - vertices[b]))) for a, b, _ in quads]
     a, b, ends = quads[int(np.argmin(lengths))]
     return [[corners[tip], first, second], *([a, b, end] for end in ends)]
@@ -175,33 +171,27 @@ def _carried_over(mesh: MeshParts, vertices: FloatArray, cells: IntArray, region
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
     """Several meshes as one of several pieces; edge sets and regions of one name are one."""
-    vertices, cells, arcs = [], [], list[Curve]()
-    edge_sets, regions = dict[str, list[IntArray]](), dict[str, list[IntArray]]()
+    cells, arcs = [], list[Curve]()
+    edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
     nodes = count = 0
     for mesh in meshes:
-        vertices.append(mesh.vertices)
         cells.append(mesh.cells + nodes)
         arcs += [Curve(arc.edges + nodes, arc.coefficients) for arc in mesh.arcs]
         for name, pairs in mesh.edge_sets.items():
-            edge_sets.setdefault(name, []).append(pairs + nodes)
+            edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs + nodes])
         for name, chosen in mesh.regions.items():
-            regions.setdefault(name, []).append(chosen + count)
+            regions[name] = np.concatenate([regions.get(name, chosen[:0]), chosen + count])
         nodes, count = nodes + len(mesh.vertices), count + len(mesh.cells)
-    sets = {name: np.concatenate(parts) for name, parts in edge_sets.items()}
-    named = {name: np.concatenate(parts) for name, parts in regions.items()}
-    return MeshParts(np.concatenate(vertices), np.concatenate(cells), sets, named, arcs)
+    return MeshParts(
+        np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(cells), edge_sets, regions, arcs
+    )
 
 
 def joined(mesh: MeshParts, name: str) -> MeshParts:
     """The pieces of a mesh with common nodes where they touch, the edges there being the joint of that name.
 
-    A named part of the boundary loses the edges that are in the joint, unless all of it is.
-
-    Raises
-    ------
-    InputError
-        If the name is taken, or no pieces touch along a straight line.
-
+    A named part of the boundary loses the edges that are in the joint, unless all of it is. `InputError` if the name is
+    taken, or no pieces touch along a straight line.
     """
     if name in mesh.edge_sets:
         raise InputError("join", name, "this edge set exists already: choose another name")

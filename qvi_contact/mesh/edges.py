@@ -34,31 +34,20 @@ OPPOSITE = ((1, 2), (0, 2), (0, 1))
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """Edges of triangles.
-
-    Attributes
-    ----------
-    ends : (e, 2) int array
-        Vertices of each edge, the lower number first; edges in the order of these pairs.
-    of_cells : (m, 3) int array
-        Edges of each triangle, edge s opposite to its corner s.
-    cells : (e, 2) int array
-        The triangles at each edge, in ascending order; −1 for the second on the boundary.
-    count : (e,) int array
-        How many triangles share the edge: 1 on the boundary, 2 inside, more in what is no mesh.
-    keys : (e,) int array
-        ends[0] · base + ends[1], in ascending order, with the number of vertices as base.
-    base : int
-        See there.
-
-    """
+    """Edges of triangles: who shares them."""
 
     ends: IntArray
+    """Vertices of each edge, the lower number first; edges in the order of these pairs, shape (e, 2)."""
     of_cells: IntArray
+    """Edges of each triangle, edge s opposite to its corner s, shape (m, 3)."""
     cells: IntArray
+    """The triangles at each edge, in ascending order; −1 for the second on the boundary, shape (e, 2)."""
     count: IntArray
+    """How many triangles share the edge: 1 on the boundary, 2 inside, more in what is no mesh, shape (e,)."""
     keys: IntArray
+    """ends[0] · base + ends[1], in ascending order, shape (e,)."""
     base: int
+    """The number of vertices."""
 
     @classmethod
     def of(cls, cells: IntArray, vertices: int) -> "Topology":
@@ -309,31 +298,22 @@ class Edges:
 
     A curved edge, an arc, is known by the angle from its chord to its tangent along it; n and t are those of the chord,
     and turn with it (see `frames_along`). Reference coordinates, 0 to 1, are shares of its length.
-
-    Attributes
-    ----------
-    first, second : (n,) int arrays
-        Vertices at the two ends, in the direction of the tangent.
-    cells : (n, 2) int array
-        The cell that the normal points out of, and the one beyond; −1 where there is none.
-    normal : (n, 2) array
-        Unit normal n, outward on the boundary, inside the body from the first cell to the other.
-    tangent : (n, 2) array
-        Unit tangent t: t_x > 0, or t_y > 0 where t_x = 0, whichever way the edge faces.
-    length : (n,) array
-        Lengths, of arcs along them [length].
-    bend : (n, k) array
-        Coefficients of Legendre of that angle, counterclockwise [rad]; 0 on straight edges. See `mesh.edges`.
-
     """
 
     first: IntArray
     second: IntArray
+    """Vertices at the two ends, in the direction of the tangent, shape (n,) each."""
     cells: IntArray
+    """The cell that the normal points out of, and the one beyond; −1 where there is none, shape (n, 2)."""
     normal: FloatArray
+    """Unit normal n, outward on the boundary, inside the body from the first cell to the other, shape (n, 2)."""
     tangent: FloatArray
+    """Unit tangent t: t_x > 0, or t_y > 0 where t_x = 0, whichever way the edge faces, shape (n, 2)."""
     length: FloatArray
+    """Lengths, of arcs along them [length], shape (n,)."""
     bend: FloatArray
+    """Coefficients of Legendre of that angle, counterclockwise [rad]; 0 on straight edges. See `mesh.edges`. Shape (n,
+    k)."""
 
     def __len__(self) -> int:
         return len(self.first)

@@ -1,4 +1,4 @@
-"""Meshes from other programs: scikit-fem, and files of Gmsh, Abaqus or CalculiX, MED, and VTK.
+"""Meshes from other programs: files of Gmsh, Abaqus or CalculiX, MED, and VTK.
 
 What has a name comes along: named curves become edge sets (joints where they lie inside the body), named surfaces
 regions. Names are
@@ -15,7 +15,6 @@ size that a file of Gmsh only claims: every count is compared with the bytes tha
 (periodic nodes, fields, views) are skipped.
 """
 
-import stat
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr
@@ -29,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.basics.writing import given_path
+from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
@@ -61,26 +60,11 @@ class _NamedCells(NamedTuple):
     regions: dict[str, IntArray]
 
 
-def from_skfem(mesh: object) -> MeshParts:
-    """Vertices, triangles, boundaries and subdomains of a mesh of scikit-fem."""
-    given: Any = mesh
-    if not hasattr(given, "facets") or np.asarray(getattr(given, "t", 0)).shape[:1] != (3,):
-        raise InputError("mesh", type(mesh).__name__, "give a skfem.MeshTri")
-    boundaries, subdomains = given.boundaries or {}, given.subdomains or {}
-    edge_sets = {name: given.facets[:, np.asarray(facets)].T for name, facets in boundaries.items()}
-    regions = {name: np.asarray(cells) for name, cells in subdomains.items()}
-    return _tidy(given.p.T, given.t.T, edge_sets, regions)
-
-
 def read_mesh(path: str | Path) -> MeshParts:
     """Vertices, triangles, and named curves and surfaces of a mesh file.
 
-    Raises
-    ------
-    InputError
-        If meshio is missing, the file cannot be read, or it holds other cells than triangles and quadrilaterals, or no
-        plane body.
-
+    `InputError` if meshio is missing, the file cannot be read, or it holds other cells than triangles and
+    quadrilaterals, or no plane body.
     """
     path = given_path("mesh", path)
     mesh = _read(path)
@@ -95,8 +79,12 @@ def read_mesh(path: str | Path) -> MeshParts:
     cells, parent = _triangles(mesh.points[:, :2], mesh.cells)
     if len(cells) > _MOST_TRIANGLES:
         raise _refused(path, f"holds {len(cells)} triangles: give at most {_MOST_TRIANGLES}")
+    used = np.unique(cells)  # the plane mesh without the points that no triangle needs
+    number = np.full(len(mesh.points), -1)
+    number[used] = np.arange(len(used))
+    edge_sets = {name: number[ends] for name, ends in mesh.edge_sets.items()}
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
-    return _tidy(mesh.points, cells, mesh.edge_sets, regions)
+    return MeshParts(np.ascontiguousarray(mesh.points[used, :2]), number[cells], edge_sets, regions)
 
 
 def _refused(path: Path, remedy: str) -> InputError:
@@ -110,17 +98,14 @@ def _read(path: Path) -> _NamedCells:
         raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
     printed = StringIO()  # what meshio prints, and NumPy warns of, is part of an error, and else nothing anybody needs
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
-            raise _refused(path, "is not a regular file: give the name of a mesh file")
-        if found.st_size > _LARGEST:
-            raise _refused(path, f"holds more than {_LARGEST} bytes, the limit: give a coarser mesh")
-        with warnings.catch_warnings(), redirect_stderr(printed):
+        with open_regular(path) as source, warnings.catch_warnings(), redirect_stderr(printed):
             warnings.simplefilter("ignore")
+            size = path.stat().st_size
+            if size > _LARGEST:
+                raise _refused(path, f"holds more than {_LARGEST} bytes, the limit: give a coarser mesh")
             if reader != "gmsh":
                 return _named_cells(import_module(f"meshio.{reader}").read(path))
-            with path.open("rb") as source:
-                return _GmshFile(str(path), source, found.st_size).read()
+            return _GmshFile(source, size).read()
     except InputError as error:
         raise _refused(path, error.remedy) from error
     except FileNotFoundError as error:
@@ -147,18 +132,18 @@ def _named_cells(found: Any) -> _NamedCells:
     for family, names in families.items():
         members = [np.flatnonzero(np.asarray(values) == family) for values in tags]
         sets += [(name, members) for name in names]
-    edge_sets, regions = dict[str, list[Any]](), dict[str, list[Any]]()
+    edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
     for name, members in sets:
         start = 0
         for block, rows in zip(found.cells, members, strict=False):
             rows = np.asarray([] if rows is None else rows, dtype=np.int64).ravel()
             if block.type in corners:
-                regions.setdefault(name, []).append(start + rows)
+                regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
                 start += len(block.data)
             elif block.type in lines:
-                edge_sets.setdefault(name, []).append(block.data[rows, :2])
-    joined = ({name: np.concatenate(parts) for name, parts in each.items()} for each in (edge_sets, regions))
-    named = [{name: parts for name, parts in each.items() if len(parts)} for each in joined]
+                pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
+                edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
+    named = [{name: parts for name, parts in each.items() if len(parts)} for each in (edge_sets, regions)]
     cells = [block.data[:, [0, 1, 2, corners[block.type] - 1]] for block in found.cells if block.type in corners]
     points = np.asarray(found.points, dtype=float)
     return _NamedCells(points, np.concatenate([np.empty((0, 4), np.int64), *cells]), *named)
@@ -194,22 +179,11 @@ def _triangles(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]
     return halves[kept], np.repeat(np.arange(len(cells)), kept.sum(axis=1))
 
 
-def _tidy(points: Any, cells: Any, edge_sets: dict[str, Any], regions: dict[str, Any]) -> MeshParts:
-    """The plane mesh without the points that no triangle needs."""
-    cells = np.asarray(cells, dtype=np.int64)
-    used = np.unique(cells)
-    number = np.full(len(points), -1)
-    number[used] = np.arange(len(used))
-    pairs = {str(name): number[np.asarray(ends, dtype=np.int64)] for name, ends in edge_sets.items()}
-    vertices = np.ascontiguousarray(np.asarray(points, dtype=float)[used, :2])
-    return MeshParts(vertices, number[cells], pairs, {str(name): chosen for name, chosen in regions.items()})
-
-
 class _GmshFile:
     """An open file, read section by section."""
 
-    def __init__(self, path: str, source: BinaryIO, size: int) -> None:
-        self._path, self._source, self._size = path, source, size
+    def __init__(self, source: BinaryIO, size: int) -> None:
+        self._source, self._size = source, size
         self._version, self._binary, self._word = "", False, "u8"  # the type of counts and tags in format 4.1
         self._names = list[tuple[int, int, str]]()  # dimension, physical number, name
         self._physical = dict[tuple[int, int], set[int]]()  # physical numbers of each entity of format 4.1
@@ -261,7 +235,7 @@ class _GmshFile:
         at = order[np.minimum(np.searchsorted(self._tags[order], wanted), len(order) - 1)]
         if (self._tags[at] != wanted).any():
             remedy = f"joins nodes that it does not hold (it has {len(self._tags)}): write the mesh again"
-            raise InputError("mesh", self._path, remedy)
+            raise InputError("mesh", "", remedy)
         return at, named
 
     def _next_line(self) -> bytes:
@@ -292,7 +266,7 @@ class _GmshFile:
         words = self._source.readline().decode("ascii").split()
         version, mode, size = words[:3]
         if version not in _VERSIONS:
-            raise InputError("mesh", self._path, f"has format {version} of Gmsh: save the mesh in format 4.1 or 2.2")
+            raise InputError("mesh", "", f"has format {version} of Gmsh: save the mesh in format 4.1 or 2.2")
         if mode not in ("0", "1") or size not in ("4", "8"):
             raise ValueError(f"{' '.join(words)!r} is no description of a format")
         self._version, self._binary, self._word = _VERSIONS[version], mode == "1", f"u{size}"
@@ -335,7 +309,7 @@ class _GmshFile:
                 _, _, parametric = self._take("i4", 3, "numbers of a block of nodes").tolist()
                 if parametric:
                     remedy = "holds parameters of nodes: save the mesh without them (Mesh.SaveParametric = 0)"
-                    raise InputError("mesh", self._path, remedy)
+                    raise InputError("mesh", "", remedy)
                 (several,) = self._take(self._word, 1, "counts of nodes").tolist()
                 found.append(self._take(self._word, several, "tags of nodes"))
                 places.append(self._take("f8", 3 * several, "coordinates").reshape(-1, 3))
@@ -354,7 +328,8 @@ class _GmshFile:
                 (several,) = self._take(self._word, 1, "counts of elements").tolist()
                 columns = 1 + self._nodes_of(kind)
                 numbers = self._take(self._word, several * columns, "numbers of elements").reshape(several, columns)
-                self._add(kind, numbers[:, 1:], self._physical.get((dimension, entity), set()))
+                physical = self._physical.get((dimension, entity), set())
+                self._blocks.append((kind, numbers[:, 1:].astype(np.int64), physical))
             if blocks * len(self._names) > _MOST_SETS:
                 raise ValueError(f"it has {blocks} blocks of elements and {len(self._names)} physical names")
         elif self._binary:
@@ -365,12 +340,13 @@ class _GmshFile:
                 numbers = self._take("i4", several * columns, "numbers of elements").reshape(several, columns)
                 changes = np.flatnonzero(np.diff(numbers[:, 1]) * (tags > 0)) + 1
                 for part in np.split(numbers, changes) if several > 0 else ():
-                    self._add(kind, part[:, 1 + tags :], {abs(int(part[0, 1]))} if tags > 0 else set())
+                    physical = {abs(int(part[0, 1]))} if tags > 0 else set()
+                    self._blocks.append((kind, part[:, 1 + tags :].astype(np.int64), physical))
                 done += max(several, 1)
         else:
             lines = self._element_lines(int(self._source.readline()))
-            for (kind, physical), alike in groupby(lines, key=lambda line: line[:2]):
-                self._add(kind, np.array([nodes for _, _, nodes in alike]), {physical})
+            for (kind, number), alike in groupby(lines, key=lambda line: line[:2]):
+                self._blocks.append((kind, np.array([nodes for _, _, nodes in alike]), {number}))
 
     def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
         """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""
@@ -381,12 +357,9 @@ class _GmshFile:
                 raise ValueError(f"it does not hold the {count} elements that it claims")
             yield words[1], abs(words[3]) if words[2] else 0, nodes
 
-    def _add(self, kind: int, nodes: NDArray[Any], physical: set[int]) -> None:
-        self._blocks.append((kind, nodes.astype(np.int64), physical))
-
     def _nodes_of(self, kind: int) -> int:
         """Nodes of one element."""
         if kind not in _NODES:
             named = repr(_OTHERS.get(kind, kind))
-            raise InputError("mesh", self._path, f"holds cells of kind {named}: give triangles and quadrilaterals only")
+            raise InputError("mesh", "", f"holds cells of kind {named}: give triangles and quadrilaterals only")
         return _NODES[kind]

@@ -32,24 +32,10 @@ _FEW_CELLS: Final = 10_000  # that cutting long cells may always make
 
 
 def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, both_ends: bool = False) -> FloatArray:
-    """Grid lines from start to stop whose cells form a geometric sequence.
+    """Grid lines (cells + 1,) from start to stop [length] whose cells form a geometric sequence; both ends are exact.
 
-    Parameters
-    ----------
-    start, stop : float
-        Ends [length], start < stop.
-    cells : int
-        Number of cells, at least 1.
-    grading : float
-        Ratio of each cell to the one before it: below 1 the cells shrink towards `stop`.
-    both_ends : bool
-        Mirror the sequence about the middle: below 1 the cells shrink towards both ends.
-
-    Returns
-    -------
-    (cells + 1,) array
-        The lines; the two ends are exact.
-
+    The grading is the ratio of each cell to the one before it: below 1 the cells shrink towards `stop`, or towards
+    `both_ends`, by a sequence mirrored about the middle.
     """
     start, stop = finite_number("start", start), finite_number("stop", stop)
     cells = whole_number("cells", cells, _MOST_LINES)

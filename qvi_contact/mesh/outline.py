@@ -6,20 +6,13 @@ there are to be. The edges of the triangles know the circle, so that the body en
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    mapping,
-    positive_number,
-    true_or_false,
-)
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, true_or_false
 from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.flaws import LARGEST
@@ -40,30 +33,19 @@ _SMALLEST: Final = 1e-7  # of sizes, as a share of the outline's length
 
 @dataclass(frozen=True)
 class Corner:
-    """A point of an outline, and the line from there to the next one.
-
-    Parameters
-    ----------
-    at : (float, float)
-        Coordinates [length]: `at = [2.0, 0.0]`.
-    name : str, optional
-        What the line from here to the next corner is called: edges of one name are one edge set:
-        `name = "base"`.
-    centre : (float, float), optional
-        Centre of the circle that the line follows [length]; a straight line by default. Both ends must be at one
-        distance from it: `centre = [1.0, 1.0]`.
-    clockwise : bool
-        Which way an arc goes around its centre: `clockwise = true`.
-    size : float, optional
-        Size of the triangles at this corner, and along an arc that begins here [length]: `size = 0.02`.
-
-    """
+    """A point of an outline, and the line from there to the next one."""
 
     at: Point
+    """Coordinates [length]: `at = [2.0, 0.0]`."""
     name: Name = ""
+    """What the line from here to the next corner is called: edges of one name are one edge set: `name = "base"`."""
     centre: Point | None = None
+    """Centre of the circle that the line follows [length]; a straight line by default. Both ends must be at one
+    distance from it: `centre = [1.0, 1.0]`."""
     clockwise: bool = False
+    """Which way an arc goes around its centre: `clockwise = true`."""
     size: float | None = None
+    """Size of the triangles at this corner, and along an arc that begins here [length]: `size = 0.02`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "at", point("Corner.at", self.at))
@@ -88,25 +70,16 @@ Line: TypeAlias = Sequence[Corner | Point]
 
 @dataclass(frozen=True, eq=False)
 class Polygon:
-    """A line of an outline as straight pieces.
-
-    Attributes
-    ----------
-    points : (n, 2) array
-        Their ends [length]; of a closed line each once.
-    names : (k,) list of str
-        What each piece is called; n of a closed line, n − 1 of an open one.
-    sizes : (n,) array
-        Sizes of triangles at the points [length].
-    centres : (k, 2) array
-        Centre of the circle that each piece is a chord of [length]; not a number where it is straight.
-
-    """
+    """A line of an outline as straight pieces."""
 
     points: FloatArray
+    """Ends of the pieces [length]; of a closed line each once, shape (n, 2)."""
     names: list[str]
+    """What each piece is called; n of a closed line, n − 1 of an open one, shape (k,)."""
     sizes: FloatArray
+    """Sizes of triangles at the points [length], shape (n,)."""
     centres: FloatArray
+    """Centre of the circle that each piece is a chord of [length]; not a number where it is straight, shape (k, 2)."""
 
     @property
     def pieces(self) -> FloatArray:
@@ -133,28 +106,19 @@ class Polygon:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """An outline as polygons.
-
-    Attributes
-    ----------
-    outer, holes
-        Closed lines of the boundary.
-    joints, regions
-        Open and closed lines inside, by name.
-    points, sizes : (k, 2), (k,) arrays
-        Places with sizes of their own.
-    largest : float
-        Size of triangles where nothing else is said [length].
-
-    """
+    """An outline as polygons."""
 
     outer: Polygon
     holes: tuple[Polygon, ...]
+    """Closed lines of the boundary, as `outer` is."""
     joints: dict[str, Polygon]
     regions: dict[str, Polygon]
+    """Closed lines inside by name; `joints` are open or closed ones."""
     points: FloatArray
     sizes: FloatArray
+    """Sizes of their own (k,) that triangles have at the `points` (k, 2) [length]."""
     largest: float
+    """Size of triangles where nothing else is said [length]."""
 
     @property
     def length(self) -> float:
@@ -175,11 +139,10 @@ class Polygons:
 def polygons(
     corners: Line,
     size: float,
-    *,
     holes: Sequence[Line] = (),
-    joints: Mapping[str, Line] | None = None,
-    regions: Mapping[str, Line] | None = None,
-    sizes: Mapping[Point, float] | None = None,
+    joints: object = None,
+    regions: object = None,
+    sizes: object = None,
 ) -> Polygons:
     """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` says which is wrong, and where."""
     size = positive_number("size", size)

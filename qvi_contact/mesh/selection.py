@@ -56,12 +56,9 @@ def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: Flo
     if found.ndim != 2 or found.shape[1] != 2 or not len(found):
         raise InputError(name, f"shape {found.shape}", "give the vertices of one or more edges as an array (k, 2)")
     number = topology.number(found)
-    inside = (found >= 0).all() and (found < len(vertices)).all()
-    if not inside or (number < 0).any():
-        wrong = (
-            found[np.argmax(number < 0)] if inside else found[(found < 0).any(1) | (found >= len(vertices)).any(1)][0]
-        )
-        raise InputError(name, wrong.tolist(), "no edge of the mesh joins these vertices")
+    wrong = (number < 0) | ((found < 0) | (found >= len(vertices))).any(axis=1)
+    if wrong.any():
+        raise InputError(name, found[np.argmax(wrong)].tolist(), "no edge of the mesh joins these vertices")
     outer = topology.boundary[number]
     if outer.any() and not outer.all():
         x, y = vertices[found[np.argmin(outer)]].mean(axis=0)

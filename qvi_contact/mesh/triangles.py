@@ -18,7 +18,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
 from qvi_contact.mesh.cutting import bisected, divided_at_arcs, fanned, joined, stacked
 from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, points_along, stretches
-from qvi_contact.mesh.files import from_skfem, read_mesh
+from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
@@ -52,33 +52,21 @@ _DEEPEST: Final = 100
 class TriangleMesh(PicklesFields):
     """A body divided into triangles.
 
-    Parameters
-    ----------
-    vertices : (n, 2) array
-        Coordinates [length].
-    cells : (m, 3) int array
-        Vertices of each triangle, in any sense of rotation. They are kept in ascending order.
-    edge_sets : mapping of str to (k, 2) int array, optional
-        Named edges by their vertices: parts of the boundary, or joints if they lie inside the body.
-    regions : mapping of str to (k,) int array, optional
-        Named sets of triangles.
-    arcs : sequence of Curve, optional
-        Edges that are arcs rather than their chords; see `with_arc` and `with_curve`.
-
-    Raises
-    ------
-    InputError
-        If vertices or cells are no mesh of one piece: triangles without area, vertices inside edges, edges with more
-        than two triangles, triangles that overlap, several pieces, pieces that meet in a vertex only, vertices without
-        triangle or in the same place; if a name is empty or used twice, or a set does not fit the mesh.
-
+    `InputError` if vertices or cells are no mesh of one piece: triangles without area, vertices inside edges, edges
+    with more than two triangles, triangles that overlap, several pieces, pieces that meet in a vertex only, vertices
+    without triangle or in the same place; if a name is empty or used twice, or a set does not fit the mesh.
     """
 
     vertices: FloatArray
+    """Coordinates [length], shape (n, 2)."""
     cells: IntArray
+    """Vertices of each triangle, in any sense of rotation. They are kept in ascending order. Shape (m, 3)."""
     edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """Edges (k, 2) by name and vertices: parts of the boundary, or joints if they lie inside the body."""
     regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """Sets of triangles (k,) by name."""
     arcs: Sequence[Curve] = ()
+    """Edges that are arcs rather than their chords; see `with_arc` and `with_curve`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", checked_vertices(self.vertices))
@@ -90,11 +78,8 @@ class TriangleMesh(PicklesFields):
         named = mapping("TriangleMesh.regions", self.regions, "names to numbers of triangles")
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in named.items()}
         object.__setattr__(self, "regions", MappingProxyType(regions))
-        if not isinstance(self.arcs, Sequence):
+        if not isinstance(self.arcs, Sequence) or not all(isinstance(arc, Curve) for arc in self.arcs):
             raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
-        for number, arc in enumerate(self.arcs):
-            if not isinstance(arc, Curve):
-                raise InputError(f"TriangleMesh.arcs[{number}]", arc, "give a Curve")
         arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.vertices, self.topology) for k, a in enumerate(self.arcs)]
         object.__setattr__(self, "arcs", tuple(arcs))
         if arcs:
@@ -124,22 +109,11 @@ class TriangleMesh(PicklesFields):
         origin: tuple[float, float] = (0.0, 0.0),
         grading: float | tuple[float, float] = 1.0,
     ) -> TriangleMesh:
-        """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles.
+        """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles, see `grid`.
 
-        Its sides are called "bottom", "right", "top" and "left". See `grid` for the way cells are cut.
-
-        Parameters
-        ----------
-        cells : (int, int)
-            Numbers of cells along x and y.
-        width, height : float
-            Sides of the rectangle [length].
-        origin : (float, float)
-            Its lower left corner [length].
-        grading : float or (float, float)
-            Ratio of each cell to the one before it (see `graded_lines`), one number for both directions or a pair:
-            below 1 cells shrink towards the right and top sides.
-
+        Its sides are called "bottom", "right", "top" and "left", the origin is its lower left corner [length]. The
+        grading is the ratio of each cell to the one before it (see `graded_lines`), one number for both directions or a
+        pair: below 1 cells shrink towards the right and top sides.
         """
         return cls.grid(*rectangle_lines(cells, width, height, origin, grading))
 
@@ -167,27 +141,13 @@ class TriangleMesh(PicklesFields):
         the tractions on neither of them. The triangles 2k and 2k + 1 lie in the cell k of the body, counted row by row.
         Cells more than 500 times as long as wide are cut along their length first, by lines through the grid.
 
-        Parameters
-        ----------
-        x, y : (nx + 1,), (ny + 1,) arrays
-            Grid lines [length], strictly increasing, with any spacing; see `graded_lines`.
-        active : (ny, nx) bool array, optional
-            Cells that belong to the body, ``active[row, column]``; all of them by default.
-        edges : mapping of str to segment or function of (x, y), optional
-            Parts of the boundary by name. A segment is a pair of points ((x, y), (x, y)) between which the edges lie;
-            both are grid nodes. A function is given the midpoints of edges, as in `with_edges`.
-        joints : mapping of str to segment or function of (x, y), optional
-            Lines inside the body by name, along which a `Contact` may hold. Edges on the boundary do not belong to
-            them.
-        regions : mapping of str to (range, range), optional
-            Regions by name: those cells between two lines (x₁, x₂) and two lines (y₁, y₂), None for all.
+        Grid lines x (nx + 1,) and y (ny + 1,) [length] increase strictly, with any spacing; see `graded_lines`. Cells
+        of the body are the true ones of ``active[row, column]``, (ny, nx), by default all.
 
-        Raises
-        ------
-        InputError
-            If lines do not increase, the mask has another shape or is empty, the body is not one piece whose cells
-            hang together by whole edges, cells are long both ways, or a place does not fit the lines.
-
+        Parts of the boundary in `edges`, and lines inside the body in `joints`, along which a `Contact` may hold, are
+        segments by name, pairs of grid nodes ((x, y), (x, y)) between which the edges lie, or functions of (x, y) that
+        are given the midpoints of edges, as in `with_edges`. Regions by name are the cells between two lines (x₁, x₂)
+        and two lines (y₁, y₂), None for all.
         """
         mesh = cls(*grid_parts(x, y, active))
         sets: dict[str, IntArray] = dict(mesh.edge_sets)
@@ -211,22 +171,11 @@ class TriangleMesh(PicklesFields):
         return mesh._renamed(sets, named)
 
     @classmethod
-    def from_skfem(cls, mesh: object) -> TriangleMesh:
-        """A `skfem.MeshTri` with its boundaries (joints where they lie inside the body) and subdomains."""
-        return cls(*from_skfem(mesh))
-
-    @classmethod
     def joined(cls, name: str, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
         """Bodies that touch along straight lines as one mesh, with a joint of that name between them.
 
         Their vertices need not match there: those of either side are put into the other, and triangles are cut. Parts
         of one name are one. A named part of the boundary loses the edges that are in the joint, unless all of it is.
-
-        Raises
-        ------
-        InputError
-            If the bodies do not touch along a straight line, the name is taken, or together they are no mesh.
-
         """
         if not isinstance(meshes, Sequence) or not all(isinstance(mesh, TriangleMesh) for mesh in meshes):
             raise InputError("meshes", meshes, "give a list of TriangleMesh")
@@ -255,32 +204,16 @@ class TriangleMesh(PicklesFields):
     ) -> TriangleMesh:
         """A body given by its outline, divided into triangles by gmsh (extra ``mesh``).
 
-        Parameters
-        ----------
-        corners : sequence of Corner or (x, y)
-            The corners around the body, either way round; the last one is joined to the first. A `Corner` can name
-            the line that begins there, and make an arc of it. Triangles have sides that are parts of the arc there, as
-            with `with_arc`.
-        size : float
-            Size of the triangles where nothing else is said: the length of their sides [length].
-        holes : sequence of lines, optional
-            Corners around each hole; `Corner.circle` makes round ones.
-        joints : mapping of str to line, optional
-            Lines inside the body by name, along which a `Contact` may hold. A line ends at its last corner. It is
-            closed if the first corner is repeated there, or if an arc begins there, as in `Corner.circle`.
-        regions : mapping of str to line, optional
-            Closed lines by name: the triangles inside each are a region.
-        sizes : mapping of (x, y) to float, optional
-            Sizes at points of the body [length]; corners can have their own.
+        The corners, `Corner` or (x, y), go around the body, either way round; the last one is joined to the first. A
+        `Corner` can name the line that begins there, and make an arc of it. Triangles have sides that are parts of the
+        arc there, as with `with_arc`. `size` is the length of the sides of triangles [length] where nothing else is
+        said; `sizes` has others at points (x, y) of the body, and corners can have their own.
 
-        Raises
-        ------
-        InputError
-            If gmsh is missing, lines cross, an arc does not fit its centre, a hole or joint leaves the body, or sizes
-            would make more than some 200 000 triangles.
-
+        Each hole has its corners; `Corner.circle` makes round ones. Joints are lines inside the body by name, along
+        which a `Contact` may hold. A line ends at its last corner. It is closed if the first corner is repeated there,
+        or if an arc begins there, as in `Corner.circle`. The triangles inside a closed line in `regions` are a region.
         """
-        parts = meshed(polygons(corners, size, holes=holes, joints=joints, regions=regions, sizes=sizes))
+        parts = meshed(polygons(corners, size, holes, joints, regions, sizes))
         try:
             mesh = cls(*divided_at_arcs(parts))
         except InputError as error:
@@ -452,22 +385,14 @@ class TriangleMesh(PicklesFields):
     def with_edges(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more named part of the boundary.
 
-        Parameters
-        ----------
-        name : str
-            The new name.
-        where : function of (x, y), or (k, 2) int array
-            Which boundary edges: a function that is given their midpoints, or their vertices.
-
+        Which edges says a function of (x, y) that is given their midpoints, or an array (k, 2) of their vertices.
         """
-        return self._with(name, where, inside=False)
+        pairs = chosen_edges(name, where, False, self.topology, self.vertices)
+        return self._renamed({**self.edge_sets, new_name(name, self.edge_sets): pairs}, self.regions)
 
     def with_joint(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a joint: edges inside the body along which a `Contact` may hold; see `with_edges`."""
-        return self._with(name, where, inside=True)
-
-    def _with(self, name: str, where: Where, *, inside: bool) -> TriangleMesh:
-        pairs = chosen_edges(name, where, inside, self.topology, self.vertices)
+        pairs = chosen_edges(name, where, True, self.topology, self.vertices)
         return self._renamed({**self.edge_sets, new_name(name, self.edge_sets): pairs}, self.regions)
 
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
@@ -481,50 +406,21 @@ class TriangleMesh(PicklesFields):
         return mesh
 
     def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:
-        """The same mesh with the edges called `name` as arcs of a circle, on which their vertices lie.
+        """The same mesh with the edges called `name` as arcs of a circle [length], on which their vertices lie.
 
-        Bodies end at the arcs then, at full order: conditions, normals and tractions are those on the arcs, and finer
-        meshes get vertices on the circle.
-
-        Parameters
-        ----------
-        name : str
-            A part of the boundary, or a joint.
-        centre : (float, float)
-            Centre of the circle [length].
-        radius : float
-            Its radius [length].
-
-        Raises
-        ------
-        InputError
-            If there are no such edges, a vertex is off the circle, or an edge turns by more than 90° or bends too far
-            for its triangle.
-
+        Bodies, or the sides of a joint, end at the arcs then, at full order: conditions, normals and tractions are
+        those on the arcs, and finer meshes get vertices on the circle. `InputError` if a vertex is off the circle, or
+        an edge turns by more than 90° or bends too far for its triangle.
         """
         return replace(self, arcs=(*self.arcs, circle(centre, radius, self.pairs(name), self.vertices)))
 
     def with_curve(self, name: str, curve: CurveFunction, start: float = 0.0, stop: float = 1.0) -> TriangleMesh:
         """The same mesh with the edges called `name` on a smooth curve, on which their vertices lie; see `with_arc`.
 
-        The curve is taken edge by edge to all digits and not asked for again: finer meshes, archives and problem files
-        keep the edges' own polynomials. It may have corners in vertices, not between them.
-
-        Parameters
-        ----------
-        name : str
-            A part of the boundary, or a joint.
-        curve : function of an array (n,)
-            Points (n, 2) of the curve at n parameters [length].
-        start, stop : float, optional
-            First and last parameter. Where both have the same point, the curve is closed.
-
-        Raises
-        ------
-        InputError
-            If there are no such edges, a vertex is off the curve, the curve is not smooth along an edge, or an edge
-            turns by more than 90° or bends too far for its triangle.
-
+        The function gives points (n, 2) [length] of the curve at parameters (n,) from start to stop; where both have
+        the same point, the curve is closed. It is taken edge by edge to all digits and not asked for again: finer
+        meshes, archives and problem files keep the edges' own polynomials. It may have corners in vertices, not between
+        them.
         """
         return replace(self, arcs=(*self.arcs, fitted("curve", curve, start, stop, self.pairs(name), self.vertices)))
 
@@ -533,16 +429,7 @@ class TriangleMesh(PicklesFields):
         return self.topology.ends[self.numbers(name)]
 
     def with_region(self, name: str, where: Where) -> TriangleMesh:
-        """The same mesh with a named region.
-
-        Parameters
-        ----------
-        name : str
-            The new name.
-        where : function of (x, y), or (k,) int array
-            Which triangles: a function that is given their centres, or their numbers.
-
-        """
+        """The same mesh with a region: triangles by a function of (x, y) that is given their centres, or by numbers."""
         new_name(name, self.regions, "region")
         chosen = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
         return self._renamed(self.edge_sets, {**self.regions, name: checked_region(name, chosen, len(self.cells))})
@@ -550,20 +437,8 @@ class TriangleMesh(PicklesFields):
     def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
         """Some of the triangles as a mesh of their own; names and arcs stay where they have edges or triangles in it.
 
-        What was a joint is a part of the boundary where the triangles of one side only are taken.
-
-        Parameters
-        ----------
-        cells : (k,) int array
-            Numbers of the triangles.
-        edge_sets : mapping of str to (k, 2) int array, optional
-            Named edges of this mesh by their vertices; its own by default.
-
-        Raises
-        ------
-        InputError
-            If they are no body of one piece.
-
+        What was a joint is a part of the boundary where the triangles of one side only are taken. Named edges may be
+        others than those of this mesh, by its vertices. `InputError` if the triangles are no body of one piece.
         """
         taken = checked_region("cells", cells, len(self.cells))
         kept = np.unique(self.cells[taken])
@@ -664,28 +539,17 @@ class TriangleMesh(PicklesFields):
         return coarse.locate(self.corners.mean(axis=1))
 
     def refined(self, marked: ArrayLike | None = None) -> TriangleMesh:
-        """The same body with triangles halved in size, and neighbours as far as needed; names are carried over.
+        """The same body with marked triangles (k,) or a mask (m,) halved in size, and neighbours as far as needed.
 
-        Parameters
-        ----------
-        marked : (k,) int or (m,) bool array, optional
-            Triangles to refine; by default each is divided into four.
-
+        By default each is divided into four. Names are carried over.
         """
         return TriangleMesh(*bisected(self._parts, marked))
 
     def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
-        """The mesh with fans of thin triangles around vertices, for what turns quickly around a point.
+        """The mesh with fans of thin triangles around vertices (k,), for what turns quickly around a point.
 
-        Parameters
-        ----------
-        vertices : (k,) int array
-            Numbers of the vertices, none of them an end of another's edge; they keep their numbers.
-        angle : float
-            Largest angle of a triangle at these vertices [rad].
-        layers : int
-            How often triangles at the vertices are made half as long, at least: before angles are halved they are.
-
+        None of the vertices is an end of another's edge; they keep their numbers. Triangles there have at most this
+        angle [rad], and are made half as long so many times at least: before angles are halved they are.
         """
         return TriangleMesh(*fanned(self._parts, vertices, angle, layers))
 
@@ -694,20 +558,11 @@ class TriangleMesh(PicklesFields):
         return MeshParts(self.vertices, self.cells, self.edge_sets, self.regions, self.arcs)
 
     def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> TriangleMesh:
-        """The same body with the triangles at points refined again and again; names are carried over.
+        """The same body with the triangles at points (k, 2) halved in size `depth` times, a number or one for each.
 
-        Parameters
-        ----------
-        points : (k, 2) array
-            Where stresses are singular or change their kind: corners, ends of contacts, of loads, of stick zones.
-        depth : int or (k,) ints
-            How often the triangles at each point are halved in size.
-
-        Raises
-        ------
-        InputError
-            If a point is outside the body, or triangles would become too small to tell their vertices apart.
-
+        This is for points where stresses are singular or change their kind: corners, ends of contacts, of loads, of
+        stick zones. Names are carried over. `InputError` if a point is outside the body, or triangles would become too
+        small to tell their vertices apart.
         """
         places = real_array("points", points, "give an array (k, 2) of coordinates")
         if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():

@@ -30,9 +30,9 @@ import numpy as np
 from numpy.polynomial import polynomial
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, finite_number, positive_number
+from qvi_contact.basics.checks import FloatArray, check_field, finite_number, positive_number
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.grid import graded_lines
+from qvi_contact.mesh.grid import rectangle_lines
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.solution.stress import principal_stresses
 from solvers import FrictionQVI
@@ -57,15 +57,10 @@ class Spline:
 
     The degrees of freedom are Φ and s Φ' at every line, where s is the geometric mean of the two cells beside it, so
     that all have one unit and matrices of fine grids keep their digits.
-
-    Attributes
-    ----------
-    lines : (n + 1,) array
-        Coordinates, increasing, dimensionless.
-
     """
 
     lines: FloatArray
+    """Coordinates, increasing, dimensionless, shape (n + 1,)."""
 
     @cached_property
     def sizes(self) -> FloatArray:
@@ -113,25 +108,14 @@ def plate(
     Parameters are those of `qvi_contact.gallery.compressed_plate`, the same plate on triangles. Friction is a number
     here, cells are elements, and plane strain with ν = 0.5 is refused. The paper calls U the relative translation of
     the two plates, but its forces are those of this U: P/2 = E U at μ = 0.
-
-    Raises
-    ------
-    InputError
-        If a value is out of its range.
-
     """
-    mu = finite_number("friction", friction)
-    if mu < 0.0:
-        raise InputError("friction", mu, "give a coefficient of friction ≥ 0")
-    if not (isinstance(cells, tuple | list) and len(cells) == 2):
-        raise InputError("cells", cells, "give two whole numbers, along x and along y")
-    size = positive_number("width", width), positive_number("height", height)
-    U = positive_number("displacement", displacement)
+    mu, U = finite_number("friction", friction), positive_number("displacement", displacement)
+    check_field("friction", mu, minimum=0.0)
     material = Material(young, poisson, plane)
     if material.incompressible:
         raise InputError("poisson", poisson, "give less than 0.5 in plane strain")
-    lines = [graded_lines(0.0, side, count, grading) for side, count in zip(size, cells, strict=True)]
-    return QuarterPlate(lines[0], lines[1], material, mu, U)
+    x, y = rectangle_lines(cells, width, height, (0.0, 0.0), grading)
+    return QuarterPlate(x, y, material, mu, U)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,25 +124,17 @@ class QuarterPlate:
 
     Lengths are divided by L = max(a, h), stresses by S = U / (c11 L), displacements by U. Where z is NaN (there is no
     answer) forces and stresses are.
-
-    Attributes
-    ----------
-    x, y : (nx + 1,) and (ny + 1,) arrays
-        Grid lines [length], from 0 to a and to h.
-    material : Material
-        E, ν and the plane state.
-    friction : float
-        μ [-].
-    displacement : float
-        U [length].
-
     """
 
     x: FloatArray
     y: FloatArray
+    """Grid lines [length], from 0 to a and to h, shape (nx + 1,) and (ny + 1,)."""
     material: Material
+    """E, ν and the plane state."""
     friction: float
+    """μ [-]."""
     displacement: float
+    """U [length]."""
 
     @property
     def length_unit(self) -> float:
@@ -223,9 +199,9 @@ class QuarterPlate:
 
         Lengths and stresses are in the units of the data; points go along x first, m = 16 nx ny.
         """
-        x, y = np.meshgrid(self._along_x.points(GAUSS_POINTS).ravel(), self._along_y.points(GAUSS_POINTS).ravel())
+        x, y = self._places().T * self.length_unit
         sigma = np.stack([rows @ z for rows in self._stress_rows()], axis=1)
-        return x.ravel() * self.length_unit, y.ravel() * self.length_unit, sigma * self.stress_unit
+        return x, y, sigma * self.stress_unit
 
     def principal_stress(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(σ₁, σ₂, angle) at the same points, σ₁ ≥ σ₂, shape (m,) each; the angle [rad] of σ₁ from the x axis.
@@ -258,13 +234,11 @@ class QuarterPlate:
 
     def _stress_rows(self) -> list[sparse.csr_array]:
         """σ_xx, σ_yy, σ_xy at all Gauss points from z, (m, n) each, dimensionless."""
-        return [
-            sparse.csr_array(
-                factor * sparse.kron(self._along_y.matrix(GAUSS_POINTS, dy), self._along_x.matrix(GAUSS_POINTS, dx))
-            )
-            @ self._basis
-            for dx, dy, factor in ((in_x, in_y, factor) for in_x, in_y, factor in _COMPONENTS)
-        ]
+        found = []
+        for in_x, in_y, factor in _COMPONENTS:
+            rows = sparse.kron(self._along_y.matrix(GAUSS_POINTS, in_y), self._along_x.matrix(GAUSS_POINTS, in_x))
+            found.append(sparse.csr_array(factor * rows) @ self._basis)
+        return found
 
     @cached_property
     def _root(self) -> StressRoot:
@@ -277,8 +251,12 @@ class QuarterPlate:
         stress = self._stress_rows()
         parts = [sum(triangle[c, k] * stress[c] for c in range(3) if triangle[c, k] != 0.0) for k in range(3)]
         R = sparse.diags_array(np.tile(np.sqrt(weights), 3)) @ sparse.vstack(parts)
+        return StressRoot(sparse.csr_array(R), np.tile(self._places(), (3, 1)))
+
+    def _places(self) -> FloatArray:
+        """The Gauss points of all elements, along x first, (m, 2), dimensionless."""
         x, y = np.meshgrid(self._along_x.points(GAUSS_POINTS).ravel(), self._along_y.points(GAUSS_POINTS).ravel())
-        return StressRoot(sparse.csr_array(R), np.tile(np.stack([x.ravel(), y.ravel()], axis=1), (3, 1)))
+        return np.stack([x.ravel(), y.ravel()], axis=1)
 
     def _contact(self, t: FloatArray, component: int) -> sparse.csr_array:
         """Rows of a stress on y = h at the points t (q,) of every edge, shape (nx q, n), dimensionless."""
@@ -308,19 +286,12 @@ class QuarterPlate:
 
 @dataclass(frozen=True, eq=False)
 class StressRoot:
-    """R with RᵀR = K: gradients of the energy through stresses are closer than through the assembled K.
-
-    Attributes
-    ----------
-    R : (r, n) sparse array
-        Weighted stresses.
-    places : (r, 2) array
-        The point of each row, dimensionless.
-
-    """
+    """R with RᵀR = K: gradients of the energy through stresses are closer than through the assembled K."""
 
     R: sparse.csr_array
+    """Weighted stresses, shape (r, n)."""
     places: FloatArray
+    """The point of each row, dimensionless, shape (r, 2)."""
 
     def apply(self, z: FloatArray) -> FloatArray:
         """R z (r,)."""

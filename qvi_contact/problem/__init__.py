@@ -27,10 +27,5 @@ __all__ = [
 ]
 
 __getattr__ = front(
-    __name__,
-    {
-        "conditions": ("disc_gap",),
-        "material": ("stress_along_z",),
-        "problem": ("problem_digest",),
-    },
+    __name__, {"conditions": ("disc_gap",), "material": ("stress_along_z",), "problem": ("problem_digest",)}
 )

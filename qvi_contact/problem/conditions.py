@@ -66,6 +66,11 @@ def _check_components(condition: Traction | Displacement) -> None:
 class Traction:
     """Prescribed traction σn (1.5).
 
+    Exact, on elements of degree p, if both components are polynomials of degree p − 2 along each edge. Anything else is
+    projected so that the resultant force and moment of every cell edge are kept. They are integrated where the function
+    jumps, bends or peaks inside an edge too, if that shows at 99 points of it: what is narrower than a hundredth of an
+    edge may be missed.
+
     Parameters
     ----------
     edges : str
@@ -77,13 +82,6 @@ class Traction:
         What a limit analysis calls this load; the edge set's name by default: `name = "thrust"`.
     normal, tangential : float or function of (x, y), optional
         Component σ_N or σ_T instead [stress], where a pressure p is normal = −p: `normal = -10.0`.
-
-    Notes
-    -----
-    Exact, on elements of degree p, if both components are polynomials of degree p − 2 along each edge. Anything else is
-    projected so that the resultant force and moment of every cell edge are kept. They are integrated where the function
-    jumps, bends or peaks inside an edge too, if that shows at 99 points of it: what is narrower than a hundredth of an
-    edge may be missed.
 
     """
 
@@ -127,16 +125,10 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Symmetry:
-    """Line of symmetry: no normal displacement, no tangential traction.
-
-    Parameters
-    ----------
-    edges : str
-        Name of an edge set of the mesh: `edges = "left"`.
-
-    """
+    """Line of symmetry: no normal displacement, no tangential traction."""
 
     edges: str
+    """Name of an edge set of the mesh: `edges = "left"`."""
 
     def __post_init__(self) -> None:
         check_keys(self)
@@ -231,20 +223,13 @@ def disc_gap(centre: tuple[float, float], radius: float) -> Expression:
 
 @dataclass(frozen=True, kw_only=True)
 class Pin(RigidPlate):
-    """A rigid round pin or disc in a problem file, its motion as `RigidPlate`: `Contact.pin` makes gap and plate of it.
-
-    Parameters
-    ----------
-    centre : (float, float)
-        Centre, before it moves [length]: `centre = [0.0, 0.0]`.
-    radius : float
-        Radius [length]: `radius = 9.95`.
-
-    """
+    """A rigid round pin or disc in a problem file, its motion as `RigidPlate`; gap and plate are made of it."""
 
     pivot: tuple[float, float] = field(default=(0.0, 0.0), metadata=NO_KEY)  # the centre
     centre: tuple[float, float]
+    """Centre, before it moves [length]: `centre = [0.0, 0.0]`."""
     radius: Positive
+    """Radius [length]: `radius = 9.95`."""
 
 
 @dataclass(frozen=True)
@@ -320,11 +305,8 @@ class Contact:
         check_keys(self)
         for name, each in keys_of(Contact).items():
             value = getattr(self, name)
-            if (
-                self.law == "tied"
-                and not each.tied
-                and (callable(value) or value != defaults_of(Contact).get(name, 0.0))
-            ):
+            given = callable(value) or value != defaults_of(Contact).get(name, 0.0)
+            if self.law == "tied" and not each.tied and given:
                 raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
             if name.endswith("_stiffness") and not callable(value) and value == 0.0:
                 remedy = "give a positive number, a free side instead of the contact, or leave it out if it is rigid"

@@ -24,7 +24,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.names import known_name
-from solvers.basics.types import load
+from solvers.basics.types import PicklesFields, load
 
 _LONGEST: Final = 2000  # characters of an expression
 _MOST_POWERS: Final = 100  # of x, and of y
@@ -54,11 +54,7 @@ _NODES: Final = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, 
 class Polynomial:
     """The function Σ_ij c_ij xⁱ yʲ.
 
-    Parameters
-    ----------
-    coefficients : nested sequence of float
-        ``coefficients[i][j]`` is c_ij; short rows are filled up with zeros.
-
+    ``coefficients[i][j]`` is c_ij; short rows are filled up with zeros.
     """
 
     coefficients: Sequence[Sequence[float]]
@@ -78,32 +74,20 @@ class Polynomial:
             raise InputError("Polynomial", self.coefficients, "give finite coefficients, at least one")
         object.__setattr__(self, "coefficients", rows)
 
-    @cached_property
-    def _table(self) -> FloatArray:
+    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Values at (x, y)."""
         table = np.zeros((len(self.coefficients), max(map(len, self.coefficients))))
         for i, row in enumerate(self.coefficients):
             table[i, : len(row)] = row
-        return table
-
-    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Values at (x, y)."""
-        return np.asarray(polynomial.polyval2d(x, y, self._table))
+        return np.asarray(polynomial.polyval2d(x, y, table))
 
 
 @dataclass(frozen=True)
-class BodyForces:
+class BodyForces(PicklesFields):
     """Several body forces by name: a potential φ = Σ φ_name whose parts limit loads and sweeps can multiply.
 
-    Parameters
-    ----------
-    parts : mapping of str to float or function of (x, y)
-        The potential of each force [stress]: weight is ρ g y, an acceleration a along x the potential −ρ a x.
-
-    Raises
-    ------
-    InputError
-        If there is no part, a name is no text or means something already, or a part is no number or function.
-
+    Parts are numbers or functions of (x, y) [stress]: weight is ρ g y, an acceleration a along x the potential −ρ a x.
+    `InputError` if there is no part, a name is no text or means something already, or a part is no number or function.
     """
 
     parts: Mapping[str, Any]
@@ -123,34 +107,15 @@ class BodyForces:
         parts = (part(x, y) if callable(part) else part for part in self.parts.values())
         return np.asarray(sum(np.broadcast_to(np.asarray(part, dtype=float), np.shape(x)) for part in parts))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return dict(self.parts)
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        object.__setattr__(self, "parts", MappingProxyType(state))
-
 
 @dataclass(frozen=True)
 class Expression:
     """A function written as text, such as ``"1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)"``.
 
+    It is in x, y [length], t (pseudo-time of a load history), constants by name, and ``pi``, which is always there.
     The text is parsed by `simpleeval` into a tree of numbers, the names below, + - * / **, comparisons and the
-    `FUNCTIONS`; anything else is refused, so an expression can never run code.
-
-    Parameters
-    ----------
-    text : str
-        The expression in x, y [length] and t (pseudo-time of a load history).
-    constants : mapping
-        Further names and their numbers; ``pi`` is always there.
-    t : float
-        Value of t.
-
-    Raises
-    ------
-    InputError
-        If the text is no such expression, naming the part that is wrong.
-
+    `FUNCTIONS`; anything else is refused, so an expression can never run code. `InputError` if the text is no such
+    expression, naming the part that is wrong.
     """
 
     text: str
@@ -179,7 +144,7 @@ class Expression:
             raise InputError("expression", self.text, f"give a text of at most {_LONGEST} characters")
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", SyntaxWarning)  # such as for 1(x): refused below
+                warnings.simplefilter("ignore")  # such as for 1(x): refused below
                 tree = ast.parse(self.text.strip(), mode="eval")
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             told = getattr(error, "msg", str(error))
@@ -194,10 +159,6 @@ class Expression:
     def uses_time(self) -> bool:
         """Whether t occurs."""
         return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
-
-    def at_time(self, t: float) -> Expression:
-        """The same expression at another t."""
-        return Expression(self.text, self.constants, finite_number("t", t))
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
@@ -237,11 +198,7 @@ def along_edges(
 ) -> EdgeQuadrature:
     """A field on edges; so many Gauss points on each, or on each of its parts where the field jumps or bends.
 
-    Raises
-    ------
-    InputError
-        If the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
-
+    `InputError` if the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
     """
     if not callable(field):
         check_field(name, field, minimum=minimum)
@@ -259,23 +216,11 @@ _BEYOND: Final = -1.0  # least barycentric coordinate to which they are extended
 
 @dataclass(frozen=True, eq=False)
 class PointData:
-    """The function that is linear on each triangle and has these values at the vertices.
+    """The function that is linear on each triangle of a mesh and has these values (v,) at the vertices.
 
     The mesh need not be that of the problem. Beside chords of its boundary, as along an arc, the nearest triangle is
-    extended.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The triangles.
-    values : (v,) array_like
-        The values at its vertices.
-
-    Raises
-    ------
-    InputError
-        If there is not one finite value for each vertex; later, if a point lies far outside of the triangles.
-
+    extended. `InputError` if there is not one finite value for each vertex; later, if a point lies far outside of the
+    triangles.
     """
 
     mesh: TriangleMesh
@@ -294,11 +239,8 @@ class PointData:
     def load(cls, path: str | Path, name: str) -> PointData:
         """The point data of that name in a file with triangles that meshio reads, such as .vtu, .vtk, .msh or .med.
 
-        Raises
-        ------
-        InputError
-            If meshio is missing, the file cannot be read, has no triangles, or no such data with one number a point.
-
+        `InputError` if meshio is missing, the file cannot be read, has no triangles, or no such data with one number a
+        point.
         """
         path, printed = given_path("file", path), StringIO()
         try:
@@ -326,17 +268,13 @@ class PointData:
         points = np.column_stack([np.ravel(x), np.ravel(y)])
         cells = self.mesh.locate(points)
         outside = np.flatnonzero(cells < 0)
-        if len(outside):
-            cells[outside] = self._nearest(points[outside])
+        if len(outside):  # the triangles that they are least far from, by their barycentric coordinates
+            count, places = min(_NEAREST, self.mesh.cell_count), points[outside]
+            near = self._centres.query(places, count)[1].reshape(len(places), count)
+            least = self.mesh.reference(near.ravel(), np.repeat(places, count, axis=0)).min(axis=1).reshape(near.shape)
+            cells[outside] = near[np.arange(len(near)), least.argmax(axis=1)]
         weights = self.mesh.reference(cells, points)
         if weights.min(initial=0.0) < _BEYOND:
             place = tuple(points[np.argmin(weights.min(axis=1))].tolist())
             raise InputError("PointData", place, "this point lies outside of the triangles of the data")
         return np.asarray((weights * self.values[self.mesh.cells[cells]]).sum(axis=1).reshape(np.shape(x)))
-
-    def _nearest(self, points: FloatArray) -> IntArray:
-        """The triangles that points outside (k, 2) are least far from, by their barycentric coordinates."""
-        count = min(_NEAREST, self.mesh.cell_count)
-        near = self._centres.query(points, count)[1].reshape(len(points), count)
-        weights = self.mesh.reference(near.ravel(), np.repeat(points, count, axis=0)).min(axis=1).reshape(near.shape)
-        return np.asarray(near[np.arange(len(near)), weights.argmax(axis=1)])

@@ -55,42 +55,26 @@ Strong: TypeAlias = Annotated[Field, Varying(0.0, positive=True)]
 
 
 class YieldCone(NamedTuple):
-    """One cone |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S.
-
-    Attributes
-    ----------
-    name : str
-        What messages call the field behind a, such as "Tresca.c".
-    field : float or function of (x, y)
-        The field, at least 0 [stress].
-    factor : float or array
-        a over that field; an array where it is for several angles of friction.
-    pressure : float or array
-        β.
-    mean : float
-        γ.
-
-    """
+    """One cone |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S."""
 
     name: str
+    """What messages call the field behind a, such as "Tresca.c"."""
     field: Field
+    """The field, at least 0 [stress]."""
     factor: float | FloatArray
+    """a over that field; an array where it is for several angles of friction."""
     pressure: float | FloatArray = 0.0
+    """β."""
     mean: float = 0.0
+    """γ."""
 
 
 @dataclass(frozen=True)
 class Tresca:
-    """Largest shear stress: half the difference of the principal stresses is at most c. For undrained clay c is s_u.
-
-    Parameters
-    ----------
-    c : float or function of (x, y)
-        Strength in shear, positive [stress]; half the yield stress in tension: `c = 20.0`.
-
-    """
+    """Largest shear stress: half the difference of the principal stresses is at most c. For undrained clay c is s_u."""
 
     c: Strong
+    """Strength in shear, positive [stress]; half the yield stress in tension: `c = 20.0`."""
     kind: ClassVar[str] = "tresca"
 
     def __post_init__(self) -> None:
@@ -106,16 +90,10 @@ class Tresca:
 
 @dataclass(frozen=True)
 class Mises:
-    """Von Mises: the equivalent stress is at most the yield stress. In plane strain a Tresca body with c = σ_0/√3.
-
-    Parameters
-    ----------
-    yield_stress : float or function of (x, y)
-        Yield stress σ_0 in tension, positive [stress]: `yield_stress = 235.0`.
-
-    """
+    """Von Mises: the equivalent stress is at most the yield stress. In plane strain a Tresca body with c = σ_0/√3."""
 
     yield_stress: Strong
+    """Yield stress σ_0 in tension, positive [stress]: `yield_stress = 235.0`."""
     kind: ClassVar[str] = "mises"
 
     def __post_init__(self) -> None:
@@ -133,21 +111,14 @@ class MohrCoulomb:
 
     Where φ varies on a part of a triangle, limit loads count there from below with what each of its angles carries,
     from above with a cone around all of them. That has no end where φ begins at zero without a cut-off.
-
-    Parameters
-    ----------
-    c : float or function of (x, y)
-        Cohesion, at least 0 [stress]: `c = 20.0`.
-    phi : float or function of (x, y)
-        Angle of friction φ, from 0 to below π/2 [rad]: `phi = "30 * pi / 180"`.
-    tension : float or function of (x, y), optional
-        Largest tensile stress t, at least 0 [stress]; without it c cot φ is: `tension = 0.0`.
-
     """
 
     c: Annotated[Field, Varying(0.0)]
+    """Cohesion, at least 0 [stress]: `c = 20.0`."""
     phi: Annotated[Field, Angle(0.0)]
+    """Angle of friction φ, from 0 to below π/2 [rad]: `phi = "30 * pi / 180"`."""
     tension: Annotated[Field, Varying(0.0)] | None = None
+    """Largest tensile stress t, at least 0 [stress]; without it c cot φ is: `tension = 0.0`."""
     kind: ClassVar[str] = "mohr-coulomb"
 
     def __post_init__(self) -> None:
@@ -179,16 +150,10 @@ class MohrCoulomb:
 
 @dataclass(frozen=True)
 class NoTension:
-    """Masonry after Heyman: no tension in any direction, and crushing at f if that is given.
-
-    Parameters
-    ----------
-    crushing : float or function of (x, y), optional
-        Strength f in compression, positive [stress]; without it there is no limit: `crushing = 4.0`.
-
-    """
+    """Masonry after Heyman: no tension in any direction, and crushing at f if that is given."""
 
     crushing: Strong | None = None
+    """Strength f in compression, positive [stress]; without it there is no limit: `crushing = 4.0`."""
     kind: ClassVar[str] = "no-tension"
 
     def __post_init__(self) -> None:
@@ -230,11 +195,6 @@ class Material:
         3e-4`.
     prestress : three floats or functions of (x, y), optional
         Stress (xx, yy, xy) of the body where it is not strained [stress]: `prestress = [-2.0, 0.0, 0.0]`.
-
-    Raises
-    ------
-    InputError
-        If a constant is out of its range.
 
     """
 
@@ -279,29 +239,19 @@ class Material:
 class Region:
     """A part of the body with a material of its own: a named region of the mesh, or what lies in ranges of x and y.
 
-    Parameters
-    ----------
-    material : Material
-        Its material, in the plane state of the rest of the body.
-    x, y : (float, float), optional
-        Range along x or y [length] that ends on edges of the mesh; without it all of the mesh: `x = [0.0, 0.5]`.
-    name : str, optional
-        Name of a region of the mesh, instead of ranges; in files, beside ranges, a new name for them:
-        `name = "inclusion"`.
-    temperature : float or function of (x, y), optional
-        Rise of temperature here, instead of that of the body: `temperature = 60.0`.
-
-    Notes
-    -----
     Across the border the tractions agree and the bodies are bonded.
-
     """
 
     material: Annotated[Material, Inline(Material, ("plane",))]
+    """Its material, in the plane state of the rest of the body."""
     x: tuple[float, float] | None = None
     y: tuple[float, float] | None = None
+    """Range along x or y [length] that ends on edges of the mesh; without it all of the mesh: `x = [0.0, 0.5]`."""
     name: Name | None = None
+    """Name of a region of the mesh, instead of ranges; in files, beside ranges, a new name for them: `name =
+    "inclusion"`."""
     temperature: Field | None = None
+    """Rise of temperature here, instead of that of the body: `temperature = 60.0`."""
 
     def __post_init__(self) -> None:
         check_keys(self)
@@ -343,14 +293,7 @@ def varies(problem: ContactProblem) -> bool:
 
 
 def stress_at_rest(problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """σ⁰ = −C ε⁰ (xx, yy, xy) at points of cells (k,), from coordinates (k, …) [length] to (k, …, 3) [stress].
-
-    Raises
-    ------
-    InputError
-        If a field gives bad values.
-
-    """
+    """σ⁰ = −C ε⁰ (xx, yy, xy) at points of cells (k,), from coordinates (k, …) [length] to (k, …, 3) [stress]."""
     found, numbers = np.zeros((*np.shape(x), 3)), problem.cell_materials[cells]
     for number in np.unique(numbers).tolist():
         material, here = problem.materials[number], numbers == number
@@ -381,13 +324,6 @@ def stress_along_z(
             for field in (material.prestress or ())[:2]:
                 found[here] -= material.poisson * evaluate("Material.prestress", field, x[here], y[here])
     return found
-
-
-def check_compressible(problem: ContactProblem) -> None:
-    """`InputError` for an initial strain of an incompressible material, which no stress can take back."""
-    if is_strained(problem) and any(problem.materials[n].incompressible for n in np.unique(problem.cell_materials)):
-        remedy = "temperature, shrinkage and prestress need a compressible material: take a number below 0.5"
-        raise InputError("Material.poisson", 0.5, remedy)
 
 
 def _temperature(problem: ContactProblem, number: int) -> Field:

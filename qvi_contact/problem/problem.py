@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate
 from qvi_contact.errors import InputError, UnknownNameError, refuse_retired
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -31,82 +31,57 @@ from qvi_contact.problem.material import (
     Material,
     Region,
     cell_materials,
-    check_compressible,
     is_strained,
     stress_at_rest,
 )
 from solvers.basics.types import PicklesFields, load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
-_CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1
+_CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1  # by what components an edge is ruled
 _TANGENTIAL: Final = 1e-12  # part along the normal, of one, that is rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Prescribed:
-    """One component of a traction or displacement, prescribed on edges of the boundary.
-
-    Attributes
-    ----------
-    name : str
-        What messages call it, such as "Traction.x".
-    index : (n,) int array
-        The edges in `TriangleMesh.boundary`.
-    edges : Edges
-        The edges themselves.
-    direction : (n, 2) array
-        The unit vector that the component is taken along, on each edge.
-    turns : bool
-        Whether it turns along arcs, as normals and tangents do.
-    value : float or function of (x, y)
-        Its values.
-
-    """
+    """One component of a traction or displacement, prescribed on edges of the boundary."""
 
     name: str
+    """What messages call it, such as "Traction.x"."""
     index: IntArray
+    """The edges in `TriangleMesh.boundary`, shape (n,)."""
     edges: Edges
+    """The edges themselves."""
     direction: FloatArray
+    """The unit vector that the component is taken along, on each edge, shape (n, 2)."""
     turns: bool
+    """Whether it turns along arcs, as normals and tangents do."""
     value: Field
+    """Its values."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactProblem(PicklesFields):
     """A body, what it is made of, and what happens on its boundary.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        The body and its cells.
-    material : Material
-        Its material.
-    conditions : sequence of Traction, Displacement, Symmetry, Contact
-        One condition for every component of every boundary edge.
-    body_potential : float or function of (x, y)
-        Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. Zero by default. `BodyForces` are
-        several by name.
-    regions : sequence of Region
-        Parts of other material; where they overlap the later one counts.
-    temperature : float or function of (x, y)
-        Rise ΔT of temperature since the body was free of stress [temperature]; materials have their `expansion`, and
-        regions may have a temperature of their own. See `problem.material`. Limit loads do not depend on it.
-
-    Raises
-    ------
-    InputError
-        If a condition names an unknown edge set, two conditions overlap, a component of an edge has none, two contacts
-        share a name, or no traction normal to a part of the boundary determines the pressure in a body that is
-        incompressible all over.
-
+    `InputError` if a condition names an unknown edge set, two conditions overlap, a component of an edge has none, two
+    contacts share a name, or no traction normal to a part of the boundary determines the pressure in a body that is
+    incompressible all over.
     """
 
     mesh: TriangleMesh
+    """The body and its cells."""
     material: Material
+    """Its material."""
     conditions: Sequence[Condition]
+    """One condition for every component of every boundary edge."""
     body_potential: Field = 0.0
+    """Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. Zero by default. `BodyForces` are
+    several by name."""
     regions: Sequence[Region] = ()
+    """Parts of other material; where they overlap the later one counts."""
     temperature: Field = 0.0
+    """Rise ΔT of temperature since the body was free of stress [temperature]; materials have their `expansion`, and
+    regions may have a temperature of their own. See `problem.material`. Limit loads do not depend on it."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, TriangleMesh):
@@ -116,11 +91,8 @@ class ContactProblem(PicklesFields):
         check_field("ContactProblem.body_potential", self.body_potential)
         check_field("ContactProblem.temperature", self.temperature)
         _check_parts(self)
-        _check_joints(self)
-        _check_complete(self)
-        _ = self.cell_materials  # refuses regions that cut triangles
+        _ = self.owners, self.cell_materials  # refuse edges without conditions, and regions that cut triangles
         _check_pressure(self)
-        check_compressible(self)
 
     def __repr__(self) -> str:
         named: dict[str, list[str]] = {}
@@ -141,9 +113,18 @@ class ContactProblem(PicklesFields):
         return cell_materials(self.mesh, self.regions)
 
     def __getstate__(self) -> dict[str, Any]:
-        for name, value in self._functions():
+        functions: list[tuple[str, object]] = [("ContactProblem.temperature", self.temperature)]
+        kind = "BodyForces" if isinstance(self.body_potential, BodyForces) else "ContactProblem.body_potential"
+        functions += [(f"{kind}.{name}".removesuffix(".body"), part) for name, part in self.body_forces.items()]
+        strengths = [material.strength for material in self.materials if material.strength is not None]
+        for stated in (*strengths, *self.materials, *self.regions, *self.conditions):
+            for field in fields(stated):
+                value = getattr(stated, field.name)
+                for part in value if isinstance(value, tuple) else (value,):
+                    functions.append((f"{type(stated).__name__}.{field.name}", part))
+        for name, value in functions:
             try:
-                pickle.dumps(value)
+                pickle.dumps(value if callable(value) else None)
             except Exception as error:
                 remedy = "this function cannot be pickled: take an Expression, a Polynomial, or a function of a module"
                 raise InputError(name, value, remedy) from error
@@ -155,28 +136,11 @@ class ContactProblem(PicklesFields):
             refuse_retired(name)
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
-    def __copy__(self) -> ContactProblem:
+    def __deepcopy__(self, memo: object = None) -> ContactProblem:
         """The problem itself: nothing in it can be changed."""
         return self
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> ContactProblem:
-        """The problem itself."""
-        return self
-
-    def _functions(self) -> Iterator[tuple[str, object]]:
-        """Functions of position by the name of their field."""
-        if isinstance(self.body_potential, BodyForces):
-            yield from ((f"BodyForces.{name}", part) for name, part in self.body_potential.parts.items())
-        elif callable(self.body_potential):
-            yield "ContactProblem.body_potential", self.body_potential
-        yield "ContactProblem.temperature", self.temperature
-        strengths = [material.strength for material in self.materials if material.strength is not None]
-        for stated in (*strengths, *self.materials, *self.regions, *self.conditions):
-            for field in fields(stated):
-                value = getattr(stated, field.name)
-                for part in value if isinstance(value, tuple) else (value,):
-                    if callable(part):
-                        yield f"{type(stated).__name__}.{field.name}", part
+    __copy__ = __deepcopy__
 
     @property
     def body_forces(self) -> Mapping[str, Field]:
@@ -213,12 +177,26 @@ class ContactProblem(PicklesFields):
     @cached_property
     def cartesian_conditions(self) -> tuple[Condition, ...]:
         """The conditions, those on edges that face one way along an axis with components x and y only."""
-        return tuple(
-            _cartesian(condition, self.mesh.edges(condition.edges))
-            if isinstance(condition, (Traction, Displacement)) and components(condition).keys() & set(LOCAL)
-            else condition
-            for condition in self.conditions
-        )
+        found = list[Condition]()
+        for condition in self.conditions:
+            edges = self.mesh.edges(condition.edges)
+            aligned = (
+                not edges.curved and len(np.unique(edges.normal, axis=0)) == 1 and np.abs(edges.normal).max() >= 1.0
+            )
+            if (
+                isinstance(condition, (Symmetry, Contact))
+                or not aligned
+                or components(condition).keys() & set(CARTESIAN)
+            ):
+                found.append(condition)
+                continue
+            given: Any = dict.fromkeys(LOCAL)
+            for name, value in components(condition).items():
+                direction = direction_of(name, edges)[0]
+                axis = int(np.argmax(np.abs(direction)))
+                given[CARTESIAN[axis]] = value if direction[axis] > 0.0 else opposite(value)
+            found.append(replace(condition, **given))
+        return tuple(found)
 
     @cached_property
     def owners(self) -> IntArray:
@@ -226,11 +204,6 @@ class ContactProblem(PicklesFields):
 
         Components are x and y; normal and tangential on slanted edges that are ruled by these.
         """
-        return self._rules[0]
-
-    @cached_property
-    def _rules(self) -> tuple[IntArray, IntArray]:
-        """`owners`, and the frame in which each boundary edge is ruled (edges,)."""
         return _ruled(self)
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
@@ -263,19 +236,6 @@ def direction_of(name: str, edges: Edges) -> FloatArray:
     return np.tile(np.eye(2)[CARTESIAN.index(name)], (len(edges), 1))
 
 
-def _cartesian(condition: Traction | Displacement, edges: Edges) -> Condition:
-    """A condition by normal and tangential components, by x and y where its edges face one way along an axis."""
-    if edges.curved or len(np.unique(edges.normal, axis=0)) > 1 or np.abs(edges.normal).max() < 1.0:
-        return condition
-    given: dict[str, Field | None] = dict.fromkeys(LOCAL)
-    for name, value in components(condition).items():
-        direction = direction_of(name, edges)[0]
-        axis = int(np.argmax(np.abs(direction)))
-        given[CARTESIAN[axis]] = value if direction[axis] > 0.0 else opposite(value)
-    changed: Any = given
-    return replace(condition, **changed)
-
-
 def opposite(value: Field) -> Field:
     """The negative of a number or function."""
     return (lambda x, y: -np.asarray(value(x, y))) if callable(value) else -value
@@ -303,99 +263,95 @@ def _check_parts(problem: ContactProblem) -> None:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError("Contact.name", twice[0], "give each contact a name of its own")
-
-
-def _edges_of(mesh: TriangleMesh, condition: Condition) -> IntArray:
-    try:
-        if isinstance(condition, Contact):
-            mesh.edges(condition.edges)  # the names of joints fit as well
-        return mesh.edge_set(condition.edges)
-    except UnknownNameError as error:
-        raise UnknownNameError(f"{type(condition).__name__}.edges", condition.edges, error.remedy) from error
+    _check_joints(problem)
 
 
 def _check_joints(problem: ContactProblem) -> None:
     """Joints must not share edges, and are driven by no plate."""
-    mesh = problem.mesh
     taken: dict[int, str] = {}
     for joint in problem.joints:
         if joint.plate is not None:
             raise InputError("Contact.plate", joint.name, "a joint lies between two blocks: no plate drives it")
-        for edge in mesh.joint_set(joint.edges).tolist():
+        for edge in problem.mesh.joint_set(joint.edges).tolist():
             if edge in taken:
                 remedy = f"shares an edge with {taken[edge]!r}: give them ranges that do not overlap"
                 raise InputError("Contact.edges", joint.name, remedy)
             taken[edge] = joint.name
 
 
-def _ruled(problem: ContactProblem) -> tuple[IntArray, IntArray]:
-    """Owners (2, edges), and the frame (edges,) in which the edges are ruled."""
-    boundary = problem.mesh.boundary
+def _ruled(problem: ContactProblem) -> IntArray:
+    """See `ContactProblem.owners`; `InputError` where a component has no condition, two, or edges two frames."""
+    mesh, boundary = problem.mesh, problem.mesh.boundary
     owner = np.full((2, len(boundary)), -1)
     parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent  # to an axis: both frames are one
-    frame = np.where(parallel, _CARTESIAN_FRAME, _NO_FRAME)
+    frame = np.where(parallel, _CARTESIAN_FRAME, _NO_FRAME)  # in which edges are ruled
+
+    def refuse(name: str, component: int, edge: int, remedy: str) -> NoReturn:
+        local = frame[edge] == _LOCAL_FRAME
+        what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
+        raise InputError(
+            "ContactProblem.conditions", name, f"{what} of the edge around {_midpoint(mesh, edge)} {remedy}"
+        )
+
     for number, condition in enumerate(problem.conditions):
         if condition in problem.joints:
             continue
-        chosen = _edges_of(problem.mesh, condition)
-        edges = problem.mesh.edges(condition.edges)
-        for name in _names_of(condition, bool(parallel[chosen].all())):
-            own = _LOCAL_FRAME if name in LOCAL else _CARTESIAN_FRAME
+        chosen, edges = _edges_of(mesh, condition)
+        names = CARTESIAN if parallel[chosen].all() else LOCAL
+        for name in components(condition) if isinstance(condition, (Traction, Displacement)) else names:
+            own, row = divmod((*CARTESIAN, *LOCAL).index(name), 2)
             other = chosen[~parallel[chosen] & (frame[chosen] == 1 - own)]
             if len(other):
-                x, y = _midpoint(problem.mesh, int(other[0]))
                 remedy = (
-                    f"gives the {name} component of the slanted edge around ({x:.6g}, {y:.6g}), and another condition "
-                    "one of the other kind: give both components of an edge as x and y, or both as normal and "
-                    "tangential"
+                    f"gives the {name} component of the slanted edge around {_midpoint(mesh, int(other[0]))}, and "
+                    "another condition one of the other kind: give both components of an edge as x and y, or both as "
+                    "normal and tangential"
                 )
                 raise InputError("ContactProblem.conditions", condition.edges, remedy)
             frame[chosen] = np.where(parallel[chosen], frame[chosen], own)
-            slot = _slots(name, edges, parallel[chosen])
+            slot = np.where(parallel[chosen], np.argmax(np.abs(direction_of(name, edges)), axis=1), row)
             taken = owner[slot, chosen]
             if (taken >= 0).any():
                 at = int(np.argmax(taken >= 0))
                 earlier = problem.conditions[taken[at]]
                 remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
-                local = bool(frame[chosen[at]])
-                _raise_on_edge(problem.mesh, condition.edges, int(slot[at]), int(chosen[at]), remedy, local)
+                refuse(condition.edges, int(slot[at]), int(chosen[at]), remedy)
             owner[slot, chosen] = number
-    return owner, frame
-
-
-def _names_of(condition: Condition, parallel: bool) -> tuple[str, ...]:
-    """The components that a condition rules on its edges, all parallel to an axis or not."""
-    if isinstance(condition, (Traction, Displacement)):
-        return tuple(components(condition))
-    return CARTESIAN if parallel else LOCAL
-
-
-def _slots(name: str, edges: Edges, parallel: BoolArray) -> IntArray:
-    """Row in `owners` of a component on edges: that of the axis on edges parallel to one."""
-    if name in CARTESIAN:
-        return np.full(len(edges), CARTESIAN.index(name))
-    axis = np.argmax(np.abs(direction_of(name, edges)), axis=1)
-    return np.where(parallel, axis, LOCAL.index(name))
-
-
-def _check_complete(problem: ContactProblem) -> None:
-    owners, frame = problem._rules
-    missing = owners < 0
-    if missing.any():
-        component, edge = (int(number) for number in np.argwhere(missing)[0])
+    if (owner < 0).any():
+        component, edge = np.argwhere(owner < 0)[0].tolist()
+        named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
-        named = [name for name in problem.mesh.edge_names if edge in problem.mesh.edge_set(name)]
-        name = named[0] if named else "an edge without a name"
-        _raise_on_edge(problem.mesh, name, component, edge, remedy, frame[edge] == _LOCAL_FRAME)
+        refuse([*named, "an edge without a name"][0], component, edge, remedy)
+    return owner
+
+
+def _edges_of(mesh: TriangleMesh, condition: Condition) -> tuple[IntArray, Edges]:
+    """The edges of a condition on the boundary, by their numbers there too."""
+    try:
+        if isinstance(condition, Contact):
+            mesh.edges(condition.edges)  # the names of joints fit as well
+        return mesh.edge_set(condition.edges), mesh.edges(condition.edges)
+    except UnknownNameError as error:
+        raise UnknownNameError(f"{type(condition).__name__}.edges", condition.edges, error.remedy) from error
+
+
+def _midpoint(mesh: TriangleMesh, edge: int) -> str:
+    """The middle of an edge of the boundary, for messages."""
+    x, y = mesh.vertices[[mesh.boundary.first[edge], mesh.boundary.second[edge]]].sum(axis=0) / 2.0
+    return f"({x:.6g}, {y:.6g})"
 
 
 def _check_pressure(problem: ContactProblem) -> None:
     """A constant pressure strains no incompressible body: some normal traction must say how large it is.
 
-    A plate's force, or an obstacle that stays away, could as well, but K of (D2) is singular then.
+    A plate's force, or an obstacle that stays away, could as well, but K of (D2) is singular then. No stress can take
+    back an initial strain of incompressible parts.
     """
-    used = [problem.materials[number] for number in np.unique(problem.cell_materials)]
-    if not all(material.incompressible for material in used):
+    incompressible = [problem.materials[number].incompressible for number in np.unique(problem.cell_materials)]
+    if any(incompressible) and is_strained(problem):
+        remedy = "temperature, shrinkage and prestress need a compressible material: take a number below 0.5"
+        raise InputError("Material.poisson", 0.5, remedy)
+    if not all(incompressible):
         return
     normal = problem.mesh.boundary.normal
     parts = ((given.direction * normal[given.index]).sum(axis=1) for given in problem.prescribed(Traction))
@@ -408,18 +364,6 @@ def _check_pressure(problem: ContactProblem) -> None:
         raise InputError("Material.poisson", 0.5, remedy)
 
 
-def _midpoint(mesh: TriangleMesh, edge: int) -> FloatArray:
-    """The middle of an edge of the boundary (2,) [length]."""
-    ends = mesh.vertices[[mesh.boundary.first[edge], mesh.boundary.second[edge]]]
-    return np.asarray(ends.sum(axis=0) / 2.0)
-
-
-def _raise_on_edge(mesh: TriangleMesh, name: str, component: int, edge: int, remedy: str, local: bool = False) -> None:
-    x, y = _midpoint(mesh, edge)
-    what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
-    raise InputError("ContactProblem.conditions", name, f"{what} of the edge around ({x:.6g}, {y:.6g}) {remedy}")
-
-
 # what stored answers are told from those of other problems by; functions count by their values at some points
 
 _PASSING = ("callback", "threads", "throw")  # options that change no answer
@@ -429,39 +373,30 @@ _PLACES = np.array([0.05, 0.2, 0.45, 0.7, 0.9])  # along an edge
 def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]) -> str:
     """SHA-256 of problems on one mesh and of the options they are solved with, as hexadecimal text.
 
-    Options that are None or change no answer do not count.
+    Of the mesh count vertices, cells, arcs and named parts. Options that are None or change no answer do not count.
     """
     told = {name: value for name, value in sorted(options.items()) if name not in _PASSING and value is not None}
-    found = hashlib.sha256(mesh_digest(problems[0].mesh) + repr(told).encode())
+    mesh = problems[0].mesh
+    parts: list[object] = [type(mesh).__name__, mesh.vertices, mesh.cells, mesh.sides]
+    for names, chosen in ((mesh.edge_names, mesh.edge_set), (mesh.joint_names, mesh.joint_set)):
+        parts += [part for name in names for part in (name, chosen(name))]
+    found = hashlib.sha256(_digest(parts) + repr(told).encode())
     for number in range(len(problems)):
         found.update(problem_digest(problems[number]))
     return found.hexdigest()
 
 
-def mesh_digest(mesh: TriangleMesh) -> bytes:
-    """SHA-256 of vertices, cells, arcs and named parts."""
-    parts: list[object] = [mesh.vertices, mesh.cells, mesh.sides]
-    parts += [part for name in mesh.edge_names for part in (name, mesh.edge_set(name))]
-    parts += [part for name in mesh.joint_names for part in (name, mesh.joint_set(name))]
-    return _digest(iter([type(mesh).__name__, *parts]))
-
-
 def problem_digest(problem: ContactProblem) -> bytes:
     """SHA-256 of everything but the mesh."""
-    return _digest(_stated(problem))
-
-
-def _stated(problem: ContactProblem) -> Iterator[object]:
-    mesh = problem.mesh
-    yield from (problem.compliances, problem.cell_materials)
+    mesh, potential = problem.mesh, problem.body_potential
     middles = mesh.vertices[mesh.cells].mean(axis=1).T
-    potential = problem.body_potential
-    yield evaluate("body_potential", potential, *middles) if callable(potential) else potential
+    parts: list[object] = [problem.compliances, problem.cell_materials]
+    parts.append(evaluate("body_potential", potential, *middles) if callable(potential) else potential)
     if is_strained(problem):
-        yield stress_at_rest(problem, np.arange(mesh.cell_count), *middles)
+        parts.append(stress_at_rest(problem, np.arange(mesh.cell_count), *middles))
     for condition in problem.conditions:
-        yield type(condition).__name__
-        yield from _values(condition, mesh.edges(condition.edges), mesh)
+        parts += [type(condition).__name__, *_values(condition, mesh.edges(condition.edges), mesh)]
+    return _digest(parts)
 
 
 def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> Iterator[object]:
@@ -477,7 +412,7 @@ def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> I
             yield value
 
 
-def _digest(parts: Iterator[object]) -> bytes:
+def _digest(parts: Iterable[object]) -> bytes:
     """Arrays by their bytes, everything else as it is written; numbers to the last bit."""
     found = hashlib.sha256()
     for part in parts:

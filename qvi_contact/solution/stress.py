@@ -5,6 +5,7 @@ Fields may jump between cells, so a sample on a cell's border belongs to that ce
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -14,6 +15,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, one_of, re
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical, potential_at
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.material import is_strained, stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 
@@ -50,20 +52,28 @@ def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: F
         If a point lies outside the body.
 
     """
-    mesh, space = discretization.problem.mesh, discretization.space
+    problem, space, coefficients = discretization.problem, discretization.space, discretization.coefficients(u.ravel())
+    stress = mean_at(problem.mesh, x, y, lambda cell, t: space.stress(coefficients, cell, t)[:, 0], "stress(x, y)")
+    stress *= discretization.scales.stress
+    stress[..., :2] += evaluate("ContactProblem.body_potential", problem.body_potential, x, y)[..., None]
+    return stress
+
+
+def mean_at(
+    mesh: TriangleMesh, x: FloatArray, y: FloatArray, values: Callable[[IntArray, FloatArray], FloatArray], name: str
+) -> FloatArray:
+    """The mean (..., k) of what cells say at points (...) that they hold: values of cells (n,) at t (n, 1, 3), (n, k).
+
+    A point outside is an `InputError` of the field `name`.
+    """
     places = np.column_stack([x.ravel(), y.ravel()])
     point, cell = mesh.around(places)
     count = np.bincount(point, minlength=len(places))
     if (count == 0).any():
-        first = int(np.argmax(count == 0))
-        raise InputError("stress(x, y)", tuple(places[first].tolist()), "give points inside the body")
-    t = mesh.reference(cell, places[point])[:, None]
-    stress = space.stress(discretization.coefficients(u.ravel()), cell, t)[:, 0]
-    total = np.column_stack([np.bincount(point, part, len(places)) for part in stress.T])
-    potential = evaluate("ContactProblem.body_potential", discretization.problem.body_potential, x, y)
-    result = (discretization.scales.stress * total / count[:, None]).reshape(*x.shape, 3)
-    result[..., :2] += potential[..., None]
-    return result
+        raise InputError(name, tuple(places[np.argmin(count)].tolist()), "give points inside the body")
+    found = values(cell, mesh.reference(cell, places[point])[:, None])
+    total = np.column_stack([np.bincount(point, part, len(places)) for part in found.T])
+    return np.asarray(total / count[:, None]).reshape(*x.shape, found.shape[1])
 
 
 def cell_stresses(

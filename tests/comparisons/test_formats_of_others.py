@@ -1,6 +1,5 @@
 """Files of problems: nothing is lost, nothing broken is read, and foreign measures agree with ours."""
 
-import doctest
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.sparse import csr_matrix
 
-import comparisons.exchange
 from comparisons.exchange import (
     ContactState,
     LocalProblem,
@@ -91,13 +89,6 @@ def refused(call) -> str:
     message = str(caught.value)
     assert len(message.splitlines()) == 1
     return f"{caught.value.field}|{message}"
-
-
-@pytest.mark.usefixtures("in_tmp_path")
-def test_the_example_of_the_documentation_runs():
-    result = doctest.testmod(comparisons.exchange)
-    assert result.attempted >= 10
-    assert result.failed == 0
 
 
 @few

@@ -9,19 +9,9 @@ from comparisons.bounds import report as bounds_report
 from comparisons.bounds import study as bounds
 from comparisons.wild import bodies, estimates, generator, judge, limits
 from comparisons.wild import study as wild
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactResult,
-    InputError,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    discretize,
-    solve,
-)
+from qvi_contact import ContactResult, InputError, TriangleMesh, discretize, solve
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Traction
 from tests.cases import EFFORT, examples
 from tests.comparisons.conftest import committed, rows_of
 

@@ -318,11 +318,6 @@ class TestRuns:
             run_study(replace(SMALL, task="tests.run_tasks:nothing"), tmp_path / "a", memory=4000)
         assert caught.value.field == "Study.task"
 
-    def test_too_little_memory_for_the_task_ends_the_study(self, tmp_path):
-        with pytest.raises(InputError, match=r"is too little .MiB. to load tests.run_tasks:failing") as caught:
-            run_study(ways("plain"), tmp_path / "a", memory=10)
-        assert (caught.value.field, caught.value.value) == ("memory", 10)
-
     @pytest.mark.parametrize("name", ["workers", "timeout", "memory", "threads"])
     def test_bad_input(self, tmp_path, name):
         with pytest.raises(InputError, match=f"{name}: 0: give a number above 0"):

@@ -17,19 +17,10 @@ from markdown_it import MarkdownIt
 
 from comparisons import verification as room
 from comparisons.verification import report as manuals
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    InputError,
-    LimitLoad,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    solve,
-)
+from qvi_contact import InputError, LimitLoad, TriangleMesh, solve
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Traction
 from solvers import Status
 from tests.comparisons.conftest import REPORTS, command, outlines
 
@@ -79,9 +70,9 @@ DOCUMENT = ran({"number": sound})
 LONG = {
     "bounds-slip", "bounds-slip-bodies", "bounds-slip-errors", "bounds-refined", "loaded-pin", "plate-refined",
     "slip-torque", "examples/lug", "examples/cyclic_shear", "examples/dam_on_seam", "examples/masonry_wall",
-    "examples/ssnv128", "examples/strip_footing",
+    "examples/shrink_fit", "examples/ssnv128", "examples/strip_footing", "conservation", "table-1", "figures-2-to-5",
 }  # fmt: skip
-"""Problems that take most of the time of a quick run: those of the command have them."""
+"""Problems that take most of the time of a quick run, which the command has, or that other tests have whole."""
 
 
 @pytest.fixture(scope="module")

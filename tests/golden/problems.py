@@ -9,21 +9,13 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact import (
-    Contact,
-    ContactProblem,
     ContactResult,
     Corner,
-    Displacement,
-    Expression,
     InputError,
-    LimitFactor,
-    Material,
-    Traction,
     TriangleMesh,
     limit_load_factor,
     load_problem,
     paper,
-    refine,
     solve,
     solve_history,
 )
@@ -43,6 +35,8 @@ from qvi_contact.gallery import (
     ssnv128,
     stick_slip_block,
 )
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
+from qvi_contact.refinement import LimitFactor, refine
 from solvers import FrictionQVI, solve_qvi
 
 Numbers = dict[str, dict[str, float | int | str]]

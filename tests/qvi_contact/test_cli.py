@@ -152,10 +152,9 @@ def test_files_are_written_beside_the_report(shell, plate, sliding, tmp_path):
 
 @pytest.mark.usefixtures("outlined")
 def test_charts_are_those_of_panels(shell, plate, tmp_path):
-    for panels, charts in (("plate", 1), ("none", 0)):
-        status, _, err = shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", panels)
-        assert (status, err) == (0, "")
-        assert (tmp_path / "a.svg").read_text(encoding="utf-8").count("traction [MPa]") == charts
+    status, _, err = shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", "none")
+    assert (status, err) == (0, "")
+    assert "traction [MPa]" not in (tmp_path / "a.svg").read_text(encoding="utf-8")
     status, _, err = shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", "plat")
     assert (status, len(err.splitlines()), "'plate'" in err) == (2, 1, True)
 

@@ -9,23 +9,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    InputError,
-    Material,
-    Traction,
-    TriangleMesh,
-    load_problem,
-    refine,
-    save_problem,
-    solve,
-)
+from qvi_contact import InputError, TriangleMesh, load_problem, refine, save_problem, solve
 from qvi_contact.bracket import document, lines
 from qvi_contact.cli import group
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Contact, ContactProblem, Material, Traction
 from qvi_contact.units import Units
 from tests.qvi_contact.builders import RICH
 
@@ -280,12 +270,11 @@ class TestRefine:
             return [each["guaranteed"] for each in found["rounds"]]
 
         asked = {"target": 0.02, "quantity": FORCE, "max_rounds": 1}
-        path = plate_file(tmp_path, 0.2, solve_options={"degree": 4}, refine_options=asked)
-        assert (guaranteed(path), guaranteed(path, "--guaranteed")) == ([False], [True])
-        path = plate_file(tmp_path, 0.2, solve_options={"degree": 4}, refine_options=asked | {"guaranteed": True})
+        path = plate_file(tmp_path, 0.2, solve_options={"degree": 3}, refine_options=asked)
+        assert guaranteed(path, "--guaranteed") == [True]
+        path = plate_file(tmp_path, 0.2, solve_options={"degree": 3}, refine_options=asked | {"guaranteed": True})
         assert dict(load_problem(path).refine_options) == asked | {"guaranteed": True}
         assert (guaranteed(path), guaranteed(path, "--estimated")) == ([True], [False])
-        assert "guaranteed bound" in shell("refine", path)[1]
 
     def test_the_file_is_overridden(self, shell, tmp_path):
         asked = {"target": 0.05, "quantity": FORCE, "max_rounds": 1, "max_unknowns": 5000}
@@ -373,8 +362,8 @@ def test_guaranteed_example_with_all_files(tmp_path):
     assert b"displacement" in fields.read_bytes()
 
 
-def test_one_json_document():
-    done = command(EXAMPLES / "compressed_plate.toml", "--json", "--degree", 3)
+def test_one_json_document(tmp_path):
+    done = command(plate_file(tmp_path, 0.2), "--json", "--degree", 3)
     found = json.loads(done.stdout)
     bounds = found["bracket"]["energies"]
     assert done.return_value == 0
@@ -406,11 +395,6 @@ class TestDocument:
         assert told["forces"]["plate.normal_force"] == {"lower": force.lower, "upper": force.upper, "unit": "MPa mm"}
         assert sum(part["value"] for part in told["gap"].values()) == pytest.approx(found.gap, rel=1e-6)
         assert any("plate.normal_force between" in line for line in lines(found))
-
-    def test_bounds_under_slip_and_differences_of_forces(self):
-        text = "\n".join(lines(solve(compressed_plate(0.1, (2, 2)), degree=4).bracket))
-        for words in ("forces of plate differ by", "plate.normal_force between"):
-            assert words in text
 
     def test_exact_states_are_told_in_one_line(self):
         found = solve(compressed_plate(0.0, (2, 2))).bracket

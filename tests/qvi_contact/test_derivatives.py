@@ -6,21 +6,17 @@ import numpy as np
 import pytest
 
 from comparisons.verification.chapters.numbers import by_differences
-from qvi_contact import (
+from qvi_contact import InputError, LimitFactor, TriangleMesh, limit_load_factor, solve
+from qvi_contact.problem import (
     Contact,
     ContactProblem,
     Displacement,
     Expression,
-    InputError,
-    LimitFactor,
     Material,
     MohrCoulomb,
     RigidPlate,
     Symmetry,
     Traction,
-    TriangleMesh,
-    limit_load_factor,
-    solve,
 )
 from tests.cases import EFFORT
 

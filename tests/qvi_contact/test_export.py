@@ -7,26 +7,11 @@ import meshio
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    InputError,
-    LimitFactor,
-    Material,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    limit_load_factor,
-    load_problem,
-    refine,
-    solve,
-    solve_history,
-)
+from qvi_contact import InputError, TriangleMesh, limit_load_factor, load_problem, solve, solve_history
 from qvi_contact.export import field_arrays, summary, write_contacts_vtu, write_json, write_npz, write_vtu
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
+from qvi_contact.refinement import LimitFactor, refine
 from qvi_contact.solution import ContactResult
 from qvi_contact.units import Units
 from qvi_contact.verification import (

@@ -7,21 +7,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from qvi_contact import (
+from qvi_contact import InputError, TriangleMesh, solve, solve_history
+from qvi_contact.files import OWN, write_archive
+from qvi_contact.plots import history_figure
+from qvi_contact.problem import (
     Contact,
     ContactProblem,
     Displacement,
-    InputError,
+    Expression,
     Material,
     Polynomial,
+    RigidPlate,
     Traction,
-    TriangleMesh,
-    solve,
-    solve_history,
 )
-from qvi_contact.files import OWN, write_archive
-from qvi_contact.plots import history_figure
-from qvi_contact.problem import Expression, RigidPlate
 from qvi_contact.solution import loop_area
 from qvi_contact.verification import verify_file
 from solvers import Status

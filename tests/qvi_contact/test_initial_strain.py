@@ -5,28 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import (
+from qvi_contact import InputError, TriangleMesh, exact, load_problem, solve, solve_companion
+from qvi_contact.element import compliance_roots
+from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.gallery import cantilever, compressed_plate, problem_from_state
+from qvi_contact.problem import (
     Contact,
     ContactProblem,
     Displacement,
     Expression,
-    InputError,
     Material,
+    PointData,
     Polynomial,
     Region,
     RigidPlate,
     Symmetry,
     Traction,
-    TriangleMesh,
-    exact,
-    load_problem,
-    solve,
-    solve_companion,
+    problem_digest,
+    stress_along_z,
 )
-from qvi_contact.element import compliance_roots
-from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.gallery import cantilever, compressed_plate, problem_from_state
-from qvi_contact.problem import PointData, problem_digest, stress_along_z
 from tests.cases import examples
 from tests.qvi_contact.builders import holed, quarter, solved
 

@@ -59,13 +59,6 @@ class TestDraggedBlock:
             problem = dragged(MESHES[mesh], 10.0 * stress, shear * stress, Contact("bottom", 0.3))
             assert limit_load_factor(problem, ["shear"]) == pytest.approx(exact, rel=1e-6)
 
-    def test_cohesion_and_cap(self, mesh, stress):
-        cohesive = Contact("bottom", 0.3, cohesion=1.5 * stress)
-        capped = Contact("bottom", 0.3, cohesion=1.5 * stress, shear_limit=4.0 * stress)
-        for contact, exact in ((cohesive, 4.5), (capped, 4.0), (Contact.tresca("bottom", 2.0 * stress), 2.0)):
-            problem = dragged(MESHES[mesh], 10.0 * stress, stress, contact)
-            assert limit_load_factor(problem, ["shear"]) == pytest.approx(exact, rel=1e-6)
-
 
 def stack(mesh, frictions, joints, weight=0.0):
     """Blocks on each other and on the ground, pressed by 10 and dragged by 1."""

@@ -10,25 +10,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from qvi_contact import (
+from qvi_contact import InputError, LimitFactor, RefinementStatus, TriangleMesh, limit_load_factor, refine
+from qvi_contact.mechanism import find_mechanism
+from qvi_contact.problem import (
     BodyForces,
     Contact,
     ContactProblem,
     Displacement,
     Expression,
-    InputError,
-    LimitFactor,
     Material,
     MohrCoulomb,
-    RefinementStatus,
     Symmetry,
     Traction,
     Tresca,
-    TriangleMesh,
-    limit_load_factor,
-    refine,
 )
-from qvi_contact.mechanism import find_mechanism
 from tests.cases import EFFORT
 from tests.test_examples import example
 
@@ -197,19 +192,6 @@ def triangles():
     return wall(TriangleMesh.rectangle((2, 4), 1.0, 4.0))
 
 
-def grid():
-    return wall(TriangleMesh.rectangle((2, 4), 1.0, 4.0))
-
-
-def wedge(friction=0.3):
-    """A block on a plane that rises by 0.1, the weight 1 down and F sideways."""
-    mesh = TriangleMesh.rectangle((1, 1), 6.0, 1.0)
-    x, y = mesh.vertices.T
-    mesh = TriangleMesh(np.column_stack([x, y + 0.1 * x]), mesh.cells, mesh.edge_sets)
-    loads = [Traction("top", 0.0, -1.0 / math.hypot(6.0, 0.6)), Traction("left", 1.0, 0.0, name="F")]
-    return ContactProblem(mesh, STEEL, [Contact("bottom", friction), *loads, Traction("right", 0.0, 0.0)])
-
-
 def dry_stone_wall(friction):
     """Three courses of two blocks, 30 on the top, weight 24, the top course pushed from the left."""
     problem = example("dry_stone_wall").problem
@@ -227,8 +209,6 @@ def dry_stone_wall(friction):
 
 BOTH_SIDES = {
     "wall tips": (triangles, ["wind"], {}, 6.25),
-    "wedge": (wedge, ["F"], {}, 0.4 / 0.97),
-    "dragged block": (lambda: example("dragged_block_slides").problem, ["drag"], {}, 1.0 / 1.01),
     "stones slide": (lambda: dry_stone_wall(0.6), ["push"], {}, 0.6 * 162.0),
 }  # fmt: skip
 

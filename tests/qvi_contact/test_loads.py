@@ -232,11 +232,6 @@ class TestBlockWithUplift:
         assert base.effective_normal_stress.max() <= 1e-9
         assert (np.abs(base.tangential_stress) <= -FRICTION * base.effective_normal_stress + 1e-7).all()
 
-    def test_factor_of_sliding(self):
-        limit, exact = limit_load_factor(dam(falling()), ["water"]), FRICTION * (WEIGHT - UPLIFT) / PUSH
-        assert limit.lower == pytest.approx(exact, rel=1e-7)
-        assert limit.upper == pytest.approx(exact, rel=1e-12)
-
     def test_slides_beyond_it_and_floats(self):
         most = FRICTION * (WEIGHT - UPLIFT)
         assert solve(dam(falling(), 0.8 * most)).status is Status.SOLVED

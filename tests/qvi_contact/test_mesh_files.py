@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import skfem
 
 from qvi_contact import InputError, TriangleMesh
 from solvers.basics import handlers_kept
@@ -32,25 +31,6 @@ def med_file(path):
     mesh.point_tags = {}
     meshio.med.write(path, mesh)
     assert h5py.is_hdf5(path)
-
-
-class TestSkfem:
-    """Meshes of scikit-fem."""
-
-    def test_boundaries_and_subdomains_come_along(self):
-        mesh = skfem.MeshTri().refined(2)
-        mesh = mesh.with_boundaries({"floor": lambda x: x[1] == 0.0}).with_subdomains({"left": lambda x: x[0] < 0.5})
-        mesh = mesh.with_boundaries({"seam": mesh.facets_satisfying(lambda x: x[0] == 0.5)}, boundaries_only=False)
-        found = TriangleMesh.from_skfem(mesh)
-        assert (found.edge_names, found.joint_names) == (("floor",), ("seam",))
-        assert found.midpoints[found.numbers("floor")][:, 1] == pytest.approx(0.0)
-        assert found.corners[found.regions["left"]].mean(axis=1)[:, 0].max() < 0.5
-        assert len(found.numbers("seam")) == 4
-
-    def test_other_meshes_are_refused(self):
-        for other in (skfem.MeshQuad(), None, "mesh"):
-            with pytest.raises(InputError, match="MeshTri"):
-                TriangleMesh.from_skfem(other)
 
 
 class TestFiles:

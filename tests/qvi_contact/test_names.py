@@ -10,19 +10,11 @@ import pytest
 from matplotlib.text import Text
 
 from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
     History,
     InputError,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
     TriangleMesh,
     UnknownNameError,
     limit_load_factor,
-    refine,
     solve,
     solve_history,
     solve_sweep,
@@ -30,6 +22,8 @@ from qvi_contact import (
 from qvi_contact.export import write_contacts_vtu, write_vtu
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import history_figure, problem_figure, result_figure
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.refinement import refine
 from qvi_contact.units import Units
 
 
@@ -127,6 +121,7 @@ def odd():
     return solve(replace(plate, conditions=named), degree=3)
 
 
+@pytest.mark.usefixtures("outlined")
 @pytest.mark.parametrize(
     "drawn",
     [

@@ -4,7 +4,6 @@ import math
 import signal
 import sys
 from contextlib import nullcontext
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,14 +22,7 @@ except (ImportError, OSError) as error:  # OSError: a library of the system is m
     gmsh, MISSING = None, str(error)
 else:
     MISSING = ""
-STATUS = Path("/proc/self/status")
 needs_gmsh = pytest.mark.skipif(gmsh is None, reason=f"gmsh cannot be loaded: {MISSING}")
-
-
-def signals():
-    """Which signals this process ignores, and which it has handlers for, one bit each."""
-    lines = dict(line.split(":", 1) for line in STATUS.read_text(encoding="utf-8").splitlines())
-    return {name: int(lines[name], 16) & (1 << 31) - 1 for name in ("SigIgn", "SigCgt")}
 
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -302,7 +294,7 @@ class TestFiles:
             ("{ at = [0.0, 0.2] }, ", "", "mesh.outline.joints[0]"),
             ("regions = [{", f"regions = [{{ {CORE} }}, {{", "mesh.outline.regions[1].name"),
             ("at = [1.5, 0.5], size", "at = [1.5, 1.5], size", "mesh.outline.sizes"),
-            ("[mesh.outline]", '[mesh]\nfile = "a.msh"\n[mesh.outline]', "mesh"),
+            ("[mesh.outline]", '[mesh]\nfile = "a.msh"\n[mesh.outline]', "mesh.outline"),
         ],
     )  # fmt: skip
     def test_what_is_wrong_is_named_by_its_place(self, old, new, field):

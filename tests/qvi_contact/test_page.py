@@ -12,19 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactState,
-    Displacement,
-    InputError,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    solve,
-    solve_history,
-)
+from qvi_contact import ContactState, InputError, TriangleMesh, solve, solve_history
 from qvi_contact.basics import Rounding
 from qvi_contact.bracket import bracket, document
 from qvi_contact.command import (
@@ -37,6 +25,7 @@ from qvi_contact.command import (
     series_tables,
 )
 from qvi_contact.files import problem_from_toml, summary
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from qvi_contact.solution import ContactPath
 from qvi_contact.units import Units
 from tests.qvi_contact.builders import PROBLEMS

@@ -17,16 +17,10 @@ from matplotlib.quiver import Quiver
 from scipy.integrate import trapezoid
 
 from qvi_contact import (
-    Contact,
-    ContactProblem,
     ContactState,
-    Displacement,
     History,
     InputError,
     LimitLoad,
-    Material,
-    Region,
-    Traction,
     TriangleMesh,
     exact,
     limit_load_factor,
@@ -49,6 +43,7 @@ from qvi_contact.plots import (
     result_figure,
     save_figure,
 )
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Traction
 from qvi_contact.solution import ContactLine, cell_factors, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
@@ -459,6 +454,7 @@ class TestFigures:
         assert (along[0], along[-1]) == pytest.approx((0.0, 2.0))
         assert trapezoid(pressure, along) == pytest.approx(result.contacts["plane"].normal_force, rel=1e-2)
 
+    @pytest.mark.usefixtures("outlined")
     def test_charts_are_those_asked_for_one_a_line(self):
         mesh = TriangleMesh.rectangle((6, 1), 3.0, 1.0)
         for k in range(6):
@@ -471,6 +467,7 @@ class TestFigures:
         with pytest.raises(InputError, match="foot 5"):
             result_figure(result, panels=["foot 6"])
 
+    @pytest.mark.usefixtures("outlined")
     def test_under_loads_alone_there_are_forces_over_the_time_and_no_loop(self):
         step, times = solve(compressed_plate(0.2, (2, 2))), [0.5, 1.0, 0.25]
         history = History((step,) * 3, 3)

@@ -19,7 +19,7 @@ from qvi_contact import (
     solve,
     solve_history,
 )
-from qvi_contact.gallery import compressed_plate, sliding_block
+from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import problem_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 
@@ -92,8 +92,6 @@ def test_unbalanced_loads_are_refused_with_their_size():
     turning = [Traction(side, x=x, y=0) for side, x in (("bottom", 1.0), ("top", -1.0), ("left", 0), ("right", 0))]
     with pytest.raises(InputError, match="out of balance"):
         discretize(ContactProblem(MESH, STEEL, turning))
-    with pytest.raises(InputError, match="translation"):
-        sliding_block(translation=0.0)
 
 
 @pytest.mark.parametrize("name", ["mesh", "material", "body_potential"])

@@ -11,11 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qvi_contact import (
+from qvi_contact import InputError, TriangleMesh, load_problem, save_problem, solve
+from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import (
     Contact,
     Displacement,
     Expression,
-    InputError,
     Material,
     Mises,
     MohrCoulomb,
@@ -26,13 +28,7 @@ from qvi_contact import (
     Symmetry,
     Traction,
     Tresca,
-    TriangleMesh,
-    load_problem,
-    save_problem,
-    solve,
 )
-from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from tests.cases import examples
 from tests.qvi_contact.builders import PRINTED, RICH
@@ -248,7 +244,7 @@ def test_times_and_their_problems():
     assert file.times == (0.0, 0.25, 0.5, 0.75, 1.0)
     assert [p.contacts[0].gap(np.zeros(1), np.zeros(1))[0] for p in file.problems] == [-1e-3 * t for t in file.times]
     assert [p.contacts[0].plate.moment for p in file.problems] == [0.5, 1.0, 1.5, 2.0, 2.5]
-    assert file.problem_at(0.5).mesh is file.problem.mesh
+    assert file.problems[-1].mesh is file.problem.mesh
 
 
 def test_pins_move_in_time_and_are_written_as_gap_and_plate(tmp_path):

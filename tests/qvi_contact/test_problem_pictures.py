@@ -8,19 +8,10 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-)
+from qvi_contact import TriangleMesh
 from qvi_contact.gallery import sliding_block
 from qvi_contact.plots import draw_problem, problem_figure, runs, value_range
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
 
 

@@ -12,24 +12,19 @@ import numpy as np
 import pytest
 
 import qvi_contact.limit
-from qvi_contact import (
+from qvi_contact import InputError, SolveError, TriangleMesh, limit_load_factor, limit_proof, save_problem
+from qvi_contact.limit import check
+from qvi_contact.problem import (
     Contact,
     ContactProblem,
-    InputError,
     Material,
     Mises,
     MohrCoulomb,
     RigidPlate,
-    SolveError,
     Symmetry,
     Traction,
     Tresca,
-    TriangleMesh,
-    limit_load_factor,
-    limit_proof,
-    save_problem,
 )
-from qvi_contact.limit import check
 from tests.qvi_contact.test_limit_yielding import random_body
 
 

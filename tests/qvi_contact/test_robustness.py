@@ -9,21 +9,13 @@ import pytest
 import qpsolvers
 
 from comparisons.benchmark import calls
-from qvi_contact import (
-    ContactState,
-    InputError,
-    SolveError,
-    TriangleMesh,
-    limit_load_factor,
-    refine,
-    solve,
-    solve_history,
-)
+from qvi_contact import ContactState, InputError, SolveError, TriangleMesh, limit_load_factor, solve, solve_history
 from qvi_contact.discretization import REACH
 from qvi_contact.export import write_npz
 from qvi_contact.files import load_result
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Traction
+from qvi_contact.refinement import refine
 from qvi_contact.solution import discretized
 from qvi_contact.verification import verify_result
 from solvers import Status

@@ -13,21 +13,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    InputError,
-    Material,
-    Traction,
-    TriangleMesh,
-    read_sweep,
-    solve,
-    solve_sweep,
-)
+from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
 from qvi_contact.basics import Units
 from qvi_contact.command import group
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
 from solvers import Status
 from tests.run_tasks import deadly
 

@@ -89,8 +89,8 @@ def piped(*arguments, python=(), **streams):
 @pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
     ("arguments", "python"),
-    [(["--rich"], []), (["--late"], []), (["--late", "--lines", "9999"], ["-u"])],
-    ids=["rich", "late", "unbuffered"],
+    [(["--rich"], []), (["--late", "--lines", "9999"], ["-u"])],
+    ids=["rich", "unbuffered"],
 )
 def test_a_full_standard_output(arguments, python):
     with FULL.open("w", encoding="utf-8") as full, piped(*arguments, python=python, stdout=full) as process:

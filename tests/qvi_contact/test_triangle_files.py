@@ -7,21 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    InputError,
-    Material,
-    Region,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    load_problem,
-    save_problem,
-    solve,
-)
+from qvi_contact import InputError, TriangleMesh, load_problem, save_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 from tests.cases import examples
 from tests.qvi_contact.builders import PROBLEMS, RICH, TRIANGLES
 from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4, med_file
@@ -149,8 +137,8 @@ class TestMeshFiles:
         ("seam = [[1, 4]]", "seam = []", "mesh.edges.seam", "one or more"),
         ("seam = [[1, 4]]", "seam = [[1, 4], [0, 1]]", "mesh.edges.seam", "two sets"),
         ("left = [0, 1]", "left = [0, 7]", "mesh.regions.left", "0 to 3"),
-        ("[mesh]", "[mesh]\nfile = \"a.msh\"", "mesh", "one of these"),
-        ("[mesh]", "[mesh]\nx = [0.0, 1.0]", "mesh", "one of these"),
+        ("[mesh]", "[mesh]\nfile = \"a.msh\"", "mesh.vertices", "one of these"),
+        ("[mesh]", "[mesh]\nx = [0.0, 1.0]", "mesh.vertices", "one of these"),
         ("[mesh]", "[mesh]\nrefine = { largest = 1.0 }", "mesh.refine", "leave it out"),
         ('name = "roof"', 'name = "bottom"', "edges[0].name", "exists already"),
         ("[[0.0, 1.0], [2.0, 1.0]]", "[[0.0, 1.0], [1.5, 1.0]]", "edges[0].segment", "(1, 1)"),
@@ -160,7 +148,7 @@ class TestMeshFiles:
         ("box = { x = [-0.1, 0.1] }", "box = { x = [0.1, -0.1] }", "edges[1]", "smaller end"),
         ("box = { x = [-0.1, 0.1] }", 'side = "left"', "edges[1].segment", "sides"),
         ("box = { x = [-0.1, 0.1] }", 'box = { x = [-0.1, 0.1] }\nside = "left"', "edges[1].box", "one of"),
-        ("box = { x = [-0.1, 0.1] }", "box = { x = [-0.1, 0.1] }\nat = 1.0", "edges[1].at", "grid"),
+        ("box = { x = [-0.1, 0.1] }", "box = { x = [-0.1, 0.1] }\nat = 1.0", "edges[1].at", "leave it out"),
         ("[[1.0, 0.1], [0.0, 1.0]]", "[[0.0, 0.0], [1.0, 0.1]]", "joints[0].segment", "inside the body"),
         ("segment = [[1.0, 0.1], [0.0, 1.0]]", 'direction = "vertical"\nat = 1.0', "joints[0].segment", "directions"),
         ('name = "left"', 'name = "right"', "regions[0]", "left, unused"),

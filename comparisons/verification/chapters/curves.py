@@ -18,7 +18,7 @@ from comparisons.verification.measures import Stress, stress_deviation
 from comparisons.verification.rows import Chapter, Check, Row, certified
 from qvi_contact import ContactProblem, Material, Symmetry, Traction, TriangleMesh, solve
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.gallery.meshes import arc, fan
+from qvi_contact.gallery import arc, fan
 
 CURVES: Final = Chapter()
 

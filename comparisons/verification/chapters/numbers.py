@@ -140,7 +140,7 @@ def by_differences(number: int) -> tuple[ContactResult, FloatArray, FloatArray, 
     short = list(DATA)[number % len(DATA)]
     parameter, size = DATA[short]
     ways = (0.0, _STEP * size, -_STEP * size)
-    results = [solve(two_blocks(number, **{short: way}), tolerance=1e-14) for way in ways]
+    results = [solve(two_blocks(number, **{short: way}), tolerance=1e-12) for way in ways]
     for name, line in results[0].contacts.items():
         if any((each.contacts[name].state != line.state).any() for each in results[1:]):
             return None

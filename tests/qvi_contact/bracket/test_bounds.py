@@ -7,27 +7,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Corner,
-    Displacement,
-    InputError,
-    Material,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    exact,
-    solve,
-    solve_history,
-)
+from qvi_contact import Corner, InputError, TriangleMesh, exact, solve, solve_history
 from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from tests.cases import every_pair, thinned
-from tests.qvi_contact.test_triangles import FOAM, LIMITS, SIDES, STATES, STEEL, moved, plate, squeezed, tilted, turned
+from tests.qvi_contact.test_triangles import SIDES, STATES, STEEL, moved, squeezed, tilted, turned
 
 U = 1e-3
 
@@ -111,22 +97,6 @@ def test_exact_states_close_the_gap(state, sides, rows):
     assert found.cell_gaps.sum() <= 1e-12 * found.strain
 
 
-@pytest.mark.parametrize(
-    ("degree", "depth", "unknowns", "gap"), [(3, 2, 60, 1.1e-3), (4, 5, 336, 1.7e-5), (6, 10, 1392, 2.9e-8)]
-)
-def test_full_stick(degree, depth, unknowns, gap):
-    """The plate tied to its obstacle: its force between guaranteed bounds that close exponentially."""
-    problem = plate("stick", compressed_plate(0.0, (1, 1)).mesh)
-    result = solve(replace(problem, mesh=problem.mesh.graded([(1.0, 1.0)], depth)), degree=degree)
-    found = result.bracket
-    assert result.discretization.qvi.n == unknowns
-    assert (found.kind, found.reasons) == (BracketKind.PROBLEM, ())
-    assert found.companion.degree == min(degree, 5)
-    force = found.forces["plate.normal_force"]
-    assert force.lower <= LIMITS["stick"] <= force.upper
-    assert 0.0 < found.gap <= gap * found.strain
-
-
 def test_turned_as_a_whole():
     problem = compressed_plate(0.2, (3, 3))
     mesh = problem.mesh
@@ -139,17 +109,6 @@ def test_turned_as_a_whole():
     errors = found.coulomb, straight.coulomb  # what is proved of rectangles along the axes changes bounds
     assert errors[0].residual == pytest.approx(errors[1].residual, rel=1e-8)
     assert computed_norm(slanted, errors[0].shares) == pytest.approx(computed_norm(problem, errors[1].shares), rel=1e-8)
-
-
-def test_joints_and_two_materials():
-    """Bonded, or tied along a slanted joint: one bracket."""
-    regions = [Region(FOAM, name="lower")]
-    bonded = squeezed(tilted(0.3), None, regions=regions)
-    tied = replace(bonded, conditions=[*bonded.conditions, Contact.tied("joint")])
-    found = [bracket(solve(problem, degree=4)) for problem in (bonded, tied)]
-    assert all(each.guaranteed for each in found)
-    for each in found:
-        assert (each.lower, each.upper) == pytest.approx((found[0].lower, found[0].upper), rel=1e-10)
 
 
 def test_parts_on_a_joint_belong_to_both_sides():
@@ -211,9 +170,7 @@ class TestForces:
         assert solve(problem).bracket.forces == {}
 
 
-def test_under_coulomb_the_gap_shrinks_and_closes_where_all_slips():
-    gaps = [solve(compressed_plate(0.1, (n, n))).bracket.gap for n in (2, 4)]
-    assert gaps[1] < 0.6 * gaps[0]
+def test_under_coulomb_the_gap_closes_where_all_slips():
     for rows in ("edges", "points"):
         found = bracket(solve(sliding_block((3, 2))[0], degree=4, law_on=rows))
         assert found.kind is BracketKind.GIVEN_BOUND
@@ -227,7 +184,7 @@ def test_does_not_depend_on_units_or_place():
     other = with_contact(Contact.tresca("top", 20.0, gap=-U * 1e3), mesh)
     first, second = solve(plate).bracket, solve(other).bracket
     assert (second.lower / 1e6, second.upper / 1e6) == pytest.approx((first.lower, first.upper), rel=1e-9)
-    np.testing.assert_allclose(second.cells / 1e6, first.cells, rtol=1e-4, atol=1e-9 * first.gap)
+    np.testing.assert_allclose(second.cell_gaps / 1e6, first.cell_gaps, rtol=1e-4, atol=1e-9 * first.gap)
 
 
 @pytest.mark.parametrize("law", [{"friction": 0.3}, {"friction": 0.0, "cohesion": 1.0}])
@@ -267,7 +224,7 @@ def test_what_has_no_bracket_is_refused():
 
 
 SOAKED = Material(1000.0, 0.3)
-MESHES = {"rectangles": TriangleMesh.rectangle((3, 3), 2.0, 1.0), "triangles": TriangleMesh.rectangle((3, 3), 2.0, 1.0)}
+BLOCK = TriangleMesh.rectangle((3, 3), 2.0, 1.0)
 FREE = Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)
 
 
@@ -275,8 +232,8 @@ def falling(x, y):
     return 3.0 - x + 0.0 * y
 
 
-def block(mesh, contact, *top):
-    return ContactProblem(mesh, SOAKED, [contact, *top, *FREE])
+def block(contact, *top):
+    return ContactProblem(BLOCK, SOAKED, [contact, *top, *FREE])
 
 
 CASES = {
@@ -290,12 +247,11 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
 @pytest.mark.parametrize("case", CASES)
-def test_bounds(case, mesh):
+def test_bounds(case):
     """Guaranteed, their parts add up, and both models transmit the whole traction."""
     contact, top = CASES[case]
-    result = solve(block(mesh, contact, *top), tolerance=1e-10)
+    result = solve(block(contact, *top), tolerance=1e-10)
     found = result.bracket
     assert found.kind is BracketKind.PROBLEM
     assert found.guaranteed, found.reasons
@@ -308,12 +264,11 @@ def test_bounds(case, mesh):
         assert theirs.normal_force == pytest.approx(ours.normal_force, rel=1e-9)
 
 
-@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
-def test_an_open_contact_full_of_fluid_is_a_load(mesh):
+def test_an_open_contact_full_of_fluid_is_a_load():
     """The same displacements as under a traction in its place."""
     contact, (top,) = CASES["open"]
-    wet = solve_companion(block(mesh, contact, top))
-    loaded = solve_companion(block(mesh, Traction("bottom", 0.0, falling), top))
+    wet = solve_companion(block(contact, top))
+    loaded = solve_companion(block(Traction("bottom", 0.0, falling), top))
     x, y = np.random.default_rng(0).uniform(size=(2, 20)) * [[2.0], [1.0]]
     assert wet.displacement(x, y) == pytest.approx(loaded.displacement(x, y), abs=1e-12)
     assert wet.contacts["bottom"].normal_stress.max() < -0.9
@@ -324,7 +279,7 @@ def test_friction_feels_the_effective_pressure():
     contact = Contact("bottom", 0.3, pore_pressure=2.0)
     sides = [Traction("left", 0.0, -1.8), Traction("right", 0.0, 1.8)]
     top = Displacement("top", x=1.0), Traction("top", y=-8.0)
-    problem = ContactProblem(MESHES["triangles"], SOAKED, [contact, *top, *sides])
+    problem = ContactProblem(BLOCK, SOAKED, [contact, *top, *sides])
     line = solve_companion(problem, degree=2).contacts["bottom"]
     assert line.tangential_force == pytest.approx(-0.3 * (8.0 - 2.0) * 2.0, rel=1e-8)
     assert line.normal_force == pytest.approx(16.0, rel=1e-9)
@@ -334,16 +289,14 @@ def test_both_faces_of_a_joint_feel_it():
     mesh = TriangleMesh.rectangle((3, 4), 2.0, 1.0).with_joint("seam", lambda _, y: np.isclose(y, 0.5))
     joint = Contact("seam", 0.0, pore_pressure=falling, gap=1.0)
     ends = [Displacement("bottom", 0.0, 0.0), Displacement("top", 0.0, 0.0)]
-    problem = ContactProblem(mesh, SOAKED, [joint, *ends, *FREE])
-    for each in (problem, problem):
-        found = solve(each, tolerance=1e-10).bracket
-        assert found.guaranteed
-        assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6)
-        assert found.companion.contacts["seam"].normal_force == pytest.approx(4.0, rel=1e-10)
+    found = solve(ContactProblem(mesh, SOAKED, [joint, *ends, *FREE]), tolerance=1e-10).bracket
+    assert found.guaranteed
+    assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6)
+    assert found.companion.contacts["seam"].normal_force == pytest.approx(4.0, rel=1e-10)
 
 
 def test_a_pressure_beyond_the_traces_is_named():
     contact = Contact("bottom", 0.0, pore_pressure=lambda x, y: 1.0 + x**4 + 0.0 * y)
     walls = Symmetry("left"), Symmetry("right")
-    problem = ContactProblem(MESHES["triangles"], SOAKED, [contact, Traction("top", 0.0, -40.0), *walls])
+    problem = ContactProblem(BLOCK, SOAKED, [contact, Traction("top", 0.0, -40.0), *walls])
     assert any("pore pressure" in reason for reason in solve(problem).bracket.reasons)
