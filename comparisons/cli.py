@@ -67,8 +67,7 @@ def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation
     The problem is the paper's compressed plate on triangles, on n × n equal cells and on graded ones; and there are
     histories and sweeps, whose problems share a factorisation. Measured are time, iterations, peak memory and accuracy,
     and how they grow with n. Each time is a median, measured in a process of its own with a fixed number of threads.
-    Other methods, such as the plain loop and Uzawa's, stand beside the condensed one; each may take 120 s. A solve
-    that fails is listed with its status.
+    A solve that fails is listed with its status. How other methods do is compared by `comparisons solvers`.
 
     \b
     Examples:
@@ -78,7 +77,7 @@ def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation
     from comparisons.benchmark import report, study
 
     studies = [study.whole(cells, friction, factorisation), study.graded(factorisation),
-               study.sequences(max(cells) < 32), study.loops(cells, friction)]  # fmt: skip
+               study.sequences(max(cells) < 32)]  # fmt: skip
     return Plan(studies, report.report)
 
 

@@ -16,10 +16,9 @@ if TYPE_CHECKING:
     from solvers.certificate.certificate import Certificate, certify
     from solvers.certificate.feasibility import Feasibility, check_feasibility
     from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
+    from solvers.inequality.body import EnergyRoot, Loads, Stiffness
     from solvers.inequality.contact import ContactMatrices
-    from solvers.inequality.loads import Loads
     from solvers.inequality.problem import FrictionQVI, Law
-    from solvers.inequality.stiffness import EnergyRoot, Stiffness
     from solvers.inequality.traces import TractionFactor
     from solvers.inner.registry import available
     from solvers.solution import Iteration, QVISolution
@@ -58,9 +57,8 @@ __getattr__ = front(
         "certificate.feasibility": ("Feasibility", "check_feasibility"),
         "errors": ("InputError", "QVIError", "SolveError", "SolverUnavailableError", "UnknownNameError"),
         "inequality.contact": ("ContactMatrices",),
-        "inequality.loads": ("Loads",),
         "inequality.problem": ("FrictionQVI", "Law"),
-        "inequality.stiffness": ("EnergyRoot", "Stiffness"),
+        "inequality.body": ("EnergyRoot", "Loads", "Stiffness"),
         "inequality.traces": ("TractionFactor",),
         "inner.registry": ("available",),
         "solution": ("Iteration", "QVISolution"),

@@ -56,25 +56,15 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Bounds of points (r,): w = limit − (by_normal σ_N + by_shear σ_T), relieved by x with a multiplier of this sign.
+    """Bounds (r,): w = limit − (by_normal σ_N + by_shear σ_T), relieved by x with a multiplier of this sign."""
 
-    Attributes
-    ----------
-    point : (r,) int
-    along : (r,) bool, whether the multiplier is tangential
-    by_normal, by_shear, sign : (r,)
-    limit : (r,), change of the limit
-    strong : (r,) bool, x > 0; elsewhere x = 0 and w = 0
-
-    """
-
-    point: IntVector
-    along: BoolVector
-    by_normal: Vector
+    point: IntVector  # (r,) int
+    along: BoolVector  # (r,) bool, whether the multiplier is tangential
+    by_normal: Vector  # (r,)
     by_shear: Vector
     sign: Vector
-    limit: Vector
-    strong: BoolVector
+    limit: Vector  # (r,), change of the limit
+    strong: BoolVector  # (r,) bool, x > 0; elsewhere x = 0 and w = 0
 
 
 def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float = 1.0) -> Change:

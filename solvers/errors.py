@@ -35,7 +35,12 @@ class InputError(QVIError, ValueError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickles, as worker processes send it; a value that cannot be pickled goes along as text."""
-        return type(self), (self.field, _as_sent(self.value), self.remedy), {"args": self.args}
+        value = self.value
+        try:
+            pickle.dumps(value)
+        except Exception:  # whatever the value's own code raises
+            value = _shorten(value)
+        return type(self), (self.field, value, self.remedy), {"args": self.args}
 
 
 class UnknownNameError(InputError, KeyError):
@@ -50,14 +55,6 @@ class SolverUnavailableError(InputError):
 
 class SolveError(QVIError):
     """Raised on request (``throw=True``) when a solve ends without a certified answer."""
-
-
-def _as_sent(value: object) -> object:
-    try:
-        pickle.dumps(value)
-    except Exception:  # whatever the value's own code raises
-        return _shorten(value)
-    return value
 
 
 def plain(value: object) -> str:

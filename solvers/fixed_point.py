@@ -25,7 +25,7 @@ from scipy.sparse import csc_array, diags_array, eye_array, vstack
 from solvers.basics.checks import real_array
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
-from solvers.basics.types import Matrix, Sparse, Vector
+from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.errors import InputError
@@ -61,20 +61,11 @@ _COMPLIANT, _HELD = 1e-14, 1e-12
 
 @dataclass(frozen=True, eq=False)
 class FullForm:
-    """(D2) as it is, but for rows without friction, turned into independent equality rows, and bilateral ones, void.
+    """(D2) as it is, but for rows without friction, turned into independent equality rows, and bilateral ones, void."""
 
-    Attributes
-    ----------
-    name : of the form
-    problem : what an inner solver sees: those equations in A, their rows of T empty, bilateral rows of N empty
-    rows : (m,) bool
-    E : (rows, k), T_rows = E Y with Y the k equality rows appended to A
-
-    """
-
-    problem: FrictionQVI
-    rows: np.ndarray
-    E: Matrix
+    problem: FrictionQVI  # for an inner solver: those equations in A, their rows of T empty, bilateral rows of N empty
+    rows: np.ndarray  # (m,) bool
+    E: Matrix  # (rows, k), T_rows = E Y with Y the k equality rows appended to A
     name: ClassVar[str] = "full"
 
     @classmethod
@@ -127,7 +118,12 @@ class CondensedForm:
         E, Y = independent_rows(qvi.contact_rows)
         Y_interface = Y[:, qvi.condensed_contact.system.interface]
         C = Y_interface @ qvi.condensed_contact.system.solve_interface(Y_interface.T.toarray())[0]
-        self._V = E @ _factor(C, qvi.K)
+        # F Fᵀ = C = Y K⁻¹ Yᵀ from its eigenvalues; directions without compliance are left out. As rows of Y are
+        # orthonormal, C is at least 1/|K| where no equation A z = b holds the direction.
+        values, vectors = np.linalg.eigh((C + C.T) / 2.0)
+        least = max(_COMPLIANT * values.max(initial=0.0), _HELD / float(qvi.K.diagonal().max(initial=1.0)))
+        kept = values > least
+        self._V = np.asarray(E @ (vectors[:, kept] * np.sqrt(values[kept])))
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI.from_arrays(
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],
@@ -160,17 +156,6 @@ def make_form(qvi: FrictionQVI, form: str) -> ProblemForm:
         return full
     condensed = CondensedForm(full)
     return condensed if condensed.problem.n > 0 else full
-
-
-def _factor(C: Matrix, K: Sparse) -> Matrix:
-    """F with F Fᵀ = C for C = Y K⁻¹ Yᵀ, from its eigenvalues; directions without compliance are left out.
-
-    As Y has orthonormal rows, C is at least 1/|K| where no equation A z = b holds the direction.
-    """
-    values, vectors = np.linalg.eigh((C + C.T) / 2.0)
-    least = max(_COMPLIANT * values.max(initial=0.0), _HELD / float(K.diagonal().max(initial=1.0)))
-    kept = values > least
-    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
 
 # Anderson acceleration of a fixed-point map, with safeguard.
@@ -323,7 +308,7 @@ class _Loop:
             result.iterations, time.perf_counter() - began,
         )  # fmt: skip
         self.history.append(entry)
-        report(Progress("fixed-point", entry), self.options.callback)
+        report(Progress("fixed-point", entry))
 
     def _check_progress(self, residual: float, number: int) -> None:
         """Cycle or stagnation, see the table of this module."""

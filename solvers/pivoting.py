@@ -52,34 +52,28 @@ _RANK = 1e-11  # singular values of active rows below this share of the largest 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Bounds of one problem for given signs of σ_N, in units of the tractions and of the multipliers they relieve.
+    """Bounds of one problem for given signs of σ_N, in units of the tractions and of the multipliers they relieve."""
 
-    Attributes
-    ----------
-    H : (r, 2m); limit : (r,)
-    F : (2m, r), m of unit x
-
-    """
-
-    H: Matrix
+    H: Matrix  # (r, 2m); limit : (r,)
     limit: Vector
-    F: Matrix
+    F: Matrix  # (2m, r), m of unit x
 
     @classmethod
     def of(cls, qvi: FrictionQVI, law: Law, signs: Vector, unit: float) -> _Rows:
         """The rows; `unit`: multiplier over weight of x = 1."""
-        one, normal, capped = np.eye(qvi.m), np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
-        pull = np.hstack([one, 0.0 * one])[normal]
-        blocks, limits, forces = [pull], [np.zeros(len(normal))], [pull]
+        m, normal, capped = qvi.m, np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
+        pull = np.eye(m, 2 * m)
+        rubbed = (law.mu * signs)[:, None] * pull
+        blocks, limits, forces = [pull[normal]], [np.zeros(len(normal))], [pull[normal]]
         for side in (1.0, -1.0):
-            shear = np.hstack([0.0 * one, side * one])
-            blocks += [shear - np.hstack([np.diag(law.mu * signs), 0.0 * one]), shear[capped]]
+            shear = side * np.eye(m, 2 * m, m)
+            blocks += [shear - rubbed, shear[capped]]
             limits += [law.cohesion, law.cap[capped]]
             forces += [shear, shear[capped]]
         weights = np.concatenate([qvi.W, qvi.W])
         sizes = 1.0 / np.concatenate([np.ones(len(normal)), *(2 * [1.0 + law.mu, np.ones(len(capped))])])
         F = unit * weights[:, None] * np.concatenate(forces).T
-        return cls(sizes[:, None] * np.concatenate(blocks), sizes * np.concatenate(limits), F.reshape(2 * qvi.m, -1))
+        return cls(sizes[:, None] * np.concatenate(blocks), sizes * np.concatenate(limits), F.reshape(2 * m, -1))
 
 
 @dataclass(eq=False)
@@ -112,7 +106,7 @@ class _Run:
             time.perf_counter() - self.began,
         )  # fmt: skip
         self.best.history.append(entry)
-        report(Progress("pivoting", entry), self.options.callback)
+        report(Progress("pivoting", entry))
         if certificate.accuracy < self.accuracy:
             self.accuracy = certificate.accuracy
             best = self.best
@@ -247,19 +241,11 @@ _PIVOTS = 20  # pivots at most, times the number of unknowns
 
 @dataclass(frozen=True, eq=False)
 class Vertex:
-    """Where the path has ended.
+    """Where the path has ended."""
 
-    Attributes
-    ----------
-    x : (n,) ≥ 0
-    basic : (n,) bool, where x may be positive, w zero
-    pivots : how many it took
-
-    """
-
-    x: Vector
-    basic: BoolVector
-    pivots: int
+    x: Vector  # (n,) ≥ 0
+    basic: BoolVector  # (n,) bool, where x may be positive, w zero
+    pivots: int  # how many it took
 
 
 def solve_lcp(M: Matrix, q: Vector, d: Vector) -> Vertex | None:
@@ -271,7 +257,7 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector) -> Vertex | None:
     x, basic = np.zeros(n), np.zeros(n, dtype=bool)
     if q.min(initial=0.0) >= 0.0:
         return Vertex(x, basic, 0)
-    table = np.hstack([np.eye(n), -M, -d[:, None], q[:, None]])  # w − M x − d θ = q
+    table = np.concatenate([np.eye(n), -M, -d[:, None], q[:, None]], axis=1)  # w − M x − d θ = q
     basis = np.arange(n)
     row, entering = int(np.argmin(q / d)), 2 * n
     for pivots in range(1, _PIVOTS * n):

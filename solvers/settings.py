@@ -33,7 +33,7 @@ DECAYS: Final = ("geometric", "harmonic")
 
 @dataclass(frozen=True, kw_only=True)
 class CondensedOptions:
-    """Options of the condensed method, beside `initial`, the `Start` to begin near, and `callback`, see `Settings`.
+    """Options of the condensed method, beside `initial`, the `Start` to begin near.
 
     At most 600 factorisations of Newton's matrix, unless `max_iterations` says otherwise.
 
@@ -56,7 +56,6 @@ class CondensedOptions:
     max_iterations: int = 600
     initial: Any = None
     system: str = "auto"
-    callback: Callable[[Any], object] | None = None
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import one_of, whole_number
@@ -75,7 +74,7 @@ class CondensedOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FixedPointOptions:
-    """Options of the fixed point, beside `initial`, the pressure s (m,) ≥ 0 to start from, and `callback`.
+    """Options of the fixed point, beside `initial`, the pressure s (m,) ≥ 0 to start from.
 
     By default it starts from the pressure of the bonded solution (one linear solve). At most 100 outer iterations,
     unless `max_iterations` says otherwise.
@@ -110,7 +109,6 @@ class FixedPointOptions:
     patience: int = 15
     form: str = "auto"
     inner_options: Mapping[str, Any] | None = None
-    callback: Callable[[Any], object] | None = None
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import finite_number, one_of, whole_number
@@ -127,7 +125,7 @@ class FixedPointOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class UzawaOptions:
-    """Options of the Uzawa procedure, beside `callback`; at most 100 000 iterations.
+    """Options of the Uzawa procedure; at most 100 000 iterations.
 
     Parameters
     ----------
@@ -154,7 +152,6 @@ class UzawaOptions:
     decay: str = "geometric"
     max_iterations: int = 100_000
     iterations: int | None = None
-    callback: Callable[[Any], object] | None = None
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import one_of, positive_number, whole_number
@@ -171,10 +168,9 @@ class UzawaOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PivotingOptions:
-    """Options of pivoting: at most 1000 vertices, and corrections of one, and `callback` for each."""
+    """Options of pivoting: at most 1000 vertices, and corrections of one."""
 
     max_iterations: int = 1000  # more than there are: a few directions, guesses of signs, and corrections
-    callback: Callable[[Any], object] | None = None
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import whole_number

@@ -6,11 +6,10 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from solvers.basics.frames import columns_of, frame
 from solvers.basics.progress import deadline
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
@@ -18,9 +17,6 @@ from solvers.certificate.certificate import Certificate, certify
 from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
 from solvers.inequality.problem import FrictionQVI
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 class Iteration(NamedTuple):
@@ -120,18 +116,6 @@ class QVISolution:
     near: bool | None = None
     attempts: tuple[Attempt, ...] = ()
 
-    def to_frame(self) -> DataFrame:
-        """One row for each `Iteration` as a pandas table, with its fields as columns; needs the extra ``frame``.
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
-        """
-        rows = [entry._asdict() for entry in self.history]
-        return frame(columns_of(rows))
-
     @property
     def solved(self) -> bool:
         """Whether `status` is solved, that is, whether the certificate passed."""
@@ -197,19 +181,11 @@ def observed_contraction(history: Sequence[Iteration]) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A state of a problem with the same rows, in the units of the one to be solved.
+    """A state of a problem with the same rows, in the units of the one to be solved."""
 
-    Attributes
-    ----------
-    pressure : s (m,) ≥ 0
-    z : (n,) unknowns
-    normal_multiplier, tangential_multiplier : (m,) row multipliers, signs as in `FrictionQVI`
-
-    """
-
-    pressure: Vector
-    z: Vector
-    normal_multiplier: Vector
+    pressure: Vector  # s (m,) ≥ 0
+    z: Vector  # (n,)
+    normal_multiplier: Vector  # (m,) of rows, signs as in `FrictionQVI`
     tangential_multiplier: Vector
 
     @classmethod
@@ -242,37 +218,24 @@ LOOSEST = 1e-4
 
 @dataclass(eq=False)
 class Outcome:
-    """What an iteration leaves behind, before any certificate.
+    """What an iteration leaves behind, before any certificate; fields without a comment are those of `QVISolution`."""
 
-    Attributes
-    ----------
-    reason : how the iteration itself sees its end
-    z, m_N, m_T, nu : the point and its multipliers, NaN where there is none
-    history, iterations, versions, farkas, form, corrections, near : as `QVISolution` has them
-    message : what to say where it is not solved; advice : what to do then, if that is not what the reason says
-    setup : seconds before the first iteration
-    feasibility : that of the problem, if it is known
-    hopeless : no certificate is to be hoped for, nor is it of interest whether there is a solution
-    turned : how the way to it had to turn, which happens where there are several solutions
-
-    """
-
-    reason: Status
+    reason: Status  # how the iteration itself sees its end
     z: Vector
-    m_N: Vector  # noqa: N815  # letters of (D2)
+    m_N: Vector  # noqa: N815  # letters of (D2); NaN where there is no result, as z and ν
     m_T: Vector  # noqa: N815
     nu: Vector
     history: list[Iteration] = field(default_factory=list)
     iterations: int = 0
-    message: str = ""
-    advice: str = ""
-    setup: float = 0.0
+    message: str = ""  # what to say where it is not solved
+    advice: str = ""  # what to do then, if that is not what the reason says
+    setup: float = 0.0  # seconds before the first iteration
     versions: Mapping[str, str] = field(default_factory=dict)
-    feasibility: Feasibility | None = None
+    feasibility: Feasibility | None = None  # that of the problem, if it is known
     form: str = "full"
-    hopeless: bool = False
+    hopeless: bool = False  # no certificate is to be hoped for, nor is it of interest whether there is a solution
     corrections: tuple[float, ...] = ()
-    turned: str = ""
+    turned: str = ""  # how the way to it had to turn, which happens where there are several solutions
     near: bool | None = None
 
     @classmethod

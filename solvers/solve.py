@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from itertools import chain
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from solvers.basics.progress import Log, Progress, deadline, report
+from solvers.basics.progress import Log, Progress, deadline, listening, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
@@ -20,7 +21,7 @@ from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError
 from solvers.factorisation import FactorisationError
 from solvers.fixed_point import CONDENSED_LIMIT, initial_pressure, solve_fixed_point
-from solvers.inequality.loads import SLOW_CONTRACTION
+from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting import affordable, another_solution, solve_pivoting
@@ -206,20 +207,13 @@ def _linear(qvi: FrictionQVI, method: str) -> Tries:
 
 
 class Way(NamedTuple):
-    """One entry of `ATTEMPTS`.
+    """One entry of `ATTEMPTS`."""
 
-    Attributes
-    ----------
-    method : to which it belongs; one that is asked for has its own entries alone
-    tries : what it tries, one by one as they are asked for; nothing where the ways before leave nothing to do
-    subject : of a sentence that says what the method found
-    serves : for which problems it is tried where no method is asked for
-
-    """
-
-    method: str
+    method: str  # to which it belongs; one that is asked for has its own entries alone
+    # what it tries, one by one as they are asked for; nothing where the ways before leave nothing to do
     tries: Callable[[Search], Tries]
-    subject: str = ""
+    subject: str = ""  # of a sentence that says what the method found
+    # for which problems it is tried where no method is asked for
     serves: Callable[[FrictionQVI], bool] = lambda _: True
 
 
@@ -235,24 +229,16 @@ ATTEMPTS: Final = (
 
 
 class Search:
-    """What is tried of one problem.
-
-    Attributes
-    ----------
-    attempts : so far
-    best : outcome of the method under way, by its certificate
-    run : last start of the condensed method
-    inner : inner solver of the fixed point
-
-    """
+    """What is tried of one problem."""
 
     def __init__(self, qvi: FrictionQVI, settings: Settings, initial: object) -> None:
-        self.qvi, self.settings, self.inner = qvi, settings, settings.inner or DEFAULT_INNER
-        self.attempts: tuple[Attempt, ...] = ()
-        self.best: Outcome | None = None
-        self.run: CondensedRun | None = None
+        self.qvi, self.settings = qvi, settings
+        self.inner = settings.inner or DEFAULT_INNER  # of the fixed point
+        self.attempts: tuple[Attempt, ...] = ()  # so far
+        self.best: Outcome | None = None  # of the method under way, by its certificate
+        self.run: CondensedRun | None = None  # last start of the condensed method
         self._began = time.perf_counter()
-        self._given = {"callback": settings.callback, **settings.options}
+        self._given = dict(settings.options)
         self._pressure: Vector | None = None
         if initial is not None and settings.takes_state:
             start = Start.of(initial) if isinstance(initial, QVISolution) else initial
@@ -333,10 +319,9 @@ class Search:
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
         self.inner, last, subject = DEFAULT_INNER, first, ""
         for way in later:
-            self._given = {"callback": self.settings.callback}
-            if way.method in STARTED:
-                self._given |= {"initial": self._pressure}
-                self._given |= {} if limit is None else {"max_iterations": limit - first.iterations}
+            self._given = {"initial": self._pressure} if way.method in STARTED else {}
+            if limit is not None and way.method in STARTED:
+                self._given["max_iterations"] = limit - first.iterations
             report(Progress(way.method, remark=tried))
             with deadline(seconds):
                 last, subject = self.by(way.method, tried), way.subject
@@ -358,7 +343,13 @@ class Search:
 
 def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVISolution:
     """Solve from a start: by the method of the settings, where it was not asked for by the other `ATTEMPTS` too."""
-    with qvi.stiffness.using(settings.factorisation, settings.threads):
+    callback = settings.callback
+
+    def hear(progress: Progress) -> None:
+        if callback is not None and progress.iteration is not None:
+            callback(progress.iteration)
+
+    with qvi.stiffness.using(settings.factorisation, settings.threads), listening(hear) if callback else nullcontext():
         search = Search(qvi, settings, initial)
         solution = search.by(settings.chosen)
         if settings.by_default:
@@ -417,18 +408,14 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
 
 def traction_difference(one: QVISolution, other: QVISolution) -> float:
     """The largest difference of tractions at a contact point, over the largest traction of the first."""
-    difference = float(np.abs(_tractions(one) - _tractions(other)).max(initial=0.0))
-    return difference / one.certificate.scales["stress"]
-
-
-def _tractions(solution: QVISolution) -> Vector:
-    qvi = solution.problem
-    return np.concatenate([qvi.normal(solution.z), qvi.tangential(solution.z)])
+    mine, theirs = ((each.problem.normal(each.z), each.problem.tangential(each.z)) for each in (one, other))
+    return float(np.abs(np.subtract(mine, theirs)).max(initial=0.0)) / one.certificate.scales["stress"]
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:
     """What the ways end at, until the time is over; those that begin at the same friction begin at the same state."""
     begun: dict[float, QVISolution] = {}
+    qvi, tolerance = solution.problem, solution.certificate.tolerance
     for first, count in WAYS:
         state = None
         for factor in np.linspace(first, 1.0, count + 1):
@@ -437,14 +424,8 @@ def _ends(solution: QVISolution) -> Iterator[QVISolution]:
             if factor == first and first in begun:
                 step = begun[first]
             else:
-                step = _at_friction(factor, solution, state)
+                posed = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
+                step = solve_qvi(posed, "condensed", tolerance=tolerance, initial=state)
                 begun.setdefault(first, step)
             state = step if step.solved else state
         yield step
-
-
-def _at_friction(factor: float, solution: QVISolution, start: QVISolution | None) -> QVISolution:
-    """The problem of a solution with so many times its friction, solved from a state."""
-    qvi = solution.problem
-    posed = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
-    return solve_qvi(posed, "condensed", tolerance=solution.certificate.tolerance, initial=start)

@@ -77,7 +77,7 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
         # Every iteration is recorded up to a thousand, then those with three digits: 1010, 1020, …, 10100, 10200.
         if number <= _RECORD_ALL or not number % 10 ** (len(str(number)) - 3):
             history.append(entry)
-            report(Progress("uzawa", entry), options.callback)
+            report(Progress("uzawa", entry))
         # The table of this module, row by row; a snapshot every 64 iterations is compared with up to 8 after it.
         since = number % _CYCLE_EVERY
         snapshot = snapshot if since else lam

@@ -1,1 +1,1 @@
-"""Times of whole solves beside one factorisation and other loops, of sequences and walls, and the accuracy they buy."""
+"""Times of whole solves beside one factorisation, of sequences and walls, and the accuracy they buy."""

@@ -20,17 +20,10 @@ _FOLDERS = tuple(str(Path(each.__file__).parent) for each in (qvi_contact, solve
 
 
 class Calls(NamedTuple):
-    """Of one solve.
+    """Of one solve."""
 
-    Attributes
-    ----------
-    calls : of everything, libraries and built-in functions too
-    files, functions : of the packages `qvi_contact` and `solvers`, that were passed
-
-    """
-
-    calls: int
-    files: int
+    calls: int  # of everything, libraries and built-in functions too
+    files: int  # of the packages `qvi_contact` and `solvers`, that were passed
     functions: int
 
 

@@ -119,20 +119,6 @@ def target(found: tuple[float, float]) -> str:
     return f"{scientific(found[0], 1)} in {seconds(found[1])}"
 
 
-def loops_of(rows: Rows, solves: DataFrame) -> DataFrame:
-    """One line for each loop and number of cells, beside the condensed method."""
-    lines = [{**row.case, **(answer := _answer(row)), "solve": _median(answer.get("seconds"))} for row in rows]
-    numbers = ("cells", "friction", "iterations", "solve", "half_force", "unknowns")
-    condensed = solves[solves.status == "solved"][["cells", "friction", "solve", "half_force"]]
-    found = _frame(lines, numbers, ("loop", "status", "message"))
-    both = found.merge(condensed, "left", ["cells", "friction"], suffixes=("", "_beside"))
-    answered = both.status.isin(["solved", "inaccurate"])
-    return both.assign(
-        ratio=(both.solve / both.solve_beside).where(answered),
-        half_force_difference=(both.half_force / both.half_force_beside - 1.0).abs().where(answered),
-    )
-
-
 def runs_of(rows: Rows) -> DataFrame:
     """One line a sequence and way.
 
@@ -170,11 +156,6 @@ def values_of(frames: Mapping[str, DataFrame]) -> dict[str, Any]:
     solves, graded, growth = frames["solves"], frames["graded"], frames["growth"]
     status = [*solves.status, *graded.status]
     shown = solves[(solves.cells == solves.cells.max()) & solves.ratio_fastest.notna()]
-    loops = []
-    for name, found in frames["loops"].groupby("loop", sort=False):  # of each the largest mesh that it finishes
-        timed = found[found.ratio.notna()]
-        row = found.iloc[0] if timed.empty else timed.iloc[-1]
-        loops.append({"name": name, "cells": int(row.cells), "ratio": row.ratio, "status": row.status})
     whole = growth[growth["to"] == growth["to"].max()]
     whole = whole[whole["from"] == whole["from"].min()]
     targets = [
@@ -182,7 +163,7 @@ def values_of(frames: Mapping[str, DataFrame]) -> dict[str, Any]:
         for mu, found in graded.groupby("friction", sort=False)
     ]
     return {
-        "tolerance": TOLERANCE, "problems": len(status), "solved": status.count("solved"), "loops": loops,
+        "tolerance": TOLERANCE, "problems": len(status), "solved": status.count("solved"),
         "largest": None if shown.empty else int(shown.cells.iloc[0]), "unknowns": shown.unknowns.max(),
         "ratios": span(shown.ratio_fastest, _HUNDREDTHS), "seconds": span(shown.whole, seconds),
         "library": next(iter(shown.library), None), "fastest": next(iter(shown.fastest), None),
@@ -219,7 +200,7 @@ _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys(("unknowns", "iterations", "runs", "contact_points", "blocks", "depth", "degree", "more"),
                     fixed(".0f")),
     **dict.fromkeys((*_POWERS.values(), "ratio_own", "ratio_fastest"), _HUNDREDTHS), "half_force": fixed(".8f"),
-    "met": listing, "ratio": lambda value: significant(value, 4), "half_force_difference": scientific,
+    "met": listing,
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
     **dict.fromkeys(("half_force_error", "error"), _shown_error),
@@ -229,14 +210,11 @@ _FORMS: Final[dict[str, Form]] = {
 """Column of a table → how its values read."""
 
 
-def report(whole: Rows, graded: Rows, sequences: Rows, loops: Rows) -> Report:
+def report(whole: Rows, graded: Rows, sequences: Rows) -> Report:
     """The report on the plate and on sequences; the same rows give the same one."""
     solves = solves_of(whole)
     growth = growth_of(solves, "friction", "cells", "unknowns", [*_POWERS]).rename(columns=_POWERS)
-    frames = {
-        "solves": solves, "loops": loops_of(loops, solves), "graded": graded_of(graded), "growth": growth,
-        "sequences": runs_of(sequences),
-    }  # fmt: skip
+    frames = {"solves": solves, "graded": graded_of(graded), "growth": growth, "sequences": runs_of(sequences)}
     measured, runs = solves.friction.unique(), frames["sequences"]
     friction = FRICTION if FRICTION in measured else min(measured, default=None)
     plain = [{**row.case, **found, **{part: _median(found["seconds"].get(part)) for part in ("numeric", "plain")}}
@@ -245,9 +223,8 @@ def report(whole: Rows, graded: Rows, sequences: Rows, loops: Rows) -> Report:
     shares = [f"{each.solved} of {each.planned}" for each in runs.itertuples()]
     tables = {**frames, "plain": DataFrame(plain, columns=_PLAIN), "sequences": runs.assign(title=titles, share=shares)}
     figures = {"times": drawn("benchmark", partial(_picture, frames, friction))}
-    rows = [*whole, *graded, *sequences, *loops]
-    return render("comparisons.benchmark", "benchmark", {**values_of(frames), "friction": friction}, tables, figures,
-                  rows, forms=_FORMS)  # fmt: skip
+    values, rows = {**values_of(frames), "friction": friction}, [*whole, *graded, *sequences]
+    return render("comparisons.benchmark", "benchmark", values, tables, figures, rows, forms=_FORMS)
 
 
 def walls_of(rows: Rows) -> DataFrame:
@@ -285,14 +262,12 @@ def _picture(frames: Mapping[str, DataFrame], friction: float | None) -> "Figure
 
     if friction is None:
         return None
-    solves, loops, graded = frames["solves"], frames["loops"], frames["graded"]
+    solves, graded = frames["solves"], frames["graded"]
     solved = solves[(solves.friction == friction) & (solves.status == "solved")]
     lines = [
         ("whole solve", solved.unknowns, solved.solve),
         ("one plain factorisation, fastest", solved.unknowns, solved.fastest_factorisation),
-        *((str(name), found.unknowns, found.solve)
-          for name, found in loops[loops.status == "solved"].groupby("loop", sort=False)),
-    ]  # fmt: skip
+    ]
     beside = [(f"graded meshes, μ = {mu:g}", found.whole, found.error) for mu, found in graded.groupby("friction")]
     figure = new_figure(11.0, 4.8)
     for axes, curves, x, y in (

@@ -1,4 +1,4 @@
-"""The benchmark's studies and what is done for a case: whole solves, graded meshes, other loops, sequences, walls.
+"""The benchmark's studies and what is done for a case: whole solves, graded meshes, sequences, walls.
 
 Every case has a process of its own: its peak memory is that of one problem, and no time depends on what ran before.
 Times are wall times [s], of sequences and walls CPU times. Problems are on triangles, by the defaults of `solve`.
@@ -39,8 +39,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.runs import THREADS
 from qvi_contact.solution.sweep import Parameter, SweepTask
-from solvers import certify
-from solvers.basics.types import Sparse, load
+from solvers.basics.types import Sparse
 from solvers.factorisation import available_backends, factorise, resolve
 from solvers.factorisation.choice import CHOICES
 
@@ -48,26 +47,13 @@ TOLERANCE: Final = 1e-8
 """That the certificate of every solve must confirm."""
 
 FRICTION: Final = 0.2
-"""Of loops and of the picture, if it is among the frictions asked for."""
+"""Of the picture, if it is among the frictions asked for."""
 
 MESHES: Final = ((4, 4), (4, 5), (8, 5), (12, 6), (16, 6))
 """(Halvings at the singular points, degree) of the meshes on which accuracy is weighed against time."""
 
 GRADED_FRICTION: Final = (0.2, 1.0)
 GRADED_RUNS: Final = 10
-
-LARGEST: Final = 32
-"""Cells a side up to which other methods are tried."""
-
-METHODS: Final[Mapping[str, Mapping[str, str]]] = {
-    "naive loop, qpsolvers": {"method": "fixed-point", "inner": "qp:clarabel", "form": "full"},
-    "naive loop, cvxpy": {},
-    "naive loop, cvxpy, cones": {"method": "fixed-point", "inner": "socp:clarabel", "form": "full"},
-    "loop of condensed QPs": {"method": "fixed-point", "inner": "qp:clarabel", "form": "condensed"},
-    "Uzawa": {"method": "uzawa"},
-}
-"""Other methods by options of `solve`: the fixed point on the friction bound as one would write it first, without
-options by `cvxpy_loop`, on the condensed operator, and the paper's own."""
 
 
 def _study(name: str, version: int, cases: Iterable[dict[str, Any]], **limits: Any) -> Study:
@@ -91,13 +77,6 @@ def graded(factorisation: str) -> Study:
     return _study("graded", 2, cases, threads=1)
 
 
-def loops(cells: Sequence[int], friction: Sequence[float]) -> Study:
-    """Other methods, on meshes that are not too large for them; at `FRICTION` if it is among these."""
-    mu, small = FRICTION if FRICTION in friction else min(friction), [each for each in cells if each <= LARGEST]
-    cases = product(sorted(set(small)) or [LARGEST], METHODS)
-    return _study("loops", 2, ({"cells": each, "loop": loop, "friction": mu} for each, loop in cases), timeout=120.0)
-
-
 def sequences(quick: bool = False) -> Study:
     """Histories and sweeps, each solved in the three ways of `WAYS`, on one thread."""
     return _study("sequences", 1, ({"sequence": name, "quick": quick} for name in CHAINS), threads=1)
@@ -118,8 +97,6 @@ PARTS: Final = ("whole", "assembly", "solve", "factorisation", "interior_point",
 
 _WARM_UP: Final = 4  # cells a side of a solve that loads all libraries
 _REPETITIONS: Final = ((32, 5), (64, 3))  # up to so many cells a side; beyond the last one, two
-_LOOP_RUNS: Final = 3
-_LOOP_BUDGET: Final = 10.0  # seconds after which a loop is not repeated
 
 
 def repetitions(cells: int) -> int:
@@ -148,7 +125,7 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
         if K is None:  # after the first solve, whose peak memory counts
             K = discretize(_plate(0.2, cells)).qvi.K
         for name in available_backends():
-            if turn == 0 or name == backend or cells <= LARGEST:
+            if turn == 0 or name == backend or cells <= _REPETITIONS[0][0]:
                 plain.setdefault(name, []).append(_attempt(partial(_factorised, K, name)))
     return {
         "solves": [{"friction": mu, **_together(found)} for mu, found in solves.items()],
@@ -233,19 +210,6 @@ def solve_graded(case: Mapping[str, Any]) -> dict[str, Any]:
     return {**found[-1], "seconds": [each["seconds"]["whole"] for each in found]}
 
 
-def solve_loops(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Another method, on a problem that is discretised before any time is taken; repeated where it is quick."""
-    options: dict[str, Any] = dict(METHODS[case["loop"]])
-    seconds: list[float] = []
-    found: dict[str, Any] = {}
-    while len(seconds) < _LOOP_RUNS and sum(seconds) < _LOOP_BUDGET:
-        plate = discretize(_plate(case["friction"], case["cells"]), law_on="points")  # Uzawa needs values at points
-        began = time.perf_counter()
-        found = _solved(plate, {"threads": _THREADS, **options}) if options else cvxpy_loop(plate, TOLERANCE)
-        seconds.append(time.perf_counter() - began)
-    return {**found, "seconds": seconds}
-
-
 def solve_wall(case: Mapping[str, Any]) -> dict[str, Any]:
     """A wall's solve, after a small one that loads all libraries, and then a plain factorisation of the same K."""
     blocks, load = case["blocks"], case["load"]
@@ -277,66 +241,21 @@ def peak_memory() -> int | None:
     return None
 
 
-# the loop that one would write first
-
-_ITERATIONS: Final = 100
-_INNER: Final = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-12)  # as of the package's own loops
-
-
-def cvxpy_loop(discretization: Discretization, tolerance: float) -> dict[str, Any]:
-    """Solve as one would first write it: a quadratic program in all unknowns for each pressure, until it stays.
-
-        s = 0;  repeat  z = argmin ½ zᵀKz − fᵀz  with  N z + n0 ≤ 0, |T z + t0| ≤ thr(s);  s ← max(−(N z + n0), 0)
-
-    without centring, acceleration or elimination, by Clarabel; for problems without plates driven by force. The
-    certificate is that of every other method.
-    """
-    cp, qvi, scales = load("cvxpy"), discretization.qvi, discretization.scales
-    x, bound = cp.Variable(qvi.n), cp.Parameter(qvi.m, nonneg=True)
-    normal, shear = qvi.N @ x + qvi.n0, qvi.T @ x + qvi.t0
-    laws = [normal <= 0, shear <= bound, -shear <= bound]
-    problem = cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(qvi.K)) - qvi.f @ x), laws)
-    pressure, number, change = np.zeros(qvi.m), 0, np.inf
-    while change > tolerance and number < _ITERATIONS:
-        bound.value = qvi.threshold(pressure)
-        problem.solve(solver="CLARABEL", **_INNER)
-        before, pressure, number = pressure, qvi.pressure(x.value), number + 1
-        change = float(np.linalg.norm(pressure - before) / np.linalg.norm(pressure))
-    z, (m_N, above, below) = np.asarray(x.value), (np.asarray(law.dual_value) for law in laws)
-    certificate = certify(qvi, z, m_N, above - below, np.zeros(qvi.p), tolerance)
-    return {
-        "status": "solved" if certificate.passed else "inaccurate", "message": certificate.summary(),
-        "unknowns": qvi.n, "iterations": number, "accuracy": certificate.accuracy,
-        "half_force": -scales.stress * scales.length * qvi.resultant(z),
-    }  # fmt: skip
-
-
 # sequences of problems
 
 _DEPTH: Final = 0.01
 
 
 class Chain(NamedTuple):
-    """A sequence.
+    """A sequence."""
 
-    Attributes
-    ----------
-    title : what it is called in tables
-    problem : the problem by numbers of cells
-    cells, coarse : numbers of cells, and those of a quick run
-    parameter : what changes
-    values : its values; a quick run takes every fifth
-    history : whether slip accumulates from one to the next
-
-    """
-
-    title: str
-    problem: Callable[[tuple[int, int]], ContactProblem]
+    title: str  # what it is called in tables
+    problem: Callable[[tuple[int, int]], ContactProblem]  # by numbers of cells
     cells: tuple[int, int]
-    coarse: tuple[int, int]
-    parameter: Parameter
-    values: tuple[float, ...]
-    history: bool = False
+    coarse: tuple[int, int]  # of a quick run
+    parameter: Parameter  # what changes
+    values: tuple[float, ...]  # a quick run takes every fifth
+    history: bool = False  # whether slip accumulates from one to the next
 
 
 _PUNCH: Final = Polynomial([[2.0 * _DEPTH], [-4.0 * _DEPTH], [2.0 * _DEPTH]])
@@ -386,14 +305,9 @@ EVERY: Final = 4
 def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
     """Solve a sequence in all ways, one after the other in this process.
 
-    The problems of a history are solved by themselves without the slip before them, for their time alone.
-
-    Returns
-    -------
-    dict
-        for each way: seconds of processor time, iterations, status, accuracy, and normal and tangential force on the
-        contact, a list of one number for each problem, of single solves for every fourth
-
+    The problems of a history are solved by themselves without the slip before them, for their time alone. Of each way:
+    seconds of processor time, iterations, status, accuracy, and normal and tangential force on the contact, one number
+    for each problem, of single solves for every fourth.
     """
     chain, every = CHAINS[case["sequence"]], 5 if case["quick"] else 1
     base, values = chain.problem(chain.coarse if case["quick"] else chain.cells), chain.values[::every]

@@ -21,8 +21,7 @@ from qvi_contact.exact import ExactState
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.solution.stress import cell_stresses
-from qvi_contact.solution.work import traction
+from qvi_contact.solution.stress import cell_stresses, traction
 from qvi_contact.units import Units
 
 MM: Final = Units(length="mm", stress="MPa")

@@ -56,7 +56,7 @@ from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Tracti
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
+from qvi_contact.solution.stress import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
 from solvers import Iteration, solve_qvi
 from solvers.basics.progress import Log, deadline

@@ -37,7 +37,7 @@ from qvi_contact.bracket.parts import (
 from qvi_contact.bracket.share import Share, SharedStress
 from qvi_contact.companion import CompanionResult
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import rest_on_arcs
+from qvi_contact.solution.stress import rest_on_arcs
 
 ADMISSIBLE = 1e-6
 """Largest violation of the contact law by a stress, relative to the largest contact traction."""

@@ -33,7 +33,7 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import obstacle_work, support_work
+from qvi_contact.solution.stress import obstacle_work, support_work
 
 _CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.

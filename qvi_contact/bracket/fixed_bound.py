@@ -104,14 +104,14 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
 
     """
     known, changed, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
-    for rows, fresh, contact in zip(known.contacts, known.offsets(), result.problem.contacts, strict=True):
-        if np.array_equal(rows.offset, fresh):
+    for rows, contact in zip(known.contacts, result.problem.contacts, strict=True):
+        if not rows.slip.any():
             continue
         edges = mesh.edges(contact.edges)
         if edges.curved:
             remedy = "this step of a history has slipped before along arcs: bracket the result of one solve"
             raise InputError("result", contact.name, remedy)
-        slip = coefficients(known, (rows.offset - fresh) * known.scales.displacement, known.rule.count - 1)
+        slip = coefficients(known, rows.slip * known.scales.displacement, known.rule.count - 1)
         meeting: dict[int, list[tuple[int, int]]] = {}
         for end, vertices in enumerate((edges.first, edges.second)):
             for edge, vertex in enumerate(vertices.tolist()):

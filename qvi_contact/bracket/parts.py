@@ -24,11 +24,11 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, contact_named, joined, scaled_stress_at_rest
+from qvi_contact.discretization.space import split_points
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.material import is_strained
-from qvi_contact.solution.stress import cell_stresses
-from qvi_contact.solution.work import normal_and_shear
+from qvi_contact.solution.stress import cell_stresses, normal_and_shear
 
 _OUTWARD = 2.0  # safety of the work of violations that are left
 _BELOW_ZERO = 1e-10  # of a field's values: a coefficient below zero that is none
@@ -88,8 +88,8 @@ class EdgeTractions:
         normal = joined([normal + rows.pore_pressure for (normal, _), rows in zip(pairs, limited, strict=True)])
         shear = joined([shear for _, shear in pairs])
         (cohesion, exact), (cap, cap_exact) = (
-            _polynomials(discretization, joined([getattr(rows, name) for rows in limited]))
-            for name in ("cohesion", "shear_limit")
+            _polynomials(discretization, joined([getattr(rows.limits, name) for rows in limited]))
+            for name in ("cohesion", "cap")
         )
         pressure = qvi.law.pressed(discretization.rule.at_rows(normal))
         law = cohesion + (qvi.mu * pressure).reshape(cohesion.shape)
@@ -204,7 +204,7 @@ class CellFields:
     def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
         """From degrees of freedom u of Φ, for integrals exact beside displacements of a degree and body potentials."""
         largest = max(discretization.space.degree - 2, degree - 1, _POTENTIAL)
-        scales, (t, w) = discretization.scales, discretization.space.cell_rule(2 * largest + 1)
+        scales, (t, w) = discretization.scales, split_points(2 * largest + 1)
         weights = discretization.space.cell_measures(t, w)
         points, stress = cell_stresses(discretization, u, t)
         at_rest, cells = np.zeros_like(stress), np.arange(len(stress))

@@ -11,9 +11,9 @@ __getattr__ = front(
         "energy": ("BodyStiffness", "Root"),
         "frames": ("shortest_cuts",),
         "loads": ("physical",),
-        "plates": ("misplaced_pins", "pressed_pins"),
+        "plates": ("pins",),
         "scaling": ("REACH", "Scales"),
-        "space": ("Rows", "StressSpace", "edge_rule"),
+        "space": ("Rows", "StressSpace", "edge_rule", "split_points"),
         "supports": ("Elimination", "PrescribedTraction", "Supports", "walk"),
     },
 )

@@ -45,20 +45,9 @@ _BLOCK: Final = 2**22  # entries of tables at a time
 
 
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
-    """What Φ_ττ and Φ_τμ at t contribute to the force, along chord and its normal, and to the moment.
+    """What Φ_ττ and Φ_τμ contribute to the force, along chord and its normal, and to the moment, (n, q, 3, 2).
 
-    Parameters
-    ----------
-    bend : (n, k) array
-        How the arcs bend, see `mesh.edges`.
-    t : (n, q) array
-        Shares of their lengths.
-
-    Returns
-    -------
-    (n, q, 3, 2) array
-        Integrands, of chords of length 1.
-
+    Integrands of n arcs on chords of length 1 that bend (n, k) as in `mesh.edges`, at shares t (n, q) of their lengths.
     """
     unit = np.tile([1.0, 0.0], (len(bend), 1))
     angle = angles(bend, t)
@@ -71,41 +60,21 @@ def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
 
 
 def from_corners(bend: FloatArray, degree: int) -> FloatArray:
-    """All coefficients of Legendre (N_0 … N_d, Q_0 … Q_d) of arcs on chords of length 1.
+    """All coefficients of Legendre (N_0 … N_d, Q_0 … Q_d) of such arcs up to the degree d, (n, 2d + 2, 2d + 2).
 
-    Parameters
-    ----------
-    bend : (n, k) array
-        How the arcs bend, see `mesh.edges`.
-    degree : int
-        d.
-
-    Returns
-    -------
-    (n, 2d + 2, 2d + 2) array
-        From the force along the chord and its normal, the moment, N_2 … N_d, Q_1 … Q_d.
-
+    From the force along the chord and its normal, the moment, N_2 … N_d, Q_1 … Q_d.
     """
     t, w = gauss_legendre(degree + _ALONG_ARCS + bend.shape[1])
     values = legendre.basis(degree, t) * w[:, None]
     shapes = resultant_shapes(bend, np.tile(t, (len(bend), 1)))
     sums = np.einsum("nqrf,qk->nrfk", shapes, values).reshape(len(bend), 3, -1)
-    solved, given = _solved(degree), _given(degree)
+    solved = np.array([0, 1, degree + 1])  # where N_0, N_1 and Q_0 stand among all, and where the others do
+    given = np.setdiff1d(np.arange(2 * degree + 2), solved)
     found = np.zeros((len(bend), 2 * degree + 2, 2 * degree + 2))
     right = np.concatenate([np.tile(np.eye(3), (len(bend), 1, 1)), -sums[:, :, given]], axis=2)
     found[:, solved] = np.linalg.solve(sums[:, :, solved], right)
     found[:, given, 3 + np.arange(len(given))] = 1.0
     return found
-
-
-def _solved(degree: int) -> IntArray:
-    """Where N_0, N_1 and Q_0 stand among all coefficients."""
-    return np.array([0, 1, degree + 1])
-
-
-def _given(degree: int) -> IntArray:
-    """Where the others do."""
-    return np.setdiff1d(np.arange(2 * degree + 2), _solved(degree))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,34 +115,23 @@ class CurvedTriangles:
         """N_2 …, Q_1 … on the arcs at side s of the reference functions (k, on_edge, dimension), and squared chords."""
         degree = self.element.traction_degree
         t, _ = gauss_legendre(degree + _MORE + self.bends.shape[2])
-        a, b = EDGES[s]
+        first, second = EDGES[s]
         corners, bends = self.triangles.corners[chosen], self.bends[chosen]
-        chords = corners[:, b] - corners[:, a]
+        chords = corners[:, second] - corners[:, first]
         lengths = np.hypot(*chords.T)
         tangent = turned((chords / lengths[:, None])[:, None], angles(bends[:, s], t))
         normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
         at = barycentric_of(corners, bends, arc_points(s, t))
         hessians = self.triangles.hessian_maps[chosen][:, None] @ self.element.reference_functions(at, 2)
-        normal_part, shear_part = (
-            np.einsum("kqc,kqcd->kqd", _weights(tangent, other), hessians) for other in (tangent, normal)
-        )
+        a, b = np.moveaxis(tangent, -1, 0)  # factors of (Φ_xx, Φ_yy, Φ_xy) in derivatives along two vectors
+        factors = (np.stack([a * c, b * d, a * d + b * c], axis=-1) for c, d in ((a, b), np.moveaxis(normal, -1, 0)))
+        normal_part, shear_part = (np.einsum("kqc,kqcd->kqd", factor, hessians) for factor in factors)
         project = legendre.from_values(degree, len(t))
         found = np.concatenate([(project @ normal_part)[:, 2:], (project @ shear_part)[:, 1:]], axis=1)
         return found, np.square(lengths)[:, None, None]
 
     def stress_rows(self, block: slice, compliances: FloatArray, rule: Rule) -> FloatArray:
-        """Rows S with SᵀS the energies ∫ c σ:τ of the functions up to the arcs, shape (k, 3 q, dimension).
-
-        Parameters
-        ----------
-        block : slice
-            k of the triangles.
-        compliances : (k, 3, 3) array
-            Compliance of each.
-        rule : (q, 3) and (q,) arrays
-            Points and weights of sum 1 on the reference triangle.
-
-        """
+        """Rows S with SᵀS the energies ∫ c σ:τ of the functions up to the arcs, in k triangles, (k, 3 q, dimension)."""
         upper = compliance_roots(compliances).swapaxes(1, 2) @ self.triangles.stress_maps[block]
         roots = np.sqrt(self.areas(rule[0])[block] * rule[1])
         table = self._hessians(block, rule[0]) @ self.functions[block, None]
@@ -203,9 +161,3 @@ class CurvedTriangles:
         """Of the reference functions, on the reference triangle, at reference points (q, 3); (k, q, 3, dimension)."""
         at = barycentric_of(self.triangles.corners[block], self.bends[block], points)
         return self.element.reference_functions(at, 2)
-
-
-def _weights(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Factors of (Φ_xx, Φ_yy, Φ_xy) in the second derivative along two vectors (..., 2), shape (..., 3)."""
-    (a, b), (c, d) = (np.moveaxis(vector, -1, 0) for vector in (one, other))
-    return np.stack([a * c, b * d, a * d + b * c], axis=-1)

@@ -24,10 +24,11 @@ from qvi_contact.discretization.loads import (
     has_body_force,
     joined,
     laws_vary,
+    limits_of,
     potential_at,
     prescribed_tractions,
 )
-from qvi_contact.discretization.plates import PlateRows, misplaced_pins, plate_rows, pressed_pins
+from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, LawOn, Rows, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
@@ -146,30 +147,24 @@ class Discretization(PicklesFields):
             "The plate's motion in that component is not determined, and is given as zero."
             for row in self.plates.determined
         ]
-        found += [
-            f"The centre ({x:.6g}, {y:.6g}) of the pin at {name!r} is not in its hole: the edge nearest to the centre "
-            "faces away from it. There the distance from the pin is no gap. Correct the centre of the pin, or the "
-            "edges of its contact."
-            for name, (x, y) in misplaced_pins(self.problem).items()
-        ]
-        found += [
-            f"The radius of the pin at {name!r} is {interference:.6g} [length] larger than that of its bore. This is a "
-            "press fit: the pin presses all around before it is loaded. If it should have a clearance, give it a "
-            "smaller radius."
-            for name, interference in pressed_pins(self.problem).items()
-        ]
+        for pin in pins(self.problem):
+            if pin.misplaced:
+                found.append(
+                    "The centre ({:.6g}, {:.6g}) of the pin at ".format(*pin.centre)
+                    + f"{pin.name!r} is not in its hole: the edge nearest to the centre faces away from it. There the "
+                    "distance from the pin is no gap. Correct the centre of the pin, or the edges of its contact."
+                )
+            if pin.interference:
+                found.append(
+                    f"The radius of the pin at {pin.name!r} is {pin.interference:.6g} [length] larger than that of its "
+                    "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
+                    "clearance, give it a smaller radius."
+                )
         return tuple(found)
 
     def slipped(self, slip: Sequence[FloatArray]) -> Discretization:
-        """The same problem after earlier slip: the tangential offset w of each contact grows by `slip`, dimensionless.
-
-        Parameters
-        ----------
-        slip : sequence of (m,) arrays
-            One array for each of `contacts`, at its points.
-
-        """
-        contacts = tuple(rows.with_offset(rows.offset + more) for rows, more in zip(self.contacts, slip, strict=True))
+        """The same problem after earlier slip (m,) at the points of each contact, dimensionless: w grows by it."""
+        contacts = tuple(replace(rows, slip=more) for rows, more in zip(self.contacts, slip, strict=True))
         change = [
             rows.rule.multipliers_of_rows(rows.points.weights * more)
             for rows, more in zip(contacts, slip, strict=True)
@@ -182,31 +177,24 @@ class Discretization(PicklesFields):
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
-        contacts = contact_rows(problem, self.space, self.rule, self.scales)
+        pairs = zip(self.contacts, problem.contacts, strict=True)
+        laws = [limits_of(problem, contact, self.scales, self.rule, rows.points) for rows, contact in pairs]
+        contacts = tuple(
+            replace(rows, row_limits=on_rows, limits=at_points)
+            for rows, (on_rows, at_points) in zip(self.contacts, laws, strict=True)
+        )
         return replace(self, problem=problem, contacts=contacts, qvi=replace(self.qvi, law=law_of(contacts)))
 
     def with_far_obstacles(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
         fresh = _discretized(self.problem, self.space, self.rule, replace(self.scales, reach=np.inf))
-        return fresh.slipped([old.offset - new.offset for old, new in zip(self.contacts, fresh.contacts, strict=True)])
+        return fresh.slipped([rows.slip for rows in self.contacts])
 
     def with_data(self, problem: ContactProblem, scales: Scales | None = None) -> Discretization:
-        """Another problem on the same mesh, by the same element and rows of contacts.
+        """Another problem, in units `scales` or its own, on the same mesh, by the same element and rows of contacts.
 
         Where it differs in loads and in data of contacts only, it has the same matrices, and the same factorisation.
-
-        Parameters
-        ----------
-        problem : ContactProblem
-            The problem; its mesh is the same, up to the names of edge sets.
-        scales : Scales, optional
-            Units of the dimensionless problem; those of the problem by default.
-
-        Raises
-        ------
-        InputError
-            If the problem is on another mesh.
-
+        `InputError` if its mesh is another, but for the names of edge sets.
         """
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
@@ -228,10 +216,6 @@ class Discretization(PicklesFields):
         if not _NOISE < size < _TOO_SMALL:
             return self
         return _discretized(self.problem, self.space, self.rule, replace(self.scales, stress=self.scales.stress * size))
-
-    def offsets(self) -> list[FloatArray]:
-        """The tangential offset w that the problem prescribes at the points of each contact, without earlier slip."""
-        return [rows.offset for rows in contact_rows(self.problem, self.space, self.rule, self.scales)]
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""

@@ -37,20 +37,16 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.basics.kept import Kept, read_only
-from qvi_contact.discretization.curved import Rule
 from qvi_contact.discretization.loads import ContactRows, EdgePoints, physical, potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import StressSpace
 from qvi_contact.discretization.supports import Supports
-from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
-from qvi_contact.element.triangle import AffineTriangles
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import PicklesFields
-from solvers.inequality.stiffness import Stiffness
+from solvers.inequality.body import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
-_LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stresses, lose too many digits
 _BLOCK: Final = 2**24  # entries of element matrices at a time
 _ORDERED: Final = 2000  # unknowns from which on their order of elimination counts
 _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
@@ -119,17 +115,16 @@ class TriangleEnergy(PicklesFields):
 
     def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
         """R (n, …) of all triangles in blocks, as if they were straight, then once more of those that have arcs."""
-        space, order = self.space, _interior_first(self.space.element)
-        step = max(1, _BLOCK // space.element.dimension**2)
+        space, element = self.space, self.space.element
+        step = max(1, _BLOCK // element.dimension**2)
         for start in range(0, len(space.triangles), step):
             block = slice(start, start + step)
-            triangles = space.triangles.take(block)
-            yield block, _triangular(space.element, triangles, self.compliances[self.materials[block]], order)
+            yield block, element.roots(space.triangles.take(block), self.compliances[self.materials[block]])
         curved = space.curved
         for block in curved.blocks(len(space.cell_weights)) if len(curved) else ():
             cells = curved.numbers[block]
             rows = curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
-            yield cells, np.asarray(np.linalg.qr(rows[:, :, order], mode="r"))
+            yield cells, np.asarray(np.linalg.qr(rows[:, :, element.interior_first], mode="r"))
 
     def loaded(self, stress: FloatArray) -> BodyLoad:
         """What is added where the energy is ½ c(σ + τ):(σ + τ), with τ at the points of `StressSpace.cell_quadrature`.
@@ -137,15 +132,20 @@ class TriangleEnergy(PicklesFields):
         That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.material`. With
         K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
         """
-        space, order = self.space, _interior_first(self.space.element)
-        interior, count = space.element.interior, len(space.triangles)
+        space, element, order = self.space, self.space.element, self.space.element.interior_first
+        interior, count, (points, weights) = element.interior, len(space.triangles), space.cell_quadrature
         found = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
         for cells, R in self._triangular():
-            own = self.compliances[self.materials[cells]], stress[cells], space.cell_quadrature
-            if isinstance(cells, slice):
-                load, rest = _stress_load(space.element, space.triangles.take(cells), *own)
+            compliances, tau = self.compliances[self.materials[cells]], stress[cells]
+            if isinstance(cells, slice):  # ∫ cτ:σ of the reference functions, and ½ ∫ cτ:τ
+                triangles, table = space.triangles.take(cells), element.reference_functions(points, 2)
+                table = (table * weights[:, None, None]).reshape(-1, table.shape[2])
+                strain = tau @ compliances * triangles.areas[:, None, None]
+                load = (strain @ triangles.stress_maps).reshape(len(tau), -1) @ table
+                rest = (strain * tau).sum(axis=2) @ weights / 2.0
             else:
-                load, rest = space.curved.stress_load(np.searchsorted(space.curved.numbers, cells), *own)
+                at = np.searchsorted(space.curved.numbers, cells)
+                load, rest = space.curved.stress_load(at, compliances, tau, space.cell_quadrature)
             residual: FloatArray = np.zeros((len(R), len(order)))
             loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
             residual[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
@@ -176,41 +176,6 @@ class TriangleEnergy(PicklesFields):
         if len(curved):
             found[at, 3:] = (curved.functions[:, 3:, 3:] @ found[at, 3:, None])[:, :, 0]
         return found
-
-
-def _interior_first(element: HsiehCloughTocher) -> IntArray:
-    """The functions in the order in which they are condensed, those of the first corner left out."""
-    return np.concatenate([np.arange(element.shared, element.dimension), np.arange(_AFFINE, element.shared)])
-
-
-def _triangular(
-    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, order: IntArray
-) -> FloatArray:
-    """R of the reference functions in that order, upper triangular, shape (n, len(order), len(order)).
-
-    By Cholesky of the energies; by QR of stresses where small energies would be lost: in triangles that are long and
-    thin, and in those that hardly resist pressure, or not at all.
-    """
-    small = (triangles.elongations > _LONG) | nearly_incompressible(compliances)
-    if not small.any():
-        energies = element.energies(triangles, compliances)[:, order[:, None], order]
-        return np.asarray(np.linalg.cholesky(energies).swapaxes(1, 2))
-    R = np.empty((len(triangles), len(order), len(order)))
-    R[~small] = _triangular(element, triangles.take(~small), compliances[~small], order)
-    rows = element.energy_rows(triangles.take(small), compliances[small])
-    R[small] = np.linalg.qr(rows[:, :, order], mode="r")
-    return R
-
-
-def _stress_load(
-    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, stress: FloatArray, rule: Rule
-) -> tuple[FloatArray, FloatArray]:
-    """∫ cτ:σ of the reference functions (n, dimension), and ½ ∫ cτ:τ (n,), from τ at the points (n, q, 3)."""
-    points, weights = rule
-    table = element.reference_functions(points, 2) * weights[:, None, None]
-    strain = stress @ compliances * triangles.areas[:, None, None]
-    load = (strain @ triangles.stress_maps).reshape(len(stress), -1) @ table.reshape(-1, table.shape[2])
-    return np.asarray(load), (strain * stress).sum(axis=2) @ weights / 2.0
 
 
 @dataclass(frozen=True, eq=False)

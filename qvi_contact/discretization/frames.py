@@ -256,13 +256,25 @@ def shortest_cuts(mesh: TriangleMesh) -> tuple[IntArray, ...]:
     waiting[np.concatenate([mesh.boundary.first[mesh.hole_edges], mesh.boundary.second[mesh.hole_edges]])] = True
     reached = np.zeros(len(mesh.vertices), dtype=bool)
     reached[mesh.boundary.first[~mesh.hole_edges]] = reached[mesh.boundary.second[~mesh.hole_edges]] = True
-    lengths, paths = _lengths(mesh), list[IntArray]()
+    ends, joints = mesh.topology.ends[~mesh.topology.boundary], np.zeros(len(mesh.vertices), dtype=np.int64)
+    for name in mesh.joint_names:
+        joints[mesh.topology.ends[mesh.numbers(name)]] = 1
+    length = 1.0 + len(ends) * joints[ends].sum(axis=1)  # more than all others where a joint is touched
+    at = np.concatenate([ends, ends[:, ::-1]]).T
+    lengths, paths = (
+        sparse.csr_array((np.tile(length, 2), tuple(at)), shape=(len(joints), len(joints))),
+        list[IntArray](),
+    )
     while waiting.any():
         distance = csgraph.dijkstra(lengths, indices=np.flatnonzero(reached), min_only=True)
-        path = _descent(lengths, distance, int(np.argmin(np.where(waiting, distance, np.inf))))
-        rim = _rim(mesh, int(path[0]))
+        path = [int(np.argmin(np.where(waiting, distance, np.inf)))]
+        while distance[path[-1]] > 0.0:  # down by the neighbour of lowest number wherever there are several
+            row = slice(lengths.indptr[path[-1]], lengths.indptr[path[-1] + 1])
+            neighbours = lengths.indices[row]
+            path.append(int(neighbours[distance[neighbours] + lengths.data[row] == distance[path[-1]]].min()))
+        rim = _rim(mesh, path[0])
         waiting[rim], reached[rim] = False, True
-        paths.append(path)
+        paths.append(np.array(path))
     return tuple(paths)
 
 
@@ -270,29 +282,6 @@ def _rim(mesh: TriangleMesh, vertex: int) -> IntArray:
     """The vertices of the closed line of the boundary that holds a vertex."""
     lines = (mesh.topology.ends[line] for line in mesh.outlines)
     return np.unique(next(line for line in lines if vertex in line))
-
-
-def _lengths(mesh: TriangleMesh) -> sparse.csr_array:
-    """Lengths of the edges inside the body between vertices: 1, and more than all others where a joint is touched."""
-    ends = mesh.topology.ends[~mesh.topology.boundary]
-    joints = np.zeros(len(mesh.vertices), dtype=np.int64)
-    for name in mesh.joint_names:
-        joints[mesh.topology.ends[mesh.numbers(name)]] = 1
-    length = 1.0 + len(ends) * joints[ends].sum(axis=1)
-    there, back = (ends[:, 0], ends[:, 1]), (ends[:, 1], ends[:, 0])
-    at = tuple(np.concatenate(pair) for pair in zip(there, back, strict=True))
-    return sparse.csr_array((np.tile(length, 2), at), shape=(len(joints), len(joints)))
-
-
-def _descent(lengths: sparse.csr_array, distance: FloatArray, vertex: int) -> IntArray:
-    """The way from a vertex down to distance 0, by the neighbour of lowest number wherever there are several."""
-    path = [vertex]
-    while distance[vertex] > 0.0:
-        row = slice(lengths.indptr[vertex], lengths.indptr[vertex + 1])
-        neighbours = lengths.indices[row]
-        vertex = int(neighbours[distance[neighbours] + lengths.data[row] == distance[vertex]].min())
-        path.append(vertex)
-    return np.array(path)
 
 
 def _left_of(mesh: TriangleMesh, path: IntArray) -> IntArray:
@@ -308,21 +297,16 @@ def _left_of(mesh: TriangleMesh, path: IntArray) -> IntArray:
     edges, end = np.nonzero(np.isin(topology.ends, path) & inside[:, None])
     vertex = topology.ends[edges, end]
     links = np.stack([_corner(mesh, topology.cells[edges, side], vertex) for side in (0, 1)])
-    beside = _cells_left(mesh, cut, pairs)
+    first, second = mesh.vertices[pairs].swapaxes(0, 1)
+    cells = topology.cells[cut]
+    is_left = cross(second - first, mesh.corners[cells[:, 0]].mean(axis=1) - first) > 0.0
+    beside = np.where(is_left, cells[:, 0], cells[:, 1])
     seeds = np.concatenate([_corner(mesh, beside, pairs[:, end]) for end in (0, 1)])
     nodes, number = np.unique(np.concatenate([links.ravel(), seeds]), return_inverse=True)
     numbered = number[: links.size].reshape(links.shape)
     graph = sparse.coo_array((np.ones(links.shape[1]), numbered), shape=(len(nodes), len(nodes)))
     label = csgraph.connected_components(graph, directed=False)[1]
     return np.asarray(nodes[np.isin(label, label[number[links.size :]])])
-
-
-def _cells_left(mesh: TriangleMesh, edges: IntArray, pairs: IntArray) -> IntArray:
-    """The triangles left of edges inside the body that run from one vertex to another, pairs (n, 2)."""
-    first, second = mesh.vertices[pairs].swapaxes(0, 1)
-    along, cells = second - first, mesh.topology.cells[edges]
-    towards = mesh.corners[cells[:, 0]].mean(axis=1) - first
-    return np.where(cross(along, towards) > 0.0, cells[:, 0], cells[:, 1])
 
 
 def _corner(mesh: TriangleMesh, cells: IntArray, vertices: IntArray) -> IntArray:

@@ -207,10 +207,7 @@ class ContactRows:
     rule: EdgeRule  # what the rows of an edge are
     points: EdgePoints  # the m Gauss points, as many as rows, where results are given
     row_limits: Limits
-    friction: FloatArray  # (m,): μ at the points
-    # (m,): c and t_max at the points, dimensionless; infinity where there is no limit
-    cohesion: FloatArray
-    shear_limit: FloatArray
+    limits: Limits  # the same at the points
     # (m,): obstacle position g and tangential offset w at the points, dimensionless
     gap: FloatArray
     offset: FloatArray
@@ -222,7 +219,8 @@ class ContactRows:
     # (2, m): given displacement of a rigid plate at the points, along n and along t, dimensionless; beside gap and
     # offset
     motion: FloatArray
-    reach: float = np.inf  # an obstacle that is farther counts as that far, see `Scales`
+    reach: float  # an obstacle that is farther counts as that far, see `Scales`
+    slip: FloatArray  # (m,): slip in earlier load steps at the points, dimensionless, by which w has grown
 
     @property
     def beyond(self) -> FloatArray:
@@ -243,7 +241,7 @@ class ContactRows:
         """Bound min(c + μ|σ_N'|, t_max) of |σ_T| for effective normal tractions, dimensionless; infinity if tied."""
         if self.law == "tied":
             return np.full(len(self.gap), np.inf)
-        return np.minimum(self.cohesion + self.friction * np.abs(effective), self.shear_limit)
+        return np.minimum(self.limits.cohesion + self.limits.friction * np.abs(effective), self.limits.cap)
 
     @property
     def row_weights(self) -> FloatArray:
@@ -255,10 +253,6 @@ class ContactRows:
         weights, (across, along) = self.points.weights, self.motion
         return self.points.load(weights * (self.gap - self.beyond + across), weights * (self.offset + along))
 
-    def with_offset(self, offset: FloatArray) -> "ContactRows":
-        """The same contact at another tangential offset (m,), dimensionless."""
-        return replace(self, offset=offset)
-
 
 def contact_rows(
     problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales
@@ -269,10 +263,6 @@ def contact_rows(
         points = EdgePoints(space, problem.mesh.edges(contact.edges), rule.count)
         stop = start if contact.law == "tied" else start + len(points.weights)
         x, y = physical(problem, scales, points.coordinates)
-        limits = row_limits = _limits(contact, scales, x, y)
-        if rule.law_on == "edges":
-            places = points_along(space.vertices, points.edges, rule.places).reshape(-1, 2)
-            row_limits = _limits(contact, scales, *physical(problem, scales, places))
         motion = np.zeros((2, len(x)))
         if contact.plate is not None:
             moved = contact.plate.displacement(x, y).T / scales.displacement
@@ -294,16 +284,14 @@ def contact_rows(
             slice(start, stop),
             rule,
             points,
-            row_limits,
-            limits.friction,
-            limits.cohesion,
-            limits.cap,
+            *limits_of(problem, contact, scales, rule, points),
             evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
             evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
             pressure / scales.stress,
             misfit / scales.stress,
             motion,
             scales.reach,
+            np.zeros(len(x)),
         )
         found.append(rows)
         start = stop
@@ -333,16 +321,21 @@ def laws_vary(problem: ContactProblem) -> bool:
     return False
 
 
-def _limits(contact: Contact, scales: Scales, x: FloatArray, y: FloatArray) -> Limits:
-    """The fields at points [length]."""
-    cap = np.full(len(x), np.inf)
-    if contact.shear_limit is not None:
-        cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0) / scales.stress
-    return Limits(
-        evaluate("Contact.friction", contact.friction, x, y, minimum=0.0),
-        evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0) / scales.stress,
-        cap,
-    )
+def limits_of(
+    problem: ContactProblem, contact: Contact, scales: Scales, rule: EdgeRule, points: EdgePoints
+) -> tuple[Limits, Limits]:
+    """What bounds the rows of a contact, and the shear at its points."""
+
+    def at(places: FloatArray) -> Limits:
+        x, y = physical(problem, scales, points_along(points.space.vertices, points.edges, places).reshape(-1, 2))
+        cap = np.full(len(x), np.inf)
+        if contact.shear_limit is not None:
+            cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0) / scales.stress
+        friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
+        return Limits(friction, evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0) / scales.stress, cap)
+
+    limits = at(rule.points)
+    return limits if rule.law_on == "points" else at(rule.places), limits
 
 
 def joined(arrays: Sequence[NDArray[Any]]) -> FloatArray:

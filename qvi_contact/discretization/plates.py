@@ -27,7 +27,7 @@ from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_f
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import vectors_along
+from qvi_contact.mesh.edges import cross, vectors_along
 from qvi_contact.problem.problem import ContactProblem
 
 COMPONENTS = ("force_x", "force_y", "moment")
@@ -69,14 +69,7 @@ def plate_rows(
     supports: Supports,
     particular: FloatArray,
 ) -> PlateRows:
-    """Rows of all plates, those that follow from the rest of the problem left out.
-
-    Raises
-    ------
-    InputError
-        If a prescribed resultant contradicts equilibrium with the other loads.
-
-    """
+    """Rows of all plates, but those that follow from the rest of the problem; `InputError` if they contradict it."""
     rows, values, driven = list[PlateRow](), list[float](), list[_Driven]()
     for contact, condition in zip(contacts, problem.contacts, strict=True):
         plate = condition.plate
@@ -102,7 +95,16 @@ def plate_rows(
         b = b - resultants.full @ particular
     if rows and has_body_force(problem):
         b = b - [_of_potential(problem, scales, each) for each in driven]
-    kept = resultants.checked(b, rows)
+    kept = resultants.kept
+    for index, combination in resultants.combinations.items():
+        row, contradiction = rows[index], float(b[index] - combination @ b[kept[: len(combination)]])
+        if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
+            needed = row.given - contradiction * row.size
+            needed = 0.0 if abs(needed) <= _BALANCED * max(abs(row.given), row.size) else needed
+            remedy = (
+                f"equilibrium of {row.contact!r} with the other loads demands {needed:.6g}: correct it, or leave it out"
+            )
+            raise InputError(f"RigidPlate.{row.component}", row.given, remedy)
     determined = tuple(row for index, row in enumerate(rows) if index not in kept)
     return PlateRows(resultants, b[kept], tuple(rows[index] for index in kept), determined)
 
@@ -174,62 +176,24 @@ class Resultants:
 
         return problem.mesh.kept(cls, key, made)
 
-    def checked(self, b: FloatArray, rows: Sequence[PlateRow]) -> list[int]:
-        """Indices of the kept rows; `InputError` where a value b (r,) contradicts those of the others."""
-        for index, combination in self.combinations.items():
-            row, contradiction = rows[index], float(b[index] - combination @ b[self.kept[: len(combination)]])
-            if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
-                needed = row.given - contradiction * row.size
-                needed = 0.0 if abs(needed) <= _BALANCED * max(abs(row.given), row.size) else needed
-                remedy = (
-                    f"equilibrium of {row.contact!r} with the other loads demands {needed:.6g}: correct it, or "
-                    "leave it out"
-                )
-                raise InputError(f"RigidPlate.{row.component}", row.given, remedy)
-        return self.kept
 
-
-def misplaced_pins(problem: ContactProblem) -> dict[str, tuple[float, float]]:
-    """Names of contacts with a pin where the edge nearest to its centre faces away from it, and the centre [length].
-
-    At a corner that is nearest the normals of both its edges count together, which is right whichever way it turns.
-    """
-    return {pin.name: pin.centre for pin in _pins(problem) if pin.misplaced}
-
-
-def pressed_pins(problem: ContactProblem) -> dict[str, float]:
-    """Names of contacts with a pin larger than its bore, and the difference of the radii [length].
-
-    The bore goes around more than half of the pin, and overlaps with it everywhere before anything is loaded. Its
-    radius is the mean distance of its vertices from the pin's centre, which is right for chords of a circle too.
-    """
-    found = {}
-    for pin in _pins(problem):
-        first, second = pin.arms[:, :-1], pin.arms[:, 1:]
-        cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-        turns = np.abs(np.arctan2(cross, (first * second).sum(axis=-1)))  # edges may lie either way round
-        enclosed = turns.sum() > np.pi * (1.0 + _SAME)
-        if enclosed and not pin.misplaced and (pin.radius - pin.away).min() > _SAME * pin.radius:
-            found[pin.name] = pin.radius - float(pin.away[:, [0, -1]].mean())
-    return found
-
-
-class _Pin(NamedTuple):
-    """A disc, arms (n, q, 2) from points of its contact's edges to its centre, their lengths, and its radius [length].
-
-    It is misplaced where what is nearest to the centre faces away from it.
-    """
+class Pin(NamedTuple):
+    """A plate whose gap is the distance from a disc around its pivot."""
 
     name: str
     centre: tuple[float, float]
-    arms: FloatArray
-    away: FloatArray
-    radius: float
-    misplaced: bool
+    misplaced: bool  # whether the edge nearest to the centre faces away from it
+    interference: float  # the radius less that of the bore in a press fit [length], else 0
 
 
-def _pins(problem: ContactProblem) -> Iterator[_Pin]:
-    """All plates of a problem whose gap is the distance from a disc."""
+def pins(problem: ContactProblem) -> Iterator[Pin]:
+    """All pins of a problem.
+
+    At a corner that is nearest the normals of both its edges count together, which is right whichever way it turns. In
+    a press fit the bore goes around more than half of the pin, and overlaps with it everywhere before anything is
+    loaded. Its radius is the mean distance of its vertices from the pin's centre, which is right for chords of a circle
+    too.
+    """
     t = np.linspace(0.0, 1.0, _STEPS + 1)
     for contact in problem.contacts:
         if contact.plate is not None:
@@ -239,7 +203,11 @@ def _pins(problem: ContactProblem) -> Iterator[_Pin]:
             away = np.hypot(arms[..., 0], arms[..., 1])
             radii = away - evaluate("Contact.gap", contact.gap, x, y)
             if np.ptp(radii) <= _SAME * away.max() and radii.min() > 0.0:
-                nearest = away <= away.min() * (1.0 + _SAME)
+                nearest, radius = away <= away.min() * (1.0 + _SAME), float(radii.mean())
                 normals = vectors_along(edges, edges.normal, t, turns=True)
                 misplaced = bool((normals[nearest] * arms[nearest]).sum() < 0.0)
-                yield _Pin(contact.name, centre, arms, away, float(radii.mean()), misplaced)
+                first, second = arms[:, :-1], arms[:, 1:]
+                turns = np.abs(np.arctan2(cross(first, second), (first * second).sum(axis=-1)))  # of edges either way
+                enclosed = turns.sum() > np.pi * (1.0 + _SAME) and (radius - away).min() > _SAME * radius
+                interference = radius - float(away[:, [0, -1]].mean()) if enclosed and not misplaced else 0.0
+                yield Pin(contact.name, centre, misplaced, interference)

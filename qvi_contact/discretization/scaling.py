@@ -9,7 +9,7 @@ from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.units import Rounding
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.problem.conditions import Contact, Displacement, Traction
+from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.material import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem
 from solvers.inner.linear_program import solved
@@ -131,18 +131,7 @@ def _plate_stresses(problem: ContactProblem) -> list[float]:
     return sizes
 
 
-@dataclass(frozen=True, eq=False)
-class _Bounds:
-    """What a support or obstacle does to u: lower ≤ d·u ≤ upper at points, d one direction for each edge."""
-
-    direction: FloatArray  # (n, 2): unit vectors
-    values: FloatArray  # (n, q): where it is, along them [length]
-    # whether it bounds d·u from below and from above
-    below: bool
-    above: bool
-
-
-def _forced(problem: ContactProblem) -> tuple[float, ...]:
+def _forced(problem: ContactProblem) -> list[float]:
     """By how much supports and obstacles must squeeze or stretch the body [length].
 
     A prescribed displacement bounds u from both sides, an obstacle from one, u_N ≤ g. Bilateral and tied contacts bound
@@ -150,71 +139,42 @@ def _forced(problem: ContactProblem) -> tuple[float, ...]:
     that friction does not limit; joints are left out, and plates in the components that are driven by force.
 
     Where all directions are x or y, the largest lower bound along either less the smallest upper one is forced; else
-    twice the least distance by which some bound is missed if the body moves without rotation.
+    twice the least distance by which some bound is missed if the body moves without rotation, a linear program.
     """
-    bounds = list(_all_bounds(problem))
-    if all((np.abs(each.direction).max(axis=1) == 1.0).all() for each in bounds):
-        return tuple(_forced_along(bounds, axis) for axis in (0, 1))
-    return (_least_miss(bounds),)
-
-
-def _all_bounds(problem: ContactProblem) -> Iterator[_Bounds]:
-    for given in problem.prescribed(Displacement):
-        yield _Bounds(given.direction, _per_edge(problem, given.edges, given.name, given.value), True, True)
-    for contact in problem.contacts:
-        if contact not in problem.joints:
-            yield from _held(problem, contact)
-
-
-def _held(problem: ContactProblem, contact: Contact) -> Iterator[_Bounds]:
-    """What a contact bounds."""
-    edges = problem.mesh.edges(contact.edges)
-    for direction, field, name, above_only in (
-        (edges.normal, contact.gap, "Contact.gap", contact.law == "unilateral"),
-        (edges.tangent, contact.offset, "Contact.offset", False),
-    ):
-        if name == "Contact.offset" and contact.law != "tied":
-            continue
-        fixed = np.ones(len(edges), dtype=bool)
-        for component, force in enumerate(("force_x", "force_y")):
-            if getattr(contact.plate, force, None) is not None:
-                fixed &= direction[:, component] == 0.0
-        if fixed.any():
-            chosen = edges.take(fixed)
-            values = _per_edge(problem, chosen, name, field)
-            if contact.plate is not None:
-                places = _samples(problem, chosen)
-                moved = np.moveaxis(contact.plate.displacement(*places), 0, -1)
-                values = values + (moved * direction[fixed][:, None]).sum(axis=2)
-            yield _Bounds(direction[fixed], values, not above_only, True)
-
-
-def _forced_along(bounds: list[_Bounds], axis: int) -> float:
-    """The largest lower bound of a component of u less the smallest upper one, if positive [length]."""
-    lower, upper = [], []
-    for each in bounds:
-        for sign in (1.0, -1.0):
-            values = sign * each.values[each.direction[:, axis] == sign]
-            if len(values) and (each.below if sign > 0.0 else each.above):
-                lower.append(float(values.max()))
-            if len(values) and (each.above if sign > 0.0 else each.below):
-                upper.append(float(values.min()))
-    return max(0.0, max(lower) - min(upper)) if lower and upper else 0.0
-
-
-def _least_miss(bounds: list[_Bounds]) -> float:
-    """2 min over c of the largest violation of lower ≤ d·c ≤ upper [length], a linear program in (c, violation)."""
-    rows, limits = [], []
-    for each in bounds:
-        for sign, values, bounded in (
-            (1.0, each.values.min(axis=1), each.above),
-            (-1.0, -each.values.max(axis=1), each.below),
-        ):
-            if bounded:
-                rows.append(np.column_stack([sign * each.direction, -np.ones(len(values))]))
-                limits.append(values)
-    if min(float(each.min()) for each in limits) >= 0.0:  # a body that stays where it is misses none
-        return 0.0
+    rows, limits = [np.empty((0, 2))], [np.empty(0)]  # d·u ≤ limit
+    for direction, values, on_both_sides in _bounds(problem):
+        rows.append(direction)
+        limits.append(values.min(axis=1))
+        if on_both_sides:
+            rows.append(-direction)
+            limits.append(-values.max(axis=1))
+    d, limit = np.concatenate(rows), np.concatenate(limits)
+    if (np.abs(d).max(axis=1) == 1.0).all():
+        sides = [[limit[d[:, axis] == sign] for sign in (1.0, -1.0)] for axis in (0, 1)]
+        return [max(0.0, -float(a.min()) - float(b.min())) if len(a) and len(b) else 0.0 for a, b in sides]
+    if limit.min() >= 0.0:  # a body that stays where it is misses none
+        return [0.0]
     ends = [(None, None), (None, None), (0.0, None)]
-    found = solved(np.array([0.0, 0.0, 1.0]), A_ub=np.vstack(rows), b_ub=np.concatenate(limits), bounds=ends)
-    return 2.0 * float(found.x[2]) if found.solved else 0.0  # any unit will do, if not as well
+    A = np.column_stack([d, -np.ones(len(d))])
+    found = solved(np.array([0.0, 0.0, 1.0]), A_ub=A, b_ub=limit, bounds=ends)
+    return [2.0 * float(found.x[2]) if found.solved else 0.0]  # any unit will do, if not as well
+
+
+def _bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, bool]]:
+    """Unit vectors d (n, 2), what d·u may be at most at points (n, q) [length], and whether it may not be less."""
+    for given in problem.prescribed(Displacement):
+        yield given.direction, _per_edge(problem, given.edges, given.name, given.value), True
+    for contact in problem.contacts:
+        edges = problem.mesh.edges(contact.edges)
+        for direction, name in ((edges.normal, "gap"), (edges.tangent, "offset")):
+            fixed = np.full(len(edges), contact not in problem.joints and (name == "gap" or contact.law == "tied"))
+            for component, force in enumerate(("force_x", "force_y")):
+                if getattr(contact.plate, force, None) is not None:
+                    fixed &= direction[:, component] == 0.0
+            if fixed.any():
+                chosen = edges.take(fixed)
+                values = _per_edge(problem, chosen, f"Contact.{name}", getattr(contact, name))
+                if contact.plate is not None:
+                    moved = np.moveaxis(contact.plate.displacement(*_samples(problem, chosen)), 0, -1)
+                    values = values + (moved * direction[fixed][:, None]).sum(axis=2)
+                yield direction[fixed], values, name == "offset" or contact.law != "unilateral"

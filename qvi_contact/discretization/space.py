@@ -122,11 +122,6 @@ class Rows:
         """Some of them."""
         return Rows(self.columns[index], self.values[index])
 
-    @property
-    def entries(self) -> tuple[IntArray, FloatArray]:
-        """Columns and values."""
-        return self.columns, self.values
-
     def matrix(self, width: int) -> sparse.csr_array:
         """The same as a matrix with so many columns, zeros left out."""
         kept = self.values != 0.0
@@ -398,8 +393,14 @@ class StressSpace(PicklesFields):
         values[:, k, 4 + k] = sign[:, None] ** k
         k = np.arange(1, self.degree - 1)
         values[:, count + k, self.degree + 2 + k] = sign[:, None] ** k
-        if edges.curved:
-            values[edges.bent] = self._on_arcs(edges.take(edges.bent))
+        if edges.curved:  # N_0 … N_(p−2), Q_0 … Q_(p−2) of Φ_ττ and Φ_τμ, see `curved`
+            arcs = edges.take(edges.bent)
+            known, h = self._resultants(arcs)[1], self.lengths(arcs)[:, None]
+            force = known[:, :2].copy()
+            known[:, 0] = (arcs.tangent[:, :, None] * force).sum(axis=1) / h
+            known[:, 1] = (frame(arcs)[0][:, :, None] * force).sum(axis=1) / h
+            known[:, 2] /= h**2
+            values[edges.bent] = from_corners(arcs.bend, self.degree - 2) @ known
         values[:, count:] *= factor[:, None, None]
         return self._scaled(edges, columns, values)
 
@@ -407,16 +408,6 @@ class StressSpace(PicklesFields):
         """What both tractions prescribe, 2p − 2 an edge: ∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_k, Q_k."""
         columns, values = self._resultants(edges)
         return self._scaled(edges, columns, values)
-
-    def _on_arcs(self, edges: Edges) -> FloatArray:
-        """N_0 … N_(p−2), Q_0 … Q_(p−2) of Φ_ττ and Φ_τμ along arcs (n, 2p − 2, …), see `arcs`."""
-        known = self._resultants(edges)[1]
-        h, m = self.lengths(edges)[:, None], frame(edges)[0]
-        force = known[:, :2].copy()
-        known[:, 0] = (edges.tangent[:, :, None] * force).sum(axis=1) / h
-        known[:, 1] = (m[:, :, None] * force).sum(axis=1) / h
-        known[:, 2] /= h**2
-        return np.asarray(from_corners(edges.bend, self.degree - 2) @ known)
 
     def _resultants(self, edges: Edges) -> tuple[IntArray, FloatArray]:
         """`resultants` on values of Φ, its slopes and N_k, Q_k as such: columns (n, l) and values (n, 2p − 2, l)."""
@@ -442,27 +433,22 @@ class StressSpace(PicklesFields):
 
     def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> EdgeFunctionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
-        found = EdgeFunctionals(columns, values * self.units[columns][:, None], self.size)
-        if self.frames.several:
-            found = self._framed(columns, values, found)
-        if not len(self.cuts):
-            return found
-        more, at_cuts = self.cuts.on_edges(edges, values[:, :, 3:6], self.vertices)
-        at_cuts = at_cuts * self.units[more][:, None]  # three more columns an edge for every cut between its ends
-        columns, values = np.hstack([found.columns, more]), np.concatenate([found.values, at_cuts], axis=2)
-        return EdgeFunctionals(columns, values, self.size)
-
-    def _framed(self, columns: IntArray, on_values: FloatArray, found: EdgeFunctionals) -> EdgeFunctionals:
-        """The same with six more columns an edge, of the centres of its ends, which count on edges across parts."""
-        frames, values, ends = self.frames, found.values, columns[:, [0, 3]] // 3
-        across = frames.across(ends)
-        more: FloatArray = np.zeros((*values.shape[:2], 6))
-        for end in (0, 1):
-            own = slice(3 * end, 3 * end + 3)
-            values[:, :, own] *= ~frames.is_centre[ends[:, end], None, None]
-            more[across, :, own] = on_values[across, :, own] @ frames.affine(ends[across, end])
-        columns = np.hstack([columns, frames.columns(ends[:, 0]), frames.columns(ends[:, 1])])
-        return EdgeFunctionals(columns, np.concatenate([values, more], axis=2), self.size)
+        frames, on_dofs = self.frames, values * self.units[columns][:, None]
+        all_columns, all_values = [columns], [on_dofs]
+        if frames.several:  # six more columns an edge, of the centres of its ends, which count on edges across parts
+            ends = columns[:, [0, 3]] // 3
+            across = frames.across(ends)
+            for end in (0, 1):
+                own, more = slice(3 * end, 3 * end + 3), np.zeros((*values.shape[:2], 3))
+                on_dofs[:, :, own] *= ~frames.is_centre[ends[:, end], None, None]
+                more[across] = values[across, :, own] @ frames.affine(ends[across, end])
+                all_columns.append(frames.columns(ends[:, end]))
+                all_values.append(more)
+        if len(self.cuts):  # three more columns an edge for every cut between its ends
+            places, at_cuts = self.cuts.on_edges(edges, values[:, :, 3:6], self.vertices)
+            all_columns.append(places)
+            all_values.append(at_cuts * self.units[places][:, None])
+        return EdgeFunctionals(np.hstack(all_columns), np.concatenate(all_values, axis=2), self.size)
 
     @property
     def traction_degree(self) -> int:
@@ -516,16 +502,13 @@ class StressSpace(PicklesFields):
 
     def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Rows:
         """Rows of σ_N without φ at the points t (q,) along each of these edges, set after set, then rows of σ_T."""
-        values = legendre.basis(self.traction_degree, t)
-        parts = [self.traces(part) for part in edges]
-        table = [part.values.reshape(len(part.values), 2, self.degree - 1, part.values.shape[2]) for part in parts]
-        found = [values @ part[:, half] for half in (0, 1) for part in table]
-        if not parts:
+        if not edges:
             return Rows(np.zeros((0, 1), dtype=np.int64), np.zeros((0, 1)))
+        values, parts = legendre.basis(self.traction_degree, t), [self.traces(part) for part in edges]
+        halves = slice(self.degree - 1), slice(self.degree - 1, None)
+        found = [values @ part.values[:, half] for half in halves for part in parts]
         columns = np.concatenate([np.repeat(part.columns, len(t), axis=0) for part in parts])
-        return Rows(
-            np.concatenate([columns, columns]), np.concatenate([part.reshape(-1, part.shape[2]) for part in found])
-        )
+        return Rows(np.tile(columns, (2, 1)), np.concatenate([part.reshape(-1, part.shape[2]) for part in found]))
 
     def points(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Dimensionless coordinates (k, q, 2) of reference points t, (q, 3) or (k, q, 3), in the triangles (k,)."""
@@ -535,10 +518,6 @@ class StressSpace(PicklesFields):
         """(σ_xx, σ_yy, σ_xy) without φ at such points, (k, q, 3); `coefficients` are those of `TriangleEnergy`."""
         hessians = self._reference_sums(2, coefficients[cells], cells, t)
         return np.asarray(hessians @ self.triangles.stress_maps[cells].swapaxes(1, 2))
-
-    def cell_rule(self, degree: int) -> tuple[FloatArray, FloatArray]:
-        """Reference points (g, 3) and weights (g,) of sum 1, exact up to a degree on every part where Φ is smooth."""
-        return split_points(degree)
 
     def jumps(self, u: FloatArray) -> FloatArray:
         """By how much Φ of u (N,) and its slopes jump where each of the `cuts` begins, shape (k, 3).
@@ -592,7 +571,7 @@ class StressSpace(PicklesFields):
 
 @cache
 def split_points(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Such points for functions that are polynomials of a degree on each of the three parts of a triangle."""
+    """Reference points (g, 3) and weights (g,) of sum 1, exact up to a degree on each of a triangle's three parts."""
     points, weights = quadrature(degree)
     centre = np.full(3, 1.0 / 3.0)
     parts = [points @ np.vstack([np.eye(3)[a], np.eye(3)[b], centre]) for a, b in EDGES]

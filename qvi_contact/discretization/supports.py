@@ -81,7 +81,12 @@ class PrescribedTraction:
             values = np.asarray(self.value(x, y))
             if self.potential is None:
                 return values
-            return np.asarray(values - self.potential(x, y) * self._outward(edge, t))
+            if self.turns or not self.edges.curved:
+                outward = (self.direction * self.edges.normal).sum(axis=1)[edge, None]
+            else:
+                chosen = self.edges.take(edge)
+                outward = (self.direction[edge, None] * vectors_along(chosen, chosen.normal, t)).sum(axis=2)
+            return np.asarray(values - self.potential(x, y) * outward)
 
         return adapted(own, len(self.edges), points, rounding_along(vertices, self.edges))
 
@@ -92,13 +97,6 @@ class PrescribedTraction:
         found: FloatArray = np.zeros((len(self.edges), degree + 1))
         found[:, 0] = self.constant
         return found
-
-    def _outward(self, edge: IntArray, t: FloatArray) -> FloatArray:
-        """d·n (k, q) at reference points t (k, q) of edges (k,)."""
-        if self.turns or not self.edges.curved:
-            return np.asarray((self.direction * self.edges.normal).sum(axis=1)[edge, None])
-        chosen = self.edges.take(edge)
-        return np.asarray((self.direction[edge, None] * vectors_along(chosen, chosen.normal, t)).sum(axis=2))
 
 
 class Component(NamedTuple):
@@ -154,18 +152,15 @@ class Supports(PicklesFields):
         if all(part.constant == 0.0 for part in given):
             return np.zeros(self.space.size), 0.0
         d = np.concatenate([block.data(given) for block in self._blocks])
-        largest = float(np.abs(d[self._is_load]).max(initial=0.0))
-        u, misfit = self.elimination.particular(np.concatenate([np.zeros(3), d[self._order]]))
+        is_load = np.concatenate([block.is_load for block in self._blocks])
+        largest = float(np.abs(d[is_load]).max(initial=0.0))
+        u, misfit = self.elimination.particular(np.concatenate([np.zeros(3), d[self._walk[0]]]))
         imbalance = float(np.abs(misfit).max(initial=0.0))
         return u, imbalance if imbalance > _BALANCED * largest else 0.0
 
     @cached_property
     def _blocks(self) -> list[_Block]:
         return [_on_chords(self.space, self.components), *_on_arcs(self.space, self.components)]
-
-    @cached_property
-    def _is_load(self) -> BoolArray:
-        return np.concatenate([block.is_load for block in self._blocks])
 
     @cached_property
     def _walk(self) -> tuple[IntArray, IntArray, int]:
@@ -187,10 +182,6 @@ class Supports(PicklesFields):
         if frames.several:
             age[frames.centres] = 0  # which are solved for where nothing else is left
         return np.argsort(place[np.searchsorted(numbers, number)], kind="stable"), age, gauge
-
-    @property
-    def _order(self) -> IntArray:
-        return self._walk[0]
 
     @cached_property
     def elimination(self) -> Elimination:
@@ -252,7 +243,7 @@ def _on_chords(space: StressSpace, components: Sequence[Component]) -> _Block:
 
     vectors, component = space.resultants(both).rows(), EdgeFunctionals(traces.columns, combined, space.size).rows()
     return _Block(
-        Rows(*(np.concatenate(part) for part in zip(vectors.entries, component.entries, strict=True))),
+        Rows(np.concatenate([vectors.columns, component.columns]), np.concatenate([vectors.values, component.values])),
         np.concatenate(
             [np.tile(np.arange(2 * degree + 2) < 3, len(one)), np.tile(np.arange(degree + 1) < 2, len(single))]
         ),
@@ -454,15 +445,9 @@ class Elimination:
 
     @classmethod
     def of(cls, C: Rows, age: IntArray) -> Elimination:
-        """Solve rows one after the other.
+        """Solve rows (m, N) one after the other, in units of degrees of freedom that make entries comparable.
 
-        Parameters
-        ----------
-        C : Rows of (m, N)
-            Rows in the order in which they are taken; degrees of freedom in units that make its entries comparable.
-        age : (N,) int array
-            Of the possible pivots of a row those with the largest number are preferred, of these the largest entry.
-
+        Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
         """
         alone = C.alone(len(age))  # rows with one entry in a column of their own make that zero, in any order
         solved = dict.fromkeys(alone.values(), _NOTHING)
@@ -517,26 +502,12 @@ def _reduced(terms: Iterable[tuple[int, float]], solved: dict[int, dict[int, flo
     return {column: factor for column, factor in result.items() if factor != 0.0}
 
 
-def walk(ends: IntArray, start: int | Sequence[int], vertices: int) -> tuple[IntArray, IntArray]:
-    """An order of edges in which each one, if it can, meets those before it in one vertex.
+def walk(ends: IntArray, start: Sequence[int], vertices: int) -> tuple[IntArray, IntArray]:
+    """An order of edges (n, 2) of so many vertices in which each one, if it can, meets those before it in one vertex.
 
-    Parameters
-    ----------
-    ends : (n, 2) int array
-        Vertices of the edges.
-    start : int, or sequence of int
-        The vertices to begin at. Lines that hold none of them begin at their end of lowest number, closed ones at their
-        vertex of lowest number.
-    vertices : int
-        Number of vertices.
-
-    Returns
-    -------
-    place : (n,) int array
-        Place of each edge in the order, from 0.
-    age : (vertices,) int array
-        The later a vertex is met the larger, from 1; 0 where none is met.
-
+    It begins at the vertices `start`; lines that hold none of them begin at their end of lowest number, closed ones at
+    their vertex of lowest number. Returned are the place (n,) of each edge in the order, from 0, and the age of each
+    vertex, from 1: the later it is met the larger; 0 where it is not.
     """
     at: dict[int, list[int]] = {}
     pairs = ends.tolist()
@@ -546,7 +517,7 @@ def walk(ends: IntArray, start: int | Sequence[int], vertices: int) -> tuple[Int
     place, age = np.full(len(ends), -1), np.zeros(vertices, dtype=np.int64)
     step, met = 0, 0
     line_ends = sorted(vertex for vertex, edges in at.items() if len(edges) == 1)
-    for seed in (*([start] if isinstance(start, int) else start), *line_ends, *sorted(at)):
+    for seed in (*start, *line_ends, *sorted(at)):
         waiting = [seed] if seed in at and not age[seed] else []
         while waiting:
             vertex = waiting.pop()

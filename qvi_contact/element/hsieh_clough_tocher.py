@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import CORNERS, EDGES, AffineTriangles, bernstein, exponents, gradient, quadrature
@@ -35,6 +35,7 @@ LOWEST, HIGHEST = 3, 12
 _PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _FROBENIUS: Final = np.array([1.0, 1.0, 2.0])  # |∇∇Φ|² = Φ_xx² + Φ_yy² + 2 Φ_xy²
 _NEARLY: Final = 1e-4  # of c_11: a resistance to pressure below which Cholesky's root of an energy loses digits
+_LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stresses, lose too many digits
 _AREA: Final = np.sqrt(0.75) / 2.0  # of the reference triangle
 
 
@@ -60,6 +61,8 @@ class HsiehCloughTocher:
         self.on_edge = 2 * degree - 5  # of those of one edge, of all edges and corners, and of interior ones
         self.shared = 9 + 3 * self.on_edge
         self.interior = self.dimension - self.shared
+        # the order in which functions are condensed, those of the first corner, an affine function, left out
+        self.interior_first = np.concatenate([np.arange(self.shared, self.dimension), np.arange(3, self.shared)])
         # Bernstein coefficients on the reference triangle (3, count, dimension), part by part: part s holds edge s and
         # has the corners of `EDGES[s]` and the barycentre
         self.coefficients = self._dual_basis(self._smooth_functions())
@@ -181,6 +184,23 @@ class HsiehCloughTocher:
         rows = np.einsum("nab,bqd->naqd", upper @ triangles.stress_maps, self._weighted_hessians)
         return np.asarray(rows).reshape(len(triangles), -1, self.dimension)
 
+    def roots(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
+        """R (n, …) upper triangular, RᵀR the energies of `interior_first`.
+
+        By Cholesky; by QR of stresses where small energies would be lost: in triangles that are long and thin, and in
+        those that hardly resist pressure, or not at all.
+        """
+        in_plane = compliances[:, :2, :2].sum(axis=(1, 2))  # what pressure does, beside what shear does
+        soft = in_plane < _NEARLY * (compliances[:, 0, 0] + compliances[:, 1, 1])
+        small, order = (triangles.elongations > _LONG) | soft, self.interior_first
+        if not small.any():
+            energies = self.energies(triangles, compliances)[:, order[:, None], order]
+            return np.asarray(np.linalg.cholesky(energies).swapaxes(1, 2))
+        R = np.empty((len(triangles), len(order), len(order)))
+        R[~small] = self.roots(triangles.take(~small), compliances[~small])
+        R[small] = np.linalg.qr(self.energy_rows(triangles.take(small), compliances[small])[:, :, order], mode="r")
+        return R
+
     def transformations(self, triangles: AffineTriangles) -> FloatArray:
         """From degrees of freedom of triangles to those of the reference triangle, shape (n, shared, shared).
 
@@ -252,9 +272,3 @@ def compliance_roots(compliances: FloatArray) -> FloatArray:
     roots[:, 2, 1] = np.divide(rest, roots[:, 1, 1], out=np.zeros_like(rest), where=roots[:, 1, 1] > 0.0)
     roots[:, 2, 2] = np.sqrt(np.maximum(c[:, 2, 2] - roots[:, 2, 0] ** 2 - roots[:, 2, 1] ** 2, 0.0))
     return roots
-
-
-def nearly_incompressible(compliances: FloatArray) -> BoolArray:
-    """Whether pressure strains a material (n, 3, 3) next to nothing beside what shear does, shape (n,)."""
-    in_plane = compliances[:, :2, :2].sum(axis=(1, 2))
-    return np.asarray(in_plane < _NEARLY * (compliances[:, 0, 0] + compliances[:, 1, 1]))

@@ -212,9 +212,7 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
-        "earlier_slip": np.concatenate(
-            [np.empty(0), *(rows.offset - o for rows, o in zip(known.contacts, known.offsets(), strict=True))]
-        ),
+        "earlier_slip": np.concatenate([np.empty(0), *(rows.slip for rows in known.contacts)]),
         "status": str(result.status),
         "message": result.message,
         **{name: np.asarray(getattr(solution, name), dtype=np.float64) for name in _VECTORS},

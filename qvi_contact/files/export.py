@@ -318,8 +318,7 @@ def write_collapse_vtu(
     part of upper − lower, "material", and "cell", its number.
     """
     _check_vtu(path)
-    from qvi_contact.limit.flow import Nodes  # loaded for bodies that yield alone
-    from qvi_contact.limit.stresses import part_corners
+    from qvi_contact.limit.split import Nodes, part_corners  # loaded for bodies that yield alone
 
     mesh, collapse = problem.mesh, limit.collapse
     if collapse is None:

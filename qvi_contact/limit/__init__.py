@@ -3,11 +3,13 @@
 | module        | contents                                                                       |
 |---------------|--------------------------------------------------------------------------------|
 | `load_factor` | `limit_load_factor`, `strength_reduction_factor` and their answers             |
-| `linear`      | where nothing yields: laws on whole edges, forces on contacts, linear programs |
+| `linear`      | contact laws on whole edges; linear programs where nothing yields              |
 | `stresses`    | from below, where bodies yield: stresses in the yield cones                    |
 | `flow`        | from above: velocities, with jumps on contacts; where to refine                |
+| `split`       | polynomials on split triangles                                                 |
 | `conic`       | cone programs by Clarabel, and answers made to hold                            |
-| `proof`       | proof files in rational numbers                                                |
+| `proof`       | proof files of both sides                                                      |
+| `rational`    | smooth functions and linear equations in rational numbers                      |
 | `check_proof` | a script that checks them, by Python's standard library alone                  |
 """
 
@@ -16,7 +18,6 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "linear": ("Relations",),
         "flow": ("BodyMotion", "ContactFlow"),
         "check_proof": ("check",),
         "load_factor": (

@@ -29,30 +29,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse import csgraph
+from scipy.linalg import null_space
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
-from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
 from qvi_contact.element.triangle import bernstein as bernstein_values
+from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import HELD, INFEASIBLE, Cones, ConicProgram
-from qvi_contact.limit.linear import edge_coefficients
-from qvi_contact.limit.stresses import CarriedStress, YieldCones, coefficients_of, part_corners
+from qvi_contact.limit.conic import HELD, INFEASIBLE, ConicProgram
+from qvi_contact.limit.linear import ALONG, Carried, edge_coefficients, limited
+from qvi_contact.limit.split import Nodes, coefficients_of, linked, nodes_along, numbered, part_corners
+from qvi_contact.limit.stresses import YieldCones
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
-_ALONG: Final = np.linspace(0.0, 1.0, 33)  # places of an edge where fields of contacts are looked at
 _FREE: Final = 1e-12  # of squared unit vectors, in which nothing is prescribed
 _NULL: Final = 1e-10  # of the largest singular value of conditions on rigid parts
 
@@ -62,7 +63,7 @@ class Flow:
     """The upper bound of the load factor that a velocity field proves."""
 
     bound: float  # the bound; infinity if no velocity has power, minus infinity if the other loads alone are too much
-    violation: float  # what the conditions on the velocities are missed by, relative: rounding
+    violation: float = 0.0  # what the conditions on the velocities are missed by, relative: rounding
     motion: BodyMotion | None = None  # the velocities; None if the bound is not finite
     # (r, 3) what each row of the cones has of (tr ε, ε_xx − ε_yy, 2ε_xy) at its coefficient; lengths over that
     # of the mesh
@@ -113,39 +114,6 @@ class ContactFlow:
     dissipation: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Nodes:
-    """Coefficients of velocities on a split triangle."""
-
-    keys: IntArray  # (m, 4) weights of the three corners and of the barycentre, times the degree
-    of_parts: IntArray  # (3, count) the coefficients of each part
-    of_sides: IntArray  # (3, p) those along each side, from its lower corner to the higher one
-
-    @property
-    def places(self) -> FloatArray:
-        """Barycentric places (m, 3)."""
-        return np.asarray((self.keys[:, :3] + self.keys[:, 3:] / 3.0) / self.keys[0].sum())
-
-    @classmethod
-    def of(cls, degree: int) -> Nodes:
-        """For velocities of a degree."""
-        index: dict[tuple[int, int, int, int], int] = {}
-        parts = np.empty((3, len(exponents(degree))), dtype=np.int64)
-        for s, (a, b) in enumerate(EDGES):
-            for j, (first, second, inner) in enumerate(exponents(degree).tolist()):
-                key = [0, 0, 0, inner]
-                key[a], key[b] = first, second
-                parts[s, j] = index.setdefault((key[0], key[1], key[2], key[3]), len(index))
-        keys = np.array(list(index))
-        sides = np.empty((3, degree + 1), dtype=np.int64)
-        for s, (a, b) in enumerate(EDGES):
-            for i in range(degree + 1):
-                key = [0, 0, 0, 0]
-                key[a], key[b] = degree - i, i
-                sides[s, i] = index[key[0], key[1], key[2], 0]
-        return cls(keys, parts, sides)
-
-
 class Velocities:
     """The velocities that supports and rigid parts leave free, v = P q; lengths over that of the mesh.
 
@@ -154,80 +122,59 @@ class Velocities:
     nodes : Nodes
         Coefficients of a triangle.
     global_ : (cells, m) int array
-        Which of all coefficients they are.
+        Which of all coefficients they are; triangles share those on edges that are no open joint.
+    rigid : (N,) int array
+        The rigid part that each coefficient belongs to, −1 for none.
     basis : (2 N + 3 plates, n) sparse array
         P: first x and y of all coefficients, then the motions (a, b, θ) of plates driven by force about their pivots.
 
     """
 
     def __init__(self, problem: ContactProblem, degree: int, strong: BoolArray) -> None:
-        self.problem, self.mesh, self.degree = problem, problem.mesh, degree
-        self.nodes = Nodes.of(degree)
-        self.global_ = self._numbered()
+        self.problem, self.mesh, self.degree, self.nodes = problem, problem.mesh, degree, Nodes.of(degree)
+        mesh, places = self.mesh, self.nodes.places
+        self.global_ = numbered(problem, self.nodes)
         self.count = int(self.global_.max()) + 1
-        corners = (self.mesh.corners - self.mesh.origin) / self.mesh.length
         self.points = np.empty((self.count, 2))
-        self.points[self.global_] = self.nodes.places @ corners
+        self.points[self.global_] = places @ ((mesh.corners - mesh.origin) / mesh.length)
+        self.rigid = np.full(self.count, -1)
+        own = self.global_[strong]
+        inside = np.unique(own)
+        label = linked(np.broadcast_to(own[:, :1], own.shape), own, self.count)
+        self.rigid[inside] = np.unique(label[inside], return_inverse=True)[1]
         self.plates = [contact for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
         self.size = 2 * self.count + 3 * len(self.plates)
-        self.basis = self._basis(strong)
-
-    def _numbered(self) -> IntArray:
-        """Coefficients that triangles share across edges that are no open joint are one."""
-        mesh, m = self.mesh, len(self.nodes.places)
-        cut = np.zeros(len(mesh.interior), dtype=bool)
-        for joint in self.problem.joints:
-            if joint.law != "tied":
-                cut[mesh.joint_set(joint.edges)] = True
-        edges = mesh.interior.take(~cut)
-        first, second = (self.local(edges, side) for side in (0, 1))
-        total = mesh.cell_count * m
-        graph = sparse.csr_array((np.ones(first.size), (first.ravel(), second.ravel())), shape=(total, total))
-        _, label = csgraph.connected_components(graph, directed=False)
-        return np.asarray(label, dtype=np.int64).reshape(mesh.cell_count, m)
-
-    def local(self, edges: Edges, side: int) -> IntArray:
-        """Numbers cell · m + place of the coefficients (e, p) along edges, lower vertex first.
-
-        They are those of the first cell (side 0), or of the one beyond (side 1).
-        """
-        cells = edges.cells[:, side]
-        ends = np.sort(np.stack([edges.first, edges.second], axis=1), axis=1)
-        corners = self.mesh.cells[cells]
-        opposite = np.argmax((corners[:, :, None] != ends[:, None, :]).all(axis=2), axis=1)
-        return np.asarray(cells[:, None] * len(self.nodes.places) + self.nodes.of_sides[opposite])
+        self.basis = self._basis()
 
     def along(self, edges: Edges, side: int = 0) -> IntArray:
         """The coefficients (e, p) along edges from their first end to the second, among all."""
-        found = self.global_.ravel()[self.local(edges, side)]
-        flipped = edges.first > edges.second
-        found[flipped] = found[flipped, ::-1]
-        return found
+        return np.asarray(self.global_.ravel()[nodes_along(self.mesh, self.nodes, edges, side)])
 
     def rows(self, nodes: IntArray, direction: FloatArray) -> sparse.csr_array:
         """d·v at coefficients (r,) along d (r, 2), as rows on coefficients and plates."""
-        r = len(nodes)
-        at = np.arange(r)
-        values, columns = np.concatenate(direction.T), np.concatenate([2 * nodes, 2 * nodes + 1])
-        return sparse.csr_array((values, (np.tile(at, 2), columns)), shape=(r, self.size))
+        columns = np.column_stack([2 * nodes, 2 * nodes + 1])
+        at = np.repeat(np.arange(len(nodes)), 2)
+        return sparse.csr_array((direction.ravel(), (at, columns.ravel())), shape=(len(nodes), self.size))
 
-    def plate_rows(self, contact: Contact, points: FloatArray, direction: FloatArray) -> sparse.csr_array:
-        """d·v of the plate behind a contact at points (r, 2); zero without one driven by force."""
-        if contact not in self.plates:
-            return sparse.csr_array((len(points), self.size))
-        assert contact.plate is not None
-        pivot = (np.array(contact.plate.pivot) - self.mesh.origin) / self.mesh.length
-        arm = points - pivot
-        turn = arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0]
-        start = 2 * self.count + 3 * self.plates.index(contact)
-        values = np.concatenate([direction[:, 0], direction[:, 1], turn])
-        at, columns = np.tile(np.arange(len(points)), 3), np.repeat(start + np.arange(3), len(points))
-        return sparse.csr_array((values, (at, columns)), shape=(len(points), self.size))
+    def jumps(self, contact: Contact) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """W = −[v]_N and [v]_T at the coefficients of all edges of a contact as rows on coefficients and plates."""
+        edges, found = self.mesh.edges(contact.edges), []
+        first = self.along(edges).ravel()
+        for vector in (-edges.normal, edges.tangent):
+            along = np.repeat(vector, self.degree + 1, axis=0)
+            rows = self.rows(first, along)
+            if contact in self.problem.joints:
+                rows = rows - self.rows(self.along(edges, 1).ravel(), along)
+            elif contact.plate is not None and contact in self.plates:
+                arm = self.points[first] - (np.array(contact.plate.pivot) - self.mesh.origin) / self.mesh.length
+                turned = _rigid_rows(np.full(len(first), self.plates.index(contact)), arm, along, len(self.plates))
+                rows = rows - sparse.hstack([sparse.csr_array((len(first), 2 * self.count)), turned])
+            found.append(sparse.csr_array(rows))
+        return found[0], found[1]
 
-    def _basis(self, strong: BoolArray) -> sparse.csr_array:
+    def _basis(self) -> sparse.csr_array:
         """P, from supports at single coefficients, and from rigid parts."""
-        N, conditions = self.count, np.zeros((self.count, 2, 2))
-        held: list[tuple[IntArray, FloatArray]] = []
+        held, conditions, rigid = list[tuple[IntArray, FloatArray]](), np.zeros((self.count, 2, 2)), self.rigid
         for given in self.problem.prescribed(Displacement):
             nodes = self.along(given.edges)
             held.append((nodes.ravel(), np.repeat(given.direction, nodes.shape[1], axis=0)))
@@ -237,59 +184,36 @@ class Velocities:
                 held += [(nodes, np.tile(axis, (len(nodes), 1))) for axis in np.eye(2)]
         for nodes, direction in held:
             np.add.at(conditions, nodes, direction[:, :, None] * direction[:, None, :])
-        rigid = np.full(N, -1)
-        of_strong = self.global_[strong]
-        if len(of_strong):
-            m = of_strong.shape[1]
-            graph = sparse.csr_array(
-                (np.ones(of_strong.size), (np.repeat(of_strong[:, 0], m), of_strong.ravel())), shape=(N, N)
-            )
-            label = csgraph.connected_components(graph, directed=False)[1]
-            rigid[np.unique(of_strong)] = np.unique(label[np.unique(of_strong)], return_inverse=True)[1]
         free = np.flatnonzero(rigid < 0)
         values, vectors = np.linalg.eigh(conditions[free])
         node, which = np.nonzero(values <= _FREE)
-        rows = np.concatenate([2 * free[node], 2 * free[node] + 1])
-        data = np.concatenate([vectors[node, 0, which], vectors[node, 1, which]])
-        columns = np.tile(np.arange(len(node)), 2)
-        blocks = [sparse.csr_array((data, (rows, columns)), shape=(self.size, len(node)))]
+        blocks: list[Any] = [self.rows(free[node], vectors[node, :, which]).T]
         stiff = np.flatnonzero(rigid >= 0)
         if len(stiff):
-            blocks.append(self._rigid_columns(stiff, rigid[stiff], held, rigid))
+            part, parts = rigid[stiff], int(rigid.max()) + 1
+            sums = np.stack([np.bincount(part, self.points[stiff, i]) for i in (0, 1)], axis=1)
+            arm = self.points[stiff] - (sums / np.bincount(part)[:, None])[part]
+            axes = [np.tile(axis, (len(stiff), 1)) for axis in np.eye(2)]
+            motions = sum(self.rows(stiff, axis).T @ _rigid_rows(part, arm, axis, parts) for axis in axes)
+            C = [np.zeros((3 * parts, 3 * parts))]
+            for nodes, direction in held:
+                chosen = rigid[nodes] >= 0
+                C.append(np.unique((self.rows(nodes[chosen], direction[chosen]) @ motions).toarray(), axis=0))
+            left = null_space(np.linalg.qr(np.concatenate(C), mode="r"), rcond=_NULL)
+            blocks.append(sparse.csr_array(motions @ np.where(np.abs(left) > 1e-15, left, 0.0)))
         for index, contact in enumerate(self.plates):
-            plate = contact.plate
-            assert plate is not None
-            moves = np.flatnonzero([part is not None for part in (plate.force_x, plate.force_y, plate.moment)])
-            rows = 2 * N + 3 * index + moves
-            blocks.append(
-                sparse.csr_array((np.ones(len(moves)), (rows, np.arange(len(moves)))), shape=(self.size, len(moves)))
-            )
+            forces = [getattr(contact.plate, name) for name in ("force_x", "force_y", "moment")]
+            moves = 2 * self.count + 3 * index + np.flatnonzero([part is not None for part in forces])
+            blocks.append(sparse.eye_array(self.size, format="csc")[:, moves])
         return sparse.csr_array(sparse.hstack(blocks))
 
-    def _rigid_columns(
-        self, nodes: IntArray, part: IntArray, held: Sequence[tuple[IntArray, FloatArray]], rigid: IntArray
-    ) -> sparse.csr_array:
-        """Motions of rigid parts that supports leave free, as columns."""
-        parts = int(part.max()) + 1
-        sums = np.stack([np.bincount(part, self.points[nodes, i]) for i in (0, 1)], axis=1)
-        centre = sums / np.bincount(part)[:, None]
-        arm = self.points[nodes] - centre[part]
-        ones = np.ones(len(nodes))
-        rows = np.concatenate([2 * nodes, 2 * nodes + 1, 2 * nodes, 2 * nodes + 1])
-        columns = np.concatenate([3 * part, 3 * part + 1, 3 * part + 2, 3 * part + 2])
-        data = np.concatenate([ones, ones, -arm[:, 1], arm[:, 0]])
-        motions = sparse.csr_array((data, (rows, columns)), shape=(self.size, 3 * parts))
-        conditions = [np.zeros((0, 3 * parts))]
-        for at, direction in held:
-            chosen = rigid[at] >= 0
-            if chosen.any():
-                conditions.append(np.unique((self.rows(at[chosen], direction[chosen]) @ motions).toarray(), axis=0))
-        C = np.concatenate(conditions)
-        _, values, right = (
-            np.linalg.svd(np.linalg.qr(C, mode="r")) if len(C) else (None, np.zeros(0), np.eye(3 * parts))
-        )
-        rank = int((values > _NULL * values.max(initial=0.0)).sum())
-        return sparse.csr_array(motions @ np.where(np.abs(right[rank:].T) > 1e-15, right[rank:].T, 0.0))
+
+def _rigid_rows(body: IntArray, arm: FloatArray, direction: FloatArray, bodies: int) -> sparse.csr_array:
+    """d·v at points (r, 2), from the centres of bodies (r,), along d (r, 2), as rows on motions (a, b, θ) of these."""
+    turn = arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0]
+    at, columns = np.repeat(np.arange(len(body)), 3), 3 * body[:, None] + np.arange(3)
+    values = np.column_stack([direction, turn]).ravel()
+    return sparse.csr_array((values, (at, columns.ravel())), shape=(len(body), 3 * bodies))
 
 
 class FlowProgram:
@@ -299,154 +223,103 @@ class FlowProgram:
         self.problem, self.names, self.scales, self.k = problem, tuple(names), scales, degree
         self.cones = YieldCones.of(problem, degree, above=True)
         self.space = Velocities(problem, self.k + 1, self.cones.strong)
+        mesh = problem.mesh
+        parts = part_corners((mesh.corners - mesh.origin) / mesh.length)
+        a, b = (parts[..., i, :] - parts[..., 0, :] for i in (1, 2))
+        self._areas = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2.0  # (cells, 3) of the parts
+        # gradients (cells, 3, 3, 2) of their barycentric coordinates, and ∫ B_i of all coefficients of strain
+        corners = np.concatenate([parts, np.ones((*parts.shape[:3], 1))], axis=-1)
+        self._slopes = np.swapaxes(np.linalg.inv(corners)[..., :2, :], -1, -2)
+        self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
     def solved(self, share: float = 0.0) -> Flow:
         """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions.
 
         It goes a share of the way towards a flow inside all limits, as far as they leave room.
         """
-        works = {name: row @ self.space.basis for name, row in self.powers().items()}
-        size = self.space.basis.shape[1]
-        live = sum((works[name] for name in works if name in self.names), np.zeros(size))
-        dead = sum((works[name] for name in works if name not in self.names), np.zeros(size))
-        unit = float(np.abs(live).sum()) or 1.0  # velocities of size 1 have a power of the size 1
-        program = self._program(np.asarray(live) / unit, np.asarray(dead))
+        n, cones = self.space.basis.shape[1], self.cones
+        powers = [(name in self.names, row @ self.space.basis) for name, row in self._powers()]
+        live, dead = (
+            np.asarray(sum((row for multiplied, row in powers if multiplied is which), np.zeros(n)))
+            for which in (True, False)
+        )
+        # velocities of size 1 have a power of the size 1
+        program = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
         found = program.solve()
         if isinstance(found, str):
-            return Flow(np.inf if found == INFEASIBLE else -np.inf, 0.0)
-        x, violation = program.repaired(self._raised(program, found, size), share)
-        x = self._raised(program, x, size)
-        power = float(live @ x[:size])
+            return Flow(np.inf if found == INFEASIBLE else -np.inf)
+
+        def raised(x: FloatArray) -> FloatArray:
+            """The same with s of cones that no trace is tied to as large as need be, and no larger."""
+            x, free = program.projected(x), np.flatnonzero(cones.pressure == 0.0)
+            blocks = program.blocks(x)[free]
+            x[n + free] -= blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)
+            return x
+
+        x, violation = program.repaired(raised(found.x), share)
+        x = raised(x)
+        power = float(live @ x[:n])
         if not violation <= HELD or not power > 0.0:
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"
             )
         x = x / power
-        return Flow(float(program.q @ x), violation, self._motion(x), self._shares(x, size))
-
-    def _shares(self, x: FloatArray, n: int) -> FloatArray:
-        """Parts of the strain rate that the cones have, see `Flow`."""
-        cones, rows = self.cones, len(self.cones.coefficient)
-        later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
-        found = np.zeros((rows, 3))
-        found[:, 0] = cones.pressure * x[n : n + rows]
-        found[later, 1:] = x[n + rows : n + rows + 2 * len(later)].reshape(2, -1).T
-        found[mean, 0] += cones.mean[mean] * x[n + rows + 2 * len(later) :][: len(mean)]
-        found *= 2.0 / self._weights[cones.coefficient, None]
-        strain = (self._strain @ (self.space.basis @ x[:n])).reshape(-1, 3)
-        taken = np.zeros_like(strain[:, :2])
-        np.add.at(taken, cones.coefficient[later], found[later, 1:])
-        at = cones.coefficient[cones.first]
-        found[cones.first, 1:] = np.column_stack([strain[at, 0] - strain[at, 1], strain[at, 2]]) - taken[at]
-        return found
+        s, r, *rho = np.split(program.blocks(x), [1, 3], axis=1)
+        trace = cones.pressure * s[:, 0] + sum(cones.mean * part[:, 0] for part in rho if part.size)
+        shares = np.column_stack([trace, r]) * (2.0 / self._weights[cones.coefficient, None])
+        return Flow(float(program.q @ x), violation, self._motion(x), shares)
 
     def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:
         """Unknown are q, then s of the cones, both components of r of later ones, ρ, then the slips of contacts.
 
         The first cone of a coefficient has the r that the later ones leave.
         """
-        strain, cones = self._strain @ self.space.basis, self.cones
-        n, rows = strain.shape[1], len(cones.coefficient)
+        cones, slips, n, rows = self.cones, self._slips, len(live), len(self.cones.coefficient)
         later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
-        slips = self._slips.values()
-        costs = np.concatenate([np.zeros(0), *(part.costs for part in slips)])
-        widths = [n, rows, len(later), len(later), len(mean), len(costs)]
-
-        def wide(r: int, *parts: Any) -> sparse.csr_array:
-            """Rows of blocks of columns, None for no entries."""
-            beyond = [None] * (len(widths) - len(parts))
-            blocks = [sparse.csr_array((r, width)) if part is None else part
-                      for part, width in zip([*parts, *beyond], widths, strict=True)]  # fmt: skip
-            return sparse.csr_array(sparse.hstack(blocks))
-
-        def chosen(numbers: IntArray, values: Any = 1.0) -> sparse.csr_array:
-            """The rows of these cones as columns."""
-            values = np.broadcast_to(values, len(numbers))
-            return sparse.csr_array((values, (numbers, np.arange(len(numbers)))), shape=(rows, len(numbers)))
-
-        # strain rows of the coefficients that yield, times their weights: (ε_xx − ε_yy)/2, ε_xy, tr ε/2
-        at = cones.yielding
-        xx, yy, xy = (sparse.diags_array(self._weights[at] / 2.0) @ strain[3 * at + i] for i in range(3))
-        of_rows = sparse.csr_array((np.ones(rows), (np.arange(rows), np.searchsorted(at, cones.coefficient))),
-                                   shape=(rows, len(at)))  # fmt: skip
+        ends = np.cumsum([0, n, rows, len(later), len(later), len(mean), len(slips.costs)])
+        unknowns = sparse.eye_array(ends[-1], format="csr")
+        Q, S, R1, R2, RHO, Y = (unknowns[a:b] for a, b in pairwise(ends))
+        at, number = np.unique(cones.coefficient, return_inverse=True)  # coefficients that yield
+        of_rows = sparse.eye_array(len(at), format="csr")[number]
         sums, first = of_rows.T, sparse.diags_array(cones.first.astype(float)) @ of_rows
-        own = chosen(later) - first @ (sums @ chosen(later))
-        nothing = np.zeros(rows)
-        parts = [(wide(rows, None, -sparse.eye_array(rows)), nothing),
-                 (-wide(rows, first @ (xx - yy), None, own), nothing),
-                 (-wide(rows, first @ xy, None, None, own), nothing)]  # fmt: skip
-        if len(mean):
-            parts.append((-wide(rows, None, None, None, None, chosen(mean)), nothing))
-        shares = [-(sums @ sparse.diags_array(cones.pressure)), None, None, -(sums @ chosen(mean, cones.mean[mean]))]
-        E = [wide(len(at), xx + yy, *shares), wide(1, sparse.csr_array(live[None]))]
-        E += [wide(part.shape[0], part) for part in (*self._tied(), *(each.E for each in slips))]
-        jumps, own = sparse.csr_array((0, n)), sparse.csr_array((0, 0))
-        if slips:
-            jumps, own = sparse.vstack([part.L for part in slips]), sparse.block_diag([part.own for part in slips])
-        L = wide(own.shape[0], jumps, None, None, None, None, own)
-        q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(sum(widths[2:5])), costs])
-        e = np.zeros(sum(part.shape[0] for part in E))
-        e[len(at)] = 1.0
-        return ConicProgram(
-            q, sparse.csr_array(sparse.vstack(E)), e, L, np.zeros(L.shape[0]), Cones.of(parts), dependent=True
+        each = sparse.eye_array(rows, format="csc")
+        later_ones, mean_ones = each[:, later], each[:, mean]
+        own = later_ones - first @ (sums @ later_ones)
+        # strain times weights: (ε_xx − ε_yy)/2, ε_xy, tr ε/2
+        strain, half = self._strain @ self.space.basis, sparse.diags_array(self._weights[at] / 2.0)
+        xx, yy, xy = (half @ strain[3 * at + i] @ Q for i in range(3))
+        traces = sums @ (
+            sparse.diags_array(cones.pressure) @ S + mean_ones @ sparse.diags_array(cones.mean[mean]) @ RHO
         )
-
-    def _raised(self, program: ConicProgram, x: FloatArray, n: int) -> FloatArray:
-        """The same with s of cones that no trace is tied to as large as need be, and no larger."""
-        x, free = program.projected(x), np.flatnonzero(self.cones.pressure == 0.0)
-        x[n + free] -= program.cones.margins(x)[free]
-        return x
-
-    @cached_property
-    def _parts(self) -> FloatArray:
-        """Dimensionless corners (cells, 3, 3, 2) of the parts of all triangles."""
-        mesh = self.space.mesh
-        return part_corners((mesh.corners - mesh.origin) / mesh.length)
-
-    @cached_property
-    def _slopes(self) -> FloatArray:
-        """Gradients (cells, 3, 3, 2) of the barycentric coordinates of the parts."""
-        corners = np.concatenate([self._parts, np.ones((*self._parts.shape[:3], 1))], axis=-1)
-        return np.asarray(np.swapaxes(np.linalg.inv(corners)[..., :2, :], -1, -2))
-
-    @cached_property
-    def _areas(self) -> FloatArray:
-        """Areas (cells, 3) of the parts."""
-        a, b = (self._parts[..., i, :] - self._parts[..., 0, :] for i in (1, 2))
-        return np.asarray(np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2.0)
-
-    @cached_property
-    def _weights(self) -> FloatArray:
-        """∫ B_i of all coefficients of strain."""
-        return np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
+        parts = [-S, -(first @ (xx - yy) + own @ R1), -(first @ xy + own @ R2)]
+        parts += [-(mean_ones @ RHO)] if len(mean) else []
+        tied = [rows @ self.space.basis for contact in self.space.plates if contact.law == "tied"
+                for rows in self.space.jumps(contact)]  # fmt: skip
+        E = sparse.vstack(
+            [xx + yy - traces, sparse.csr_array(live[None]) @ Q, *(part @ Q for part in (*tied, slips.E))]
+        )
+        e = np.zeros(E.shape[0])
+        e[len(at)] = 1.0
+        L = slips.L @ Q + slips.own @ Y
+        q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(ends[-2] - ends[2]), slips.costs])
+        zeros = [(part, np.zeros(rows)) for part in parts]
+        return ConicProgram.of(q, (E, e), (L, np.zeros(L.shape[0])), zeros, dependent=True)
 
     @cached_property
     def _strain(self) -> sparse.csr_array:
         """Coefficients of (ε_xx, ε_yy, 2ε_xy), three numbers each, as rows on coefficients of v and plates."""
-        space, nodes = self.space, self.space.nodes
-        lowered = gradient(space.degree, np.eye(3))  # ∂/∂λ_a
-        slopes = np.einsum("npax,acf->npxcf", self._slopes, lowered)
-        cells, _, _, count, width = slopes.shape
-        columns = space.global_[:, nodes.of_parts]
-        zero = np.zeros_like(slopes[:, :, 0])
-        x, y = slopes[:, :, 0], slopes[:, :, 1]
-        values = np.stack([np.stack([x, zero, y], axis=3), np.stack([zero, y, x], axis=3)], axis=-1)
-        at = np.stack([2 * columns, 2 * columns + 1], axis=-1)
-        at = np.broadcast_to(at[:, :, None, None], (cells, 3, count, 3, width, 2))
-        rows = cells * 3 * count * 3
-        starts = 2 * width * np.arange(rows + 1)
-        found = sparse.csr_array((values.ravel(), at.ravel(), starts), shape=(rows, space.size))
-        found.eliminate_zeros()
-        return found
+        space = self.space
+        slopes = np.einsum("npax,acf->xnpcf", self._slopes, gradient(space.degree, np.eye(3)))
+        _, cells, _, count, width = slopes.shape
+        columns = np.repeat(space.global_[:, space.nodes.of_parts], count, axis=1)
+        starts, shape = width * np.arange(3 * cells * count + 1), (3 * cells * count, space.count)
+        along_x, along_y = (sparse.csr_array((part.ravel(), columns.ravel(), starts), shape=shape) for part in slopes)
+        found = sparse.kron(along_x, [[1, 0], [0, 0], [0, 1]]) + sparse.kron(along_y, [[0, 0], [0, 1], [1, 0]])
+        return sparse.csr_array(sparse.hstack([found, sparse.csr_array((found.shape[0], 3 * len(space.plates)))]))
 
-    def powers(self) -> dict[str, FloatArray]:
-        """The power of each load as rows on coefficients of v and plates, dimensionless."""
-        found: dict[str, FloatArray] = {}
-
-        def add(name: str, row: FloatArray) -> None:
-            found[name] = found[name] + row if name in found else row
-
+    def _powers(self) -> Iterator[tuple[str, FloatArray]]:
+        """The power of the loads, by their names, as rows on coefficients of v and plates, dimensionless."""
         space, mesh, S = self.space, self.space.mesh, self.scales.stress
         for condition in self.problem.conditions:
             if isinstance(condition, Traction):
@@ -454,30 +327,28 @@ class FlowProgram:
                 for name, value in components(condition).items():
                     weights = self._edge_weights(edges, f"Traction.{name}", value)
                     direction = np.repeat(direction_of(name, edges), space.degree + 1, axis=0)
-                    add(condition.name, weights.ravel() @ space.rows(space.along(edges).ravel(), direction))
-            elif isinstance(condition, Contact) and condition in space.plates:
-                plate, row = condition.plate, np.zeros(space.size)
-                assert plate is not None
-                start = 2 * space.count + 3 * space.plates.index(condition)
-                row[start : start + 2] = [part or 0.0 for part in (plate.force_x, plate.force_y)]
-                row[start + 2] = (plate.moment or 0.0) / mesh.length
-                add(condition.name, row / (S * mesh.length))
-        for contact in self.problem.contacts:
-            if contact.has_fluid:
-                edges = mesh.edges(contact.edges)
-                weights = self._edge_weights(edges, "Contact.pore_pressure", contact.pore_pressure)
-                add(FLUID, weights.ravel() @ self._jumps(contact)[0])
+                    yield condition.name, weights @ space.rows(space.along(edges).ravel(), direction)
+            elif isinstance(condition, Contact):
+                if condition.plate is not None and condition in space.plates:
+                    plate, row = condition.plate, np.zeros(space.size)
+                    start = 2 * space.count + 3 * space.plates.index(condition)
+                    forces = [plate.force_x or 0.0, plate.force_y or 0.0, (plate.moment or 0.0) / mesh.length]
+                    row[start : start + 3] = np.array(forces) / (S * mesh.length)
+                    yield condition.name, row
+                if condition.has_fluid:
+                    edges = mesh.edges(condition.edges)
+                    weights = self._edge_weights(edges, "Contact.pore_pressure", condition.pore_pressure)
+                    yield FLUID, weights @ space.jumps(condition)[0]
         for name, potential in self.problem.body_forces.items():
             if callable(potential):
-                add(name, self._body(potential))
-        return found
+                yield name, self._body(potential)
 
     def _edge_weights(self, edges: Edges, name: str, field: Field) -> FloatArray:
-        """∫ f B_i ds (e, p), dimensionless, from the first end of each edge on."""
+        """∫ f B_i ds (e · p,), dimensionless, from the first end of each edge on."""
         mesh, degree = self.space.mesh, self.space.degree
         found = along_edges(mesh, edges, name, field)
         values = bernstein.basis(degree, found.t.ravel()).reshape(*found.t.shape, degree + 1)
-        return found.integrals(values) * edges.length[:, None] / (self.scales.stress * mesh.length)
+        return (found.integrals(values) * edges.length[:, None] / (self.scales.stress * mesh.length)).ravel()
 
     def _body(self, field: Field) -> FloatArray:
         """−∫ ∇φ·v dx, with the polynomial that stresses take for φ."""
@@ -485,142 +356,104 @@ class FlowProgram:
         cells = np.arange(space.mesh.cell_count)
         potential = coefficients_of(self.problem, cells, k, "ContactProblem.body_potential", field)[0]
         slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), potential)
-        points, weights = quadrature(2 * k)
-        products = (bernstein_values(k - 1, points) * weights[:, None]).T @ bernstein_values(space.degree, points)
-        force = -np.einsum("npcx,cf,np->npfx", slopes, products, self._areas) / self.scales.stress
+        force = -np.einsum("npcx,cf,np->npfx", slopes, _products(k - 1, space.degree), self._areas)
         row = np.zeros(space.size)
         columns = space.global_[:, space.nodes.of_parts]
         for axis in (0, 1):
-            np.add.at(row, 2 * columns + axis, force[..., axis])
+            np.add.at(row, 2 * columns + axis, force[..., axis] / self.scales.stress)
         return row
 
-    def _jumps(self, contact: Contact) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """W = −[v]_N and [v]_T at the coefficients of all edges of a contact as rows on coefficients and plates."""
-        space, edges = self.space, self.space.mesh.edges(contact.edges)
-        first = space.along(edges).ravel()
-        found = []
-        for vector in (-edges.normal, edges.tangent):
-            along = np.repeat(vector, space.degree + 1, axis=0)
-            rows = space.rows(first, along)
-            if contact in self.problem.joints:
-                rows = rows - space.rows(space.along(edges, 1).ravel(), along)
-            else:
-                rows = rows - space.plate_rows(contact, space.points[first], along)
-            found.append(rows)
-        return found[0], found[1]
-
-    def _tied(self) -> Iterator[sparse.csr_array]:
-        """Jumps that are zero where plates driven by force are tied to the body."""
-        for contact in self.space.plates:
-            if contact.law == "tied":
-                yield from (sparse.csr_array(rows @ self.space.basis) for rows in self._jumps(contact))
-
     @cached_property
-    def _slips(self) -> dict[str, _Slips]:
+    def _slips(self) -> _Slips:
         """Jumps, rows and costs of the contacts that limit tractions.
 
         |[v]_T| ≤ d + u with the slip d that dilates, w ≥ μ d, at the price of c, and u that does not, at that of t_max.
         """
-        found = {}
-        for contact in self.problem.contacts:
-            if contact.law == "tied":
-                continue
-            opening, slip = (sparse.csr_array(rows @ self.space.basis) for rows in self._jumps(contact))
-            edges, p = self.space.mesh.edges(contact.edges), self.space.degree + 1
-            mu, c, cap = (np.repeat(part, p) for part in self._largest(contact, edges))
-            weight = np.repeat(edges.length / (self.space.mesh.length * p * self.scales.stress), p)
-            count, rough, capped = len(weight), mu > 0.0, np.isfinite(cap)
-            price, more = np.minimum(c, cap), np.zeros(0, dtype=np.int64)
-            equal = opening[:0]
-            if contact.law == "unilateral":
-                more = np.flatnonzero(rough & capped)
-            else:  # any shear is carried up to the cap
-                price = np.where(rough & capped, cap, price)
-                equal = sparse.csr_array(sparse.vstack([opening, slip[rough & ~capped]]))
-            both = sparse.hstack([sparse.eye_array(count), sparse.eye_array(count, format="csr")[:, more]])
-            size = both.shape[1]
-            L, own = [slip, -slip, sparse.csr_array((size, slip.shape[1]))], [-both, -both, -sparse.eye_array(size)]
-            if contact.law == "unilateral":
-                L.append(-opening)
-                own.append(sparse.diags_array(mu, shape=(count, size)))
-            costs = np.concatenate([weight * price, (weight * cap)[more]])
-            at = np.concatenate([np.arange(count), more]) // p
-            rows = sparse.csr_array(sparse.vstack(L)), sparse.csr_array(sparse.vstack(own))
-            found[contact.name] = _Slips(opening, slip, *rows, equal, costs, at)
-        return found
-
-    def _largest(self, contact: Contact, edges: Edges) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """μ, c and t_max (e,), the largest value along each edge."""
-        x, y = self.space.mesh.points_along(edges, _ALONG)
-        found = [
-            evaluate(f"Contact.{name}", getattr(contact, name), x, y, minimum=0.0).max(axis=1)
-            for name in ("friction", "cohesion")
-        ]
-        cap = np.full(len(edges), np.inf)
-        if contact.shear_limit is not None:
-            cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0).max(axis=1)
-        return found[0], found[1], cap
+        mesh, space, p = self.space.mesh, self.space, self.space.degree + 1
+        contacts = [contact for contact in self.problem.contacts if contact.law != "tied"]
+        jumps, numbers = [[sparse.csr_array((0, space.size))] * 2], [np.zeros((5, 0))]
+        for contact in contacts:
+            edges, places = mesh.edges(contact.edges), mesh.points_along(mesh.edges(contact.edges), ALONG)
+            laws = [
+                edges.length / (mesh.length * p * self.scales.stress),
+                np.full(len(edges), contact.law == "unilateral"),
+            ]
+            for name in ("friction", "cohesion", "shear_limit"):  # the largest value along each edge
+                field = getattr(contact, name)
+                values = np.inf if field is None else evaluate(f"Contact.{name}", field, *places, minimum=0.0)
+                laws.append(np.broadcast_to(values, places[0].shape).max(axis=1))
+            numbers.append(np.repeat(laws, p, axis=1))
+            jumps.append(list(space.jumps(contact)))
+        weight, one_sided, mu, c, cap = np.concatenate(numbers, axis=1)
+        opening, slip = (sparse.csr_array(sparse.vstack(rows) @ space.basis) for rows in zip(*jumps, strict=True))
+        unilateral, rough, capped, count = one_sided > 0.0, mu > 0.0, np.isfinite(cap), len(mu)
+        more = np.flatnonzero(unilateral & rough & capped)
+        price = np.where(~unilateral & rough & capped, cap, np.minimum(c, cap))  # these carry any shear up to the cap
+        every = sparse.eye_array(count, format="csr")
+        both = sparse.hstack([every, every[:, more]])
+        size = both.shape[1]
+        L = sparse.vstack([slip, -slip, sparse.csr_array((size, slip.shape[1])), -opening[unilateral]])
+        dilates = sparse.csr_array(sparse.diags_array(mu, shape=(count, size)))[unilateral]
+        own = sparse.vstack([-both, -both, -sparse.eye_array(size), dilates])
+        equal = sparse.vstack([opening[~unilateral], slip[~unilateral & rough & ~capped]])
+        costs, at = np.append(weight * price, (weight * cap)[more]), np.append(np.arange(count), more)
+        lengths = {contact.name: len(mesh.edges(contact.edges)) for contact in contacts}
+        return _Slips(lengths, opening, slip, L, own, equal, costs, at)
 
     def _motion(self, x: FloatArray) -> BodyMotion:
         """In the form of a result."""
-        space, cones = self.space, self.cones
+        space, cones, slips, p = self.space, self.cones, self._slips, self.space.degree + 1
         n, rows = space.basis.shape[1], len(cones.coefficient)
         v = space.basis @ x[:n]
         velocities = np.stack([v[2 * space.global_], v[2 * space.global_ + 1]], axis=-1)
         strain = (self._strain @ v).reshape(-1, 3, cones.count, 3)
         spent = x[n : n + rows] * cones.limit / self.scales.stress
-        cell = cones.coefficient // (3 * cones.count)
-        dissipation = np.asarray(np.bincount(cell, spent, space.mesh.cell_count), dtype=np.float64)
-        found, start = {}, len(x) - sum(len(part.costs) for part in self._slips.values())
-        for name, part in self._slips.items():
-            cost = part.costs * x[start : start + len(part.costs)]
-            start += len(part.costs)
-            opening, slip = ((rows @ x[:n]).reshape(-1, space.degree + 1) for rows in (part.opening, part.slip))
-            found[name] = ContactFlow(opening, slip, np.asarray(np.bincount(part.edge, cost, len(opening)), float))
+        dissipation = np.asarray(np.bincount(cones.cell, spent, space.mesh.cell_count), dtype=np.float64)
+        opening, slip = slips.opening @ x[:n], slips.slip @ x[:n]
+        paid = slips.costs * x[len(x) - len(slips.at) :]
+        cost = np.asarray(np.bincount(slips.at, paid, len(opening)), dtype=np.float64)
+        found, start = {}, 0
+        for name, count in slips.lengths.items():
+            w, t, paid = (np.asarray(part[start : start + count * p]).reshape(-1, p) for part in (opening, slip, cost))
+            found[name] = ContactFlow(w, t, paid.sum(axis=1))
+            start += count * p
         return BodyMotion(velocities, space.nodes.places, strain, dissipation, found)
 
-    def gap_in_cells(self, discretization: Discretization, carried: CarriedStress, motion: BodyMotion) -> FloatArray:
+    def gap_in_cells(self, discretization: Discretization, carried: Carried, motion: BodyMotion) -> FloatArray:
         """Parts of the triangles (cells,), with those of contact edges in equal shares for triangles beside them."""
         assert carried.stress is not None
         assert carried.tractions is not None
-        mesh, degree = self.space.mesh, self.k
-        work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree), motion.strain, self._areas)
+        degree = self.k
+        work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree, degree), motion.strain, self._areas)
         found: FloatArray = motion.dissipation - np.where(motion.dissipation > 0.0, work, 0.0)
-        m = discretization.qvi.m
-        for rows, contact in zip(discretization.contacts, self.problem.contacts, strict=True):
-            if rows.law == "tied" or contact.name not in motion.contacts:
-                continue
+        table = bernstein.product_integrals(degree, degree + 1)
+        for rows, contact in limited(discretization):
             moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
-            table = bernstein.product_integrals(degree, degree + 1)
             normal, shear = (
-                carried.tractions[start : start + m][rows.rows].reshape(-1, q) @ edge_coefficients(rows).T
-                for start in (0, m)
+                half[rows.rows].reshape(-1, q) @ edge_coefficients(rows).T for half in np.split(carried.tractions, 2)
             )
             worked = np.einsum("ei,ij,ej->e", normal, table, moved.opening)
             worked -= np.einsum("ei,ij,ej->e", shear, table, moved.slip)
-            part = moved.dissipation - worked * edges.length / mesh.length
+            part = moved.dissipation - worked * edges.length / self.space.mesh.length
             inside = edges.cells >= 0
-            for side in (0, 1):
-                chosen = inside[:, side]
-                np.add.at(found, edges.cells[chosen, side], part[chosen] / inside.sum(axis=1)[chosen])
+            np.add.at(found, edges.cells[inside], np.repeat(part / inside.sum(axis=1), inside.sum(axis=1)))
         return np.maximum(found, 0.0)
 
 
 class _Slips(NamedTuple):
-    """A contact: jumps as rows on q, L q + own y ≤ 0 and E q = 0 with slips y, their costs, and the edge of each."""
+    """Contacts: jumps as rows on q, L q + own y ≤ 0 and E q = 0 with slips y, and their costs, at which jumps."""
 
+    lengths: dict[str, int]  # how many edges each has
     opening: sparse.csr_array
     slip: sparse.csr_array
-    L: sparse.csr_array
-    own: sparse.csr_array
-    E: sparse.csr_array
+    L: Any
+    own: Any
+    E: Any
     costs: FloatArray
-    edge: IntArray
+    at: IntArray
 
 
-@cache
-def _products(degree: int) -> FloatArray:
-    """∫ B_i B_j over a triangle of area 1."""
-    points, weights = quadrature(2 * degree)
-    values = bernstein_values(degree, points)
-    return np.asarray((values * weights[:, None]).T @ values)
+def _products(first: int, second: int) -> FloatArray:
+    """∫ B_i B_j over a triangle of area 1, of two degrees."""
+    points, weights = quadrature(first + second)
+    return np.asarray((bernstein_values(first, points) * weights[:, None]).T @ bernstein_values(second, points))

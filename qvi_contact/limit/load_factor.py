@@ -15,10 +15,10 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
-from qvi_contact.limit.flow_proof import KEPT_BACK, exceeded
-from qvi_contact.limit.linear import CERTIFIED, CarriedForces, carried_forces
-from qvi_contact.limit.proof import Statement, carried, proof_of
-from qvi_contact.limit.stresses import StressProgram, coefficients_of
+from qvi_contact.limit.linear import CERTIFIED, Carried, carried_by_contacts, with_signs
+from qvi_contact.limit.proof import Proof, carried, exceeded, exceeded_by_blocks, proof_of
+from qvi_contact.limit.split import coefficients_of
+from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
@@ -26,9 +26,9 @@ from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
-from solvers.basics.frames import frame
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
+from solvers.basics.types import frame
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -39,19 +39,19 @@ _FARTHEST: Final = 1e4  # factors of strength beyond count as infinite, and belo
 _STEP: Final = 2.0  # between the first of them that are tried
 
 
+@dataclass(eq=False, repr=False)
 class LimitLoad(float):
     """Result of a limit analysis: a number, the load factor that the mesh carries, and what is known besides.
 
     Attributes
     ----------
     lower : float
-        The largest multiple for which the mesh has stresses that keep the contact laws on whole edges; the value of the
-        number itself. Infinity if any multiple can be carried, minus infinity if none can. Stresses exist up to here;
-        whether Coulomb's law, whose slip is not associated, has a solution with them only `solve` can tell.
+        The largest multiple for which the mesh has stresses that keep contact laws and strengths; the value of the
+        number itself. Infinity if any multiple can be carried, minus infinity if none can.
     upper : float
-        No stress of the body carries a larger multiple, whatever the mesh: the bound of `mechanism`. Infinity if the
-        loads can grow without limit, that is if they can do no work on mechanisms but 1e-7 of what they could do on
-        other motions; minus infinity if no multiple can be carried.
+        No stress of the body carries a larger multiple, whatever the mesh. Infinity if the loads can grow without
+        limit, that is if they can do no work on mechanisms but 1e-7 of what they could do on other motions; minus
+        infinity if no multiple can be carried.
     mechanism : Mechanism or None
         The motion of the blocks that proves `upper`; None where that is infinite.
     bound : float
@@ -74,22 +74,11 @@ class LimitLoad(float):
     mechanism: Mechanism | None
     bound: float
     violation: float
-    collapse: Collapse | None
+    collapse: Collapse | None = None
 
-    def __new__(
-        cls,
-        lower: float,
-        upper: float,
-        mechanism: Mechanism | None,
-        bound: float,
-        violation: float,
-        collapse: Collapse | None = None,
-    ) -> LimitLoad:
-        """The number `lower` with its bounds."""
-        made = super().__new__(cls, lower)
-        made.lower, made.upper, made.mechanism = float(lower), float(upper), mechanism
-        made.bound, made.violation, made.collapse = float(bound), float(violation), collapse
-        return made
+    def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
+        """The number `lower`, to which the fields are added."""
+        return super().__new__(cls, lower)
 
     def to_frame(self) -> DataFrame:
         """One row as a pandas table: "lower", "upper", "bound", "violation", and which contacts slide or open.
@@ -102,12 +91,6 @@ class LimitLoad(float):
         slides = ", ".join(name for name, motion in moved.items() if motion.slides)
         opens = ", ".join(name for name, motion in moved.items() if motion.opens)
         return frame({**numbers, "slides": [slides], "opens": [opens]})
-
-    def __getnewargs__(  # type: ignore[override]
-        self,
-    ) -> tuple[float, float, Mechanism | None, float, float, Collapse | None]:
-        """For copies and pickles."""
-        return self.lower, self.upper, self.mechanism, self.bound, self.violation, self.collapse
 
     def __repr__(self) -> str:
         return f"LimitLoad(lower={self.lower:.9g}, upper={self.upper:.9g})"
@@ -133,19 +116,14 @@ def limit_load_factor(
 
     Where parts of the body have a `Material.strength`, both sides are second-order cone programs: stresses whose
     Bernstein coefficients lie in the yield cones, and velocities with jumps on the contacts. Each number is computed
-    from the stresses or velocities found, not taken from the solver.
+    from the stresses or velocities found, not taken from the solver. Where no part has one, bodies are infinitely
+    strong: `lower` is a linear program in the Airy coefficients, with the law on whole edges, and `upper` the work of
+    the loads on rigid motions of the blocks, see `Mechanism`, the limit itself on any mesh.
 
-    Where no part has one, bodies are infinitely strong:
-
-    *From below*, `lower`: a linear program in the Airy coefficients, with the law on whole edges. The stresses of the
-    mesh carry that much, and a finer mesh more (a shear prescribed beside a contact is met in the resultants, as
-    `solve` does where friction cannot carry it in the corner).
-
-    *From above*, `upper`: the work of the loads on rigid motions of the blocks, see `Mechanism`; the limit itself, on
-    any mesh. Every solution lies in the set above, so beyond `upper` there is none. For Coulomb's law, whose slip is
-    not associated, the converse does not hold in general: a solution below may, but need not exist, which only `solve`
-    can tell. Displacements, gaps and elastic constants do not enter, and bilateral contacts with friction count as able
-    to carry any shear up to their cap.
+    Every solution lies in the set above, so beyond `upper` there is none. For Coulomb's law, whose slip is not
+    associated, the converse does not hold in general: below a solution may, but need not exist, which only `solve` can
+    tell. Displacements, gaps and elastic constants do not enter, and bilateral contacts with friction count as able to
+    carry any shear up to their cap.
 
     Parameters
     ----------
@@ -203,16 +181,16 @@ def limit_proof(
 ) -> dict[str, Any]:
     """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
 
-    It holds loads, strengths and contact laws; the Bernstein ordinates of an Airy function whose stresses carry the
-    named loads times a factor just below `LimitLoad.lower`; and velocities which show that no stress carries more than
-    a factor just above `LimitLoad.upper`. Without names of loads it has only velocities, of rigid blocks, which show
-    that no stress carries all loads as they are. `qvi_contact/limit/check_proof.py`, a script that needs nothing but
-    Python's standard library, checks it in exact arithmetic.
+    It holds loads, strengths and laws; an Airy function whose stresses carry the named loads times a factor just below
+    `LimitLoad.lower`; and velocities which show that none carries more than a factor just above `LimitLoad.upper`.
+    Without names of loads it has only velocities, of rigid blocks, which show that no stress carries all loads as they
+    are. `qvi_contact/limit/check_proof.py`, a script that needs Python's standard library alone, checks it exactly.
 
     Parameters
     ----------
     problem : ContactProblem
-        The problem: straight triangles; friction, strengths and caps that are numbers; no plates and pins.
+        The problem: straight triangles; friction, strengths and caps that are numbers; no plates and pins that
+        forces move.
     loads : sequence of str
         Names of the loads to multiply, see `limit_load_factor`.
     degree, time_limit
@@ -234,25 +212,16 @@ def limit_proof(
     with deadline(time_limit):
         posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
         low, names = posed.low, posed.names
-        program = FlowProgram(problem, names, low.space.traction_degree, low.scales)
+        k = low.space.traction_degree
 
-        def below(stated: Statement) -> dict[str, Any]:
-            return carried(stated, StressProgram(low, posed.high))
+        def of_blocks() -> Mechanism | None:
+            return upper_bound(problem, names)[1] if names else find_mechanism(problem)
 
-        def by_blocks(stated: Statement) -> dict[str, Any]:
-            mechanism = upper_bound(problem, names)[1] if names else find_mechanism(problem)
-            if mechanism is None:
-                raise SolveError("proof: no motion of rigid blocks bounds the loads")
-            return exceeded(stated, program, mechanism)
-
-        def by_flow(stated: Statement) -> dict[str, Any]:
-            flow = program.solved(KEPT_BACK)
-            if flow.motion is None:
-                raise SolveError("proof: the loads have no finite bound from above")
-            return exceeded(stated, program, flow)
-
-        upper = [by_flow, by_blocks] if names and problem.yields else [by_blocks]
-        return proof_of(problem, names, program.k, {"lower": [below] if names else [], "upper": upper})
+        lower: list[Proof] = [lambda stated: carried(stated, StressProgram(low, posed.high))] if names else []
+        upper: list[Proof] = [lambda stated: exceeded_by_blocks(stated, of_blocks())]
+        if names and problem.yields:
+            upper = [lambda stated: exceeded(stated, FlowProgram(problem, names, k, low.scales)), *upper]
+        return proof_of(problem, names, k, {"lower": lower, "upper": upper})
 
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
@@ -289,7 +258,7 @@ class LimitProblem:
             return LimitAnalysis(self, LimitLoad(upper, upper, mechanism, upper, 0.0), None)
         if self.problem.yields:
             return self._yielding(upper, mechanism)
-        carried = carried_forces(self.low, self.high)
+        carried = with_signs(self.low, lambda signs: carried_by_contacts(self.low, self.high, signs))
         limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
         return LimitAnalysis(self, limit, carried)
 
@@ -348,7 +317,7 @@ class LimitAnalysis:
 
     posed: LimitProblem  # what was asked for
     limit: LimitLoad  # both sides
-    carried: CarriedForces | None  # what carries `LimitLoad.lower` where nothing yields; None where something does
+    carried: Carried | None  # what carries `LimitLoad.lower` where nothing yields; None where something does
 
 
 def loads_of(problem: ContactProblem) -> list[str]:
@@ -518,31 +487,31 @@ def _between(factors: tuple[float, float], shares: tuple[float, float], stale: i
 def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:
     """The problem with strengths of what is chosen over the factor; regions without a name count as the body."""
 
-    def flatter(phi: Field) -> Field:
-        if callable(phi):
-            return lambda x, y: np.arctan(np.tan(phi(x, y)) / factor)
-        return math.atan(math.tan(phi) / factor)
+    def weaker(owner: Any, names: Sequence[str]) -> Any:
+        """A contact or a strength with these of its fields over the factor; of an angle of friction the tangent is."""
+        less: dict[str, Any] = {}
+        for name, value in ((name, getattr(owner, name)) for name in names):
+            if name == "phi" and callable(value):
+                less[name] = lambda x, y, phi=value: np.arctan(np.tan(phi(x, y)) / factor)
+            elif value is not None:
+                less[name] = math.atan(math.tan(value) / factor) if name == "phi" else times(value, 1.0 / factor)
+        return replace(owner, **less)
 
-    def weaker(material: Material) -> Material:
+    def weakened(material: Material) -> Material:
         strength = material.strength
-        given = {} if strength is None else {each.name: getattr(strength, each.name) for each in fields(strength)}
-        less: dict[str, Any] = {name: times(value, 1.0 / factor) for name, value in given.items() if value is not None}
-        if "phi" in less:
-            less["phi"] = flatter(given["phi"])
-        return material if strength is None else replace(material, strength=replace(strength, **less))
-
-    def slipperier(contact: Contact) -> Contact:
-        laws = {name: getattr(contact, name) for name in ("friction", "cohesion", "shear_limit")}
-        less: dict[str, Any] = {name: times(law, 1.0 / factor) for name, law in laws.items() if law is not None}
-        return replace(contact, **less)
+        if strength is None:
+            return material
+        return replace(material, strength=weaker(strength, [each.name for each in fields(strength)]))
 
     regions = [
-        replace(region, material=weaker(region.material)) if (region.name or BODY) in chosen else region
+        replace(region, material=weakened(region.material)) if (region.name or BODY) in chosen else region
         for region in problem.regions
     ]
     conditions = [
-        slipperier(each) if isinstance(each, Contact) and each.name in chosen and each.law != "tied" else each
+        weaker(each, ("friction", "cohesion", "shear_limit"))
+        if isinstance(each, Contact) and each.name in chosen and each.law != "tied"
+        else each
         for each in problem.conditions
     ]
-    material = weaker(problem.material) if BODY in chosen else problem.material
+    material = weakened(problem.material) if BODY in chosen else problem.material
     return replace(problem, material=material, regions=regions, conditions=conditions)

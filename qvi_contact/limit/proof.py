@@ -1,48 +1,75 @@
-"""Proof files in rational numbers, for a checker that trusts nothing of this package: statement and lower bound.
+"""Proof files in rational numbers, for a checker that trusts nothing of this package.
 
-Rounding breaks the smoothness of Φ and its tractions by some 1e-16. So Φ is built again, exactly, by `rational`:
-prescribed tractions are linear equations between its values at vertices of the boundary.
+*From below*: rounding breaks the smoothness of Φ and its tractions by some 1e-16. So Φ is built again, exactly, by
+`rational`: prescribed tractions are linear equations between its values at vertices of the boundary.
+
+*From above*: velocities are zero in the directions in which no traction is prescribed. Rigid blocks have three numbers
+each; for them that is a set of linear equations, and so is what holds contacts at the limits at which they are. Bodies
+that keep their volume flow by a stream function ψ, v = (ψ_y, −ψ_x), C1 on each of them. Of others the numbers at nodes
+are free. What a contact or a body that dilates must keep holds with room, by a share of a flow inside all limits.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse import linalg
 
-from qvi_contact.basics.checks import Field, FloatArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import check
-from qvi_contact.limit.rational import Given, OutOfBalanceError, Vector, dot, less, smooth, vertex_values
-from qvi_contact.limit.stresses import lattice, part_corners
+from qvi_contact.limit.flow import FlowProgram, Velocities
+from qvi_contact.limit.rational import (
+    ONE,
+    ZERO,
+    Given,
+    OutOfBalanceError,
+    Row,
+    Vector,
+    cross,
+    dot,
+    less,
+    middle,
+    smooth,
+    solved,
+)
+from qvi_contact.limit.split import Nodes, lattice, linked, numbered, part_corners
+from qvi_contact.limit.stresses import StressProgram
+from qvi_contact.mechanism import Mechanism
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import Mises, MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
 
-if TYPE_CHECKING:
-    from qvi_contact.limit.stresses import CarriedStress, StressProgram
+Proof: TypeAlias = Callable[["Statement"], dict[str, Any]]
+"""A way to prove a side."""
+
+_KEPT_BACK: Final = 1e-6  # share of the way to a state inside that a proof keeps back for rounding
+_KEPT_BACK_ABOVE: Final = 1e-9  # the same of flows: those inside may dissipate much more
 
 _STRAIGHT: Final = "proof files are for bodies of straight triangles without holes that carry forces"
-_CONSTANT: Final = "proof files need constant numbers here"
 _AFFINE: Final = 1e-10  # misfit of an affine potential, and parts of it, relative, that are rounding
-_KEPT_BACK: Final = 1e-6  # share of the way to a state inside that a proof keeps back for rounding
+_ACTIVE: Final = 1e-9  # speed of opening, over the largest one, within which a contact of rigid blocks is at its limit
+_AXES: Final[list[Vector]] = [(ONE, ZERO), (ZERO, ONE)]
+_Edge: TypeAlias = tuple[int, int]
 
 
 def proof_of(
     problem: ContactProblem,
     names: Sequence[str],
     degree: int,
-    sides: Mapping[str, Sequence[Callable[[Statement], dict[str, Any]]]],
+    sides: Mapping[str, Sequence[Proof]],
 ) -> dict[str, Any]:
     """A proof as `check_proof.check` reads it, of the sides that can be proved; "missing" says why others are not.
 
@@ -56,11 +83,11 @@ def proof_of(
 
     """
     stated = Statement(problem, names, degree)
-    about, found = stated.stated(), dict[str, tuple[Any, dict[str, Any]]]()
+    about, found = _written(stated.about), dict[str, tuple[Any, dict[str, Any]]]()
     errors: dict[str, InputError | SolveError] = {}
     for side, prove in ((side, prove) for side, ways in sides.items() for prove in ways):
         try:
-            part = prove(stated)
+            part = _written(prove(stated))
             lower, upper, _ = check(about | part)
         except (InputError, SolveError) as error:
             errors.setdefault(side, error)
@@ -73,7 +100,7 @@ def proof_of(
                 found[side] = bound, part
     if not found:
         raise next(iter(errors.values()))
-    proof = about | {"missing": {side: str(error) for side, error in errors.items() if side not in found}}
+    proof: dict[str, Any] = about | {"missing": {side: str(errors[side]) for side in errors if side not in found}}
     for _, part in found.values():
         proof |= part
     return proof
@@ -84,60 +111,74 @@ def save_proof(path: str | Path, proof: dict[str, Any]) -> None:
     write_text(path, json.dumps(proof))
 
 
-def _refuse(problem: ContactProblem) -> None:
-    """`InputError` for what a proof file does not hold."""
-    mesh = problem.mesh
-    if mesh.curved.any():
-        raise InputError("proof", "arcs", _STRAIGHT)
-    for contact in problem.contacts:
-        if contact.plate is not None:
-            raise InputError("Contact", contact.name, "proof files hold no plates and pins")
-
-
-def law_of(problem: ContactProblem, contact: Contact) -> tuple[Fraction, Fraction, Fraction | None]:
-    """μ, c and t_max of a contact, or None for the last one; `InputError` if one of them varies."""
-    x, y = problem.mesh.points_along(problem.mesh.edges(contact.edges), np.linspace(0.0, 1.0, 9))
-    found = []
-    for name in ("friction", "cohesion", "shear_limit"):
-        field = getattr(contact, name)
-        found.append(None if field is None else _number(f"Contact.{name}", field, x, y))
-    mu, c, cap = found
-    return mu or Fraction(0), c or Fraction(0), cap
+def _written(value: Any) -> Any:
+    """In the types of JSON, with fractions as texts."""
+    if isinstance(value, dict):
+        return {key: _written(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_written(each) for each in value]
+    return str(value) if isinstance(value, Fraction) else value
 
 
 def _number(name: str, field: Field, x: FloatArray, y: FloatArray) -> Fraction:
     """The one value of a field at points; `InputError` if there are several."""
     values = evaluate(name, field, x, y, minimum=0.0)
     if np.ptp(values) > 0.0:
-        raise InputError(name, field, _CONSTANT)
+        raise InputError(name, field, "proof files need constant numbers here")
     return Fraction(float(values.flat[0]))
 
 
 class Statement:
-    """A problem in rational numbers; the loads named are multiplied."""
+    """A problem in rational numbers, in the form of the file; the loads named are multiplied.
+
+    Attributes
+    ----------
+    about : dict
+        What both sides are about.
+    outward : dict
+        For the edges of loads from i to j, 1 if (e_y, −e_x) points out of the body, and −1 if not.
+
+    """
 
     def __init__(self, problem: ContactProblem, names: Sequence[str], degree: int) -> None:
-        _refuse(problem)
-        self.problem, self.names, self.mesh, self.k = problem, tuple(names), problem.mesh, degree
+        self.problem, self.mesh, self.k = problem, problem.mesh, degree
+        if self.mesh.curved.any():
+            raise InputError("proof", "arcs", _STRAIGHT)
+        for contact in problem.contacts:
+            if contact.plate is not None and contact.plate.driven:
+                raise InputError("Contact", contact.name, "proof files hold no plates and pins that forces move")
         self.points: list[Vector] = [(Fraction(x), Fraction(y)) for x, y in self.mesh.vertices.tolist()]
-        self.dead, self.live = self._potentials()
-        self.loads: dict[tuple[int, int], list[_Load]] = {}
-        for load in self._loads():
-            self.loads.setdefault(load.edge, []).append(load)
-
-    def _potentials(self) -> tuple[list[Fraction], list[Fraction]]:
-        """φ of the loads that stay, and of those that are multiplied: c₀ + c_x x + c_y y."""
-        dead, live = [Fraction(0)] * 3, [Fraction(0)] * 3
-        for name, field in self.problem.body_forces.items():
-            into = live if name in self.names else dead
+        self.outward: dict[_Edge, int] = {}
+        dead, live = [ZERO] * 3, [ZERO] * 3
+        for name, field in problem.body_forces.items():
+            into = live if name in names else dead
             for i, value in enumerate(self._affine(field)):
                 into[i] += value
-        return dead, live
+        laws, plane = [material.strength for material in problem.materials], problem.material.plane
+        self.contacts = [contact for contact in problem.contacts if contact.law != "tied"]
+        self.about: dict[str, Any] = {
+            "about": "bounds of a limit load; check_proof.py says what this means, and checks it",
+            "multiplied": list(names),
+            "vertices": self.points,
+            "triangles": self.mesh.cells.tolist(),
+            "potential": {"dead": dead, "live": live},
+            "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
+            "strength_of": [None if laws[n] is None else n for n in problem.cell_materials.tolist()],
+            "loads": list(self._loads(names)),
+            "contacts": [self._contact(contact) for contact in self.contacts],
+        }
+        self.loads: dict[_Edge, list[dict[str, Any]]] = {}
+        for load in self.about["loads"]:
+            self.loads.setdefault(load["edge"], []).append(load)
+
+    def edge(self, pair: Sequence[int]) -> Vector:
+        """The edge from one vertex to another."""
+        return less(self.points[pair[1]], self.points[pair[0]])
 
     def _affine(self, field: Field) -> list[Fraction]:
-        """c₀, c_x and c_y of an affine field; `InputError` if it is another one."""
+        """c₀, c_x and c_y of an affine potential; `InputError` if it is another one."""
         if not callable(field):
-            return [Fraction(field), Fraction(0), Fraction(0)]
+            return [Fraction(field), ZERO, ZERO]
         places = np.concatenate([self.mesh.vertices, self.mesh.midpoints])
         values = evaluate("ContactProblem.body_potential", field, *places.T)
         origin, size = places.mean(axis=0), float(np.ptp(places, axis=0).max())
@@ -151,103 +192,59 @@ class Statement:
         constant = constant if abs(constant) > _AFFINE * largest else 0.0
         return [Fraction(float(c)) for c in (constant, *slope)]
 
-    def _ordinates(self, edges: Edges, name: str, field: Field) -> FloatArray:
+    def _ordinates(self, edges: Edges, name: str, field: Field) -> list[list[Fraction]]:
         """Of a field along edges (e, k + 1), from the first end of each to the second."""
-        if not callable(field):
-            return np.full((len(edges), self.k + 1), float(field))
-        return along_edges(self.mesh, edges, name, field).coefficients(self.k) @ legendre.to_bernstein(self.k).T
+        values = np.full((len(edges), self.k + 1), 0.0 if callable(field) else float(field))
+        if callable(field):
+            values = along_edges(self.mesh, edges, name, field).coefficients(self.k) @ legendre.to_bernstein(self.k).T
+        return [[Fraction(value) for value in edge] for edge in values.tolist()]
 
-    def _loads(self) -> Iterator[_Load]:
-        """Prescribed tractions, symmetry lines included."""
+    def _loads(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+        """Ordinates of d·σn on edges, n outward and as long as the edge: prescribed tractions, and symmetry lines."""
         for condition in self.problem.conditions:
-            if isinstance(condition, Traction):
-                given, live = components(condition), condition.name in self.names
-            elif isinstance(condition, Symmetry):
-                given, live = {"tangential": 0.0}, False
-            else:
+            if not isinstance(condition, (Traction, Symmetry)):
                 continue
+            given: Mapping[str, Field] = (
+                {"tangential": 0.0} if isinstance(condition, Symmetry) else components(condition)
+            )
             edges = self.mesh.edges(condition.edges)
             for name, value in given.items():
-                ordinates = self._ordinates(edges, f"Traction.{name}", value)
-                for n in range(len(edges)):
-                    i, j = int(edges.first[n]), int(edges.second[n])
-                    e = less(self.points[j], self.points[i])
-                    normal = (e[1], -e[0])
-                    outward = 1 if dot(normal, [Fraction(x) for x in edges.normal[n].tolist()]) > 0 else -1
-                    length = dot(e, e)
-                    d = e if name == "tangential" else (outward * normal[0], outward * normal[1])
+                for n, ordinates in enumerate(self._ordinates(edges, f"Traction.{name}", value)):
+                    pair = int(edges.first[n]), int(edges.second[n])
+                    e = self.edge(pair)
+                    out = 1 if float(e[1]) * edges.normal[n, 0] - float(e[0]) * edges.normal[n, 1] > 0.0 else -1
+                    d, length = (e if name == "tangential" else (out * e[1], -out * e[0])), dot(e, e)
                     if name in CARTESIAN:
                         d = (Fraction(name == "x"), Fraction(name == "y"))
                         length = abs(e[0] + e[1]) if 0 in e else Fraction(float(edges.length[n]))
-                    values = tuple(length * Fraction(float(value)) for value in ordinates[n])
-                    yield _Load((i, j), d, values, live, outward)
-
-    def stated(self) -> dict[str, Any]:
-        """What both sides are about."""
-        laws = [material.strength for material in self.problem.materials]
-        plane = self.problem.material.plane
-        numbers = self.problem.cell_materials.tolist()
-        return {
-            "about": "bounds of a limit load; check_proof.py says what this means, and checks it",
-            "multiplied": list(self.names),
-            "vertices": [[str(x), str(y)] for x, y in self.points],
-            "triangles": self.mesh.cells.tolist(),
-            "potential": {"dead": [str(c) for c in self.dead], "live": [str(c) for c in self.live]},
-            "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
-            "strength_of": [None if laws[number] is None else number for number in numbers],
-            "loads": [load.stated() for loads in self.loads.values() for load in loads],
-            "contacts": [self._contact(contact) for contact in self.problem.contacts if contact.law != "tied"],
-        }
+                    values, zeros = [length * each for each in ordinates], [ZERO] * len(ordinates)
+                    live = isinstance(condition, Traction) and condition.name in names
+                    self.outward[pair] = out
+                    yield {"edge": pair, "direction": d, "dead": zeros if live else values,
+                           "live": values if live else zeros}  # fmt: skip
 
     def _cones(self, law: Strength, plane: Literal["stress", "strain"]) -> Iterator[dict[str, Any]]:
-        """The cones of a strength as `check_proof` reads them."""
+        """The cones of a strength."""
         if isinstance(law, MohrCoulomb) and callable(law.phi):
             law = replace(law, phi=float(_number("MohrCoulomb.phi", law.phi, *self.mesh.vertices.T)))
         for cone in law.cones(plane):
-            value = _number(cone.name, cone.field, *self.mesh.vertices.T)
-            found: dict[str, Any] = {"a": [str(value), "0", "0"]}
+            found: dict[str, Any] = {"a": [_number(cone.name, cone.field, *self.mesh.vertices.T), ZERO, ZERO]}
             if isinstance(law, Mises):
-                found |= {"f2": "4/3", "gamma2": "1/3" if cone.mean else "0"}
+                found |= {"f2": Fraction(4, 3), "gamma2": Fraction(1, 3) if cone.mean else ZERO}
             else:
-                found |= {"f": str(Fraction(float(cone.factor))), "beta": str(Fraction(float(cone.pressure)))}
+                found |= {"f": Fraction(float(cone.factor)), "beta": Fraction(float(cone.pressure))}
             yield found
 
     def _contact(self, contact: Contact) -> dict[str, Any]:
-        """A contact as `check_proof` reads it."""
-        mu, c, cap = law_of(self.problem, contact)
-        fluid: dict[str, Any] = {}
+        """A contact that limits tractions; `InputError` if a part of its law varies."""
+        edges, found = self.mesh.edges(contact.edges), dict[str, Any]()
+        for name in ("friction", "cohesion", "shear_limit"):
+            field, places = getattr(contact, name), self.mesh.points_along(edges, np.linspace(0.0, 1.0, 9))
+            found[name] = None if field is None else _number(f"Contact.{name}", field, *places)
         if contact.has_fluid:
-            edges = self.mesh.edges(contact.edges)
-            pressures = self._ordinates(edges, "Contact.pore_pressure", contact.pore_pressure)
-            fluid = {"pressures": [[str(Fraction(value)) for value in edge] for edge in pressures.tolist()]}
-        return fluid | {
-            "name": contact.name,
-            "law": contact.law,
-            "friction": str(mu),
-            "cohesion": str(c),
-            "shear_limit": None if cap is None else str(cap),
-            "edges": ends(self, contact),
-        }
-
-
-@dataclass(frozen=True)
-class _Load:
-    """Ordinates of d·σn on an edge, n outward and as long as the edge."""
-
-    edge: tuple[int, int]
-    direction: Vector
-    values: tuple[Fraction, ...]
-    live: bool
-    outward: int
-
-    def stated(self) -> dict[str, Any]:
-        values, zeros = [str(value) for value in self.values], ["0"] * len(self.values)
-        return {
-            "edge": list(self.edge),
-            "direction": [str(value) for value in self.direction],
-            "dead": zeros if self.live else values,
-            "live": values if self.live else zeros,
-        }
+            found["pressures"] = self._ordinates(edges, "Contact.pore_pressure", contact.pore_pressure)
+        pairs = np.column_stack([edges.first, edges.second]).tolist()
+        return found | {"name": contact.name, "law": contact.law, "edges": [tuple(pair) for pair in pairs]}
 
 
 def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
@@ -256,116 +253,273 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     if found.unknowns is None:
         raise SolveError("proof: this mesh carries no largest multiple of the loads: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)
-    rough, at_vertices = _rounded_airy(program, found)
+    rough = _rounded_airy(program, found.unknowns)
 
-    def exact(factor: Fraction) -> tuple[Given, list[Fraction]]:
+    def exact(factor: Fraction) -> Any:
         given = _second_derivatives(stated, p - 2, factor)
-        return given, vertex_values(stated.points, p, given, [], at_vertices)
+        return list(smooth(stated.points, stated.about["triangles"], p, given, [], rough))
 
     try:
         try:
-            given, values = exact(factor)
+            airy = exact(factor)
         except OutOfBalanceError as error:  # loads that are in balance at one factor only
-            factor += _change(error.amount, exact, factor + 1)
-            given, values = exact(factor)
+            change = ONE
+            try:
+                exact(factor + 1)
+            except OutOfBalanceError as other:
+                change = error.amount / (error.amount - other.amount) if error.amount != other.amount else ZERO
+            factor += change
+            airy = exact(factor)
     except OutOfBalanceError as error:
         remedy = "they cannot be stated exactly"
         raise SolveError(f"proof: the loads are in balance up to rounding only: {remedy}") from error
-    airy = smooth(stated.points, stated.mesh.cells.tolist(), p, given, values, rough)
-    ordinates = [[[str(value) for value in part] for part in cell] for cell in airy]
-    return {"factor": str(factor), "degree": p, "airy": ordinates}
+    return {"factor": factor, "degree": p, "airy": airy}
 
 
-def _change(amount: Fraction, exact: Callable[[Fraction], object], more: Fraction) -> Fraction:
-    """What brings loads into balance that are out of it by an amount: to be added to the factor; `more` has 1 more."""
-    try:
-        exact(more)
-    except OutOfBalanceError as error:
-        return amount / (amount - error.amount) if amount != error.amount else Fraction(0)
-    return Fraction(1)
-
-
-def _second_derivatives(
-    stated: Statement, k: int, factor: Fraction
-) -> dict[tuple[int, int], list[list[Fraction] | None]]:
-    """What loads say of an edge: ordinates of n·G' and of e·G' from its first end on, or None."""
-    found: dict[tuple[int, int], list[list[Fraction] | None]] = {}
-    potential = [a + factor * b for a, b in zip(stated.dead, stated.live, strict=True)]
-    for (i, j), loads in stated.loads.items():
-        e = less(stated.points[j], stated.points[i])
-        axes = normal, _ = (e[1], -e[0]), e
-        places = [[x + Fraction(m, k) * d for x, d in zip(stated.points[i], e, strict=True)] for m in range(k + 1)]
-        phi = [potential[0] + dot(potential[1:], place) for place in places]
-        # d·G' = d·σn less the part of φ, for the normal of the edge
+def _second_derivatives(stated: Statement, k: int, factor: Fraction) -> Given:
+    """What loads, and contacts without friction, say of edges: d·G' = d·σn less the part of φ."""
+    found: dict[_Edge, list[list[Fraction] | None]] = {}
+    potential = [a + factor * b for a, b in zip(*stated.about["potential"].values(), strict=True)]
+    for pair, loads in stated.loads.items():
+        e, out = stated.edge(pair), stated.outward[pair]
+        normal, start = (e[1], -e[0]), stated.points[pair[0]]
+        phi = [potential[0] + dot(potential[1:], [x + Fraction(m, k) * d for x, d in zip(start, e, strict=True)])
+               for m in range(k + 1)]  # fmt: skip
         right = []
         for load in loads:
-            rows = [load.outward * (factor if load.live else 1) * value for value in load.values]
-            right.append([a - b * dot(load.direction, normal) for a, b in zip(rows, phi, strict=True)])
+            values = [out * (a + factor * b) for a, b in zip(load["dead"], load["live"], strict=True)]
+            right.append([a - b * dot(load["direction"], normal) for a, b in zip(values, phi, strict=True)])
+        directions = [load["direction"] for load in loads]
         if len(loads) == 2:
-            (a, b), (c, d) = (load.direction for load in loads)
-            turned = [((d * u - b * v) / (a * d - b * c), (a * v - c * u) / (a * d - b * c))
+            det = cross(*directions)
+            turned = [[(u * directions[1][1 - i] - v * directions[0][1 - i]) / det * (1 - 2 * i) for i in (0, 1)]
                       for u, v in zip(*right, strict=True)]  # fmt: skip
-            found[i, j] = [[dot(axis, value) for value in turned] for axis in axes]
+            found[pair] = [[dot(axis, value) for value in turned] for axis in (normal, e)]
             continue
-        parts = [dot(axis, loads[0].direction) for axis in axes]
+        parts = [dot(axis, directions[0]) for axis in (normal, e)]
         if 0 not in parts:
             remedy = "on slanted edges proof files hold x and y together, or normal and tangential ones"
             raise InputError("Traction", stated.mesh.edge_names, remedy)
-        found[i, j] = [None if part == 0 else [dot(axis, axis) / part * value for value in right[0]]
-                       for axis, part in zip(axes, parts, strict=True)]  # fmt: skip
-    for contact in stated.problem.contacts:
-        mu, c, cap = law_of(stated.problem, contact)
-        if (mu == c == 0 or cap == 0) and contact.law != "tied":  # a shear of exactly zero
-            for i, j in ends(stated, contact):
-                found[i, j] = [None, [Fraction(0)] * (k + 1)]
+        found[pair] = [None if part == 0 else [dot(e, e) / part * value for value in right[0]] for part in parts]
+    for contact in stated.about["contacts"]:
+        if contact["friction"] == contact["cohesion"] == 0 or contact["shear_limit"] == 0:  # no shear
+            found |= {pair: [None, [ZERO] * (k + 1)] for pair in contact["edges"]}
     return found
 
 
-def ends(stated: Statement, contact: Contact) -> list[list[int]]:
-    """Both vertices of the edges of a contact."""
-    edges = stated.mesh.edges(contact.edges)
-    pairs: list[list[int]] = np.column_stack([edges.first, edges.second]).tolist()
-    return pairs
-
-
-def _rounded_airy(program: StressProgram, carried: CarriedStress) -> tuple[FloatArray, FloatArray]:
-    """Φ in floating point: its ordinates (cells, 3, count), and (Φ, Φ_x, Φ_y) at vertices (v, 3)."""
-    low, high = program.low, program.high
-    assert carried.unknowns is not None
-    space = low.space
+def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
+    """Φ in floating point: its ordinates (cells, 3, count)."""
+    low, high, space = program.low, program.high, program.low.space
     if len(space.cuts):
         raise InputError("proof", f"{len(space.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
-    change = high.particular - low.particular
-    u = low.basis @ carried.unknowns[:n] + low.particular + (carried.factor - 1.0) * change
-    affine, w = space.differences.apply(u)
-    frames, first = space.frames, space.mesh.cells[:, 0]
-    if frames.several:
-        affine = affine + (frames.affine(first) @ u[frames.columns(first)][:, :, None])[:, :, 0]
-    B = element.transformations(space.triangles)[:, 3:, 3:]
-    inner = carried.unknowns[n:-1].reshape(len(w), -1)
-    factors = np.hstack([(B @ w[:, :, None])[:, :, 0], inner])
-    ordinates = np.einsum("scd,nd->nsc", element.coefficients[:, :, 3:], factors)
-    arms = lattice(element.degree) @ part_corners(space.triangles.corners)
-    arms = arms - space.triangles.corners[:, None, None, 0]
-    ordinates = ordinates + affine[:, None, None, 0] + np.einsum("npcx,nx->npc", arms, affine[:, 1:])
-    # values and slopes at vertices from the ordinates of one triangle each
-    values = np.empty((len(space.vertices), 3))
-    alpha, p = exponents(element.degree), element.degree
-    for s, (a, b) in enumerate(EDGES):
-        for own, end in ((0, a), (1, b)):
-            at = {tuple(row): i for i, row in enumerate(alpha.tolist())}
-            corner = [0, 0, 0]
-            corner[own] = p
-            around = [[*corner] for _ in range(2)]
-            for which, other in enumerate(i for i in range(3) if i != own):
-                around[which][own] -= 1
-                around[which][other] += 1
-            c0, c1, c2 = (ordinates[:, s, at[tuple(each)]] for each in (corner, *around))
-            corners = part_corners(space.triangles.corners)[:, s]
-            others = [i for i in range(3) if i != own]
-            directions = np.stack([corners[:, i] - corners[:, own] for i in others], axis=1)
-            slopes = np.linalg.solve(directions, np.stack([c1 - c0, c2 - c0], axis=1)[:, :, None])[:, :, 0] * p
-            values[space.mesh.cells[:, end]] = np.column_stack([c0, slopes])
-    scales = low.scales
-    return ordinates * scales.airy, values * [scales.airy, scales.airy / scales.length, scales.airy / scales.length]
+    u = low.basis @ unknowns[:n] + low.particular + (unknowns[-1] - 1.0) * (high.particular - low.particular)
+    factors = low.root.stiffness.energy.coefficients(u, None)
+    factors[:, element.shared :] = unknowns[n:-1].reshape(len(factors), -1)
+    corners = space.triangles.corners
+    arms = lattice(element.degree) @ part_corners(corners) - corners[:, None, None, 0]
+    ordinates = np.einsum("scd,nd->nsc", element.coefficients[:, :, 3:], factors[:, 3:])
+    ordinates += factors[:, None, None, 0] + np.einsum("npcx,nx->npc", arms, factors[:, 1:3])
+    return np.asarray(ordinates * low.scales.airy)
+
+
+def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[str, Any]:
+    """The part of a proof that says what no stress carries, from velocities of rigid blocks."""
+    if mechanism is None:
+        raise SolveError("proof: no motion of rigid blocks bounds the loads")
+    strong, parts = np.ones(len(mechanism.blocks), dtype=bool), [mechanism.motions[n] for n in mechanism.blocks]
+    space = Velocities(stated.problem, 1, strong)
+    x, y, turn, *centre = np.array([(each.x, each.y, each.rotation, *each.centre) for each in parts]).T[..., None]
+    arms = space.nodes.places @ stated.mesh.corners
+    rough = np.stack([x - turn * (arms[..., 1] - centre[1]), y + turn * (arms[..., 0] - centre[0])], axis=-1)
+    return {"flow": {"degree": 1, "velocities": list(_of_nodes(stated, space, rough, strong, ~strong)), "shares": {}}}
+
+
+def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
+    """The same from velocities of the program."""
+    flow = program.solved(_KEPT_BACK_ABOVE)
+    if flow.motion is None:
+        raise SolveError("proof: the loads have no finite bound from above")
+    cones, keeps = program.cones, ~program.cones.strong
+    changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
+    keeps[cones.cell[changes]] = False
+    velocities = list(_of_nodes(stated, program.space, flow.motion.velocities, cones.strong, keeps))
+    # what each of several cones has of a strain rate, by its number; the first that may change volume has the rest
+    assert flow.shares is not None
+    strain, shares = flow.shares / stated.mesh.length, dict[str, Any]()
+    small, order = _ACTIVE * float(np.abs(strain).max(initial=0.0)), np.argsort(cones.coefficient, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(cones.coefficient[order])) + 1):
+        if len(rows) > 1 and np.abs(strain[rows]).max() > small:
+            numbers: list[Any] = [[Fraction(x) for x in strain[row].tolist()] for row in rows]
+            numbers[int(np.flatnonzero(changes[rows])[0])] = None
+            shares[str(int(cones.coefficient[rows[0]]))] = numbers
+    return {"flow": {"degree": cones.degree + 1, "velocities": velocities, "shares": shares}}
+
+
+def _held(stated: Statement) -> list[tuple[int, _Edge, list[Vector]]]:
+    """Cells and ends of edges of the boundary, with the directions d in which d·v = 0 there."""
+    boundary, found = stated.mesh.boundary, dict[_Edge, list[Vector]]()
+    pairs: list[_Edge] = list(zip(boundary.first.tolist(), boundary.second.tolist(), strict=True))
+    for i, j in pairs:
+        given = [load["direction"] for load in stated.loads.get((i, j), stated.loads.get((j, i), []))]
+        found[i, j] = [_AXES, [(-d[1], d[0]) for d in given], []][len(given)]
+    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
+        if contact not in stated.problem.joints:
+            for i, j in known["edges"]:
+                e = stated.edge((i, j))
+                axes = [(e[1], -e[0]), *([e] if known["friction"] > 0 and known["shear_limit"] is None else [])]
+                found[(i, j) if (i, j) in found else (j, i)] = axes if contact.law == "bilateral" else []
+    return [(int(cell), pair, found[pair]) for cell, pair in zip(boundary.cells[:, 0], pairs, strict=True)]
+
+
+def _rigid(motion: Sequence[Fraction], at: Vector) -> Vector:
+    """The velocity (a − θ y, b + θ x) of a motion (a, b, θ)."""
+    return motion[0] - motion[2] * at[1], motion[1] + motion[2] * at[0]
+
+
+def _rigid_row(body: int, d: Vector, at: Vector, sign: int = 1) -> dict[int, Fraction]:
+    """± d·v at a place as a row on the motions of bodies; without a body an empty one."""
+    parts = (d[0], d[1], d[1] * at[0] - d[0] * at[1])
+    return {3 * body + i: sign * part for i, part in enumerate(parts) if part != 0} if body >= 0 else {}
+
+
+def _at_limits(
+    stated: Statement, contact: Contact, known: dict[str, Any], blocks: IntArray, motions: Sequence[Fraction]
+) -> Iterator[dict[int, Fraction]]:
+    """Rows of what a contact must hold that a motion holds with equality, within rounding, at the ends of its edges."""
+    joint, mu, cap = contact in stated.problem.joints, known["friction"], known["shear_limit"]
+    edges = stated.mesh.edges(contact.edges)
+    dilates = contact.law == "unilateral" and cap is None and mu > 0
+    for n, pair in enumerate(known["edges"]):
+        first, second = int(blocks[edges.cells[n, 0]]), int(blocks[edges.cells[n, 1]]) if joint else -1
+        if first < 0 or (joint and second < 0):  # beside a body that flows
+            continue
+        e = stated.edge(pair)
+        out = 1 if dot((e[1], -e[0]), [Fraction(x) for x in edges.normal[n].tolist()]) > 0 else -1
+        small = _ACTIVE * float(dot(e, e)) ** 0.5
+        for at in (stated.points[end] for end in pair):
+            opening, slip = (
+                {**_rigid_row(first, d, at, sign), **_rigid_row(second, d, at, -sign)} if first != second else {}
+                for d, sign in (((e[1], -e[0]), -out), (e, 1))
+            )
+            w, t = (float(sum(c * motions[number] for number, c in row.items())) for row in (opening, slip))
+            if contact.law == "bilateral" or w - dilates * float(mu) * abs(t) <= small:
+                share = mu if t > 0 else -mu
+                stuck = not dilates or abs(t) <= small
+                yield opening if stuck else {number: opening.get(number, ZERO) - share * slip.get(number, ZERO)
+                                             for number in {**opening, **slip}}  # fmt: skip
+                if stuck and mu > 0 and cap is None:
+                    yield slip
+
+
+def _of_nodes(
+    stated: Statement, space: Velocities, velocities: FloatArray, strong: BoolArray, keeps: BoolArray
+) -> Iterator[list[list[Vector]]]:
+    """Velocities by numbers at nodes, in the directions that are free.
+
+    Those of rigid parts, and of parts that keep their volume, follow from their motions and stream functions.
+    """
+    if np.intersect1d(space.global_[strong], space.global_[keeps]).size:
+        raise SolveError("proof: no part of a body may keep its volume beside one that is rigid")
+    edges, held = _held(stated), dict[int, list[Vector]]()
+    for cell, pair, directions in edges:
+        opposite = int(np.flatnonzero(~np.isin(stated.mesh.cells[cell], pair))[0])
+        for n in space.global_[cell, space.nodes.of_sides[opposite]].tolist():
+            held.setdefault(n, []).extend(directions)
+    rounded, found = np.zeros((space.count, 2)), dict[int, Vector]()
+    rounded[space.global_] = velocities
+    found |= _rigid_nodes(stated, space, rounded, strong, held)
+    if keeps.any():
+        found |= _streams(stated, space, velocities, keeps, edges)
+    for n, (x, y) in enumerate(rounded.tolist()):
+        if n not in found:
+            v = (Fraction(x), Fraction(y))
+            for d in held.get(n, []):
+                v = less(v, [dot(d, v) / dot(d, d) * each for each in d])
+            found[n] = v if all(dot(d, v) == 0 for d in held.get(n, [])) else (ZERO, ZERO)
+    for cell in space.global_.tolist():
+        yield [[found[cell[n]] for n in part] for part in space.nodes.of_parts.tolist()]
+
+
+def _rigid_nodes(
+    stated: Statement, space: Velocities, rounded: FloatArray, strong: BoolArray, held: Mapping[int, list[Vector]]
+) -> dict[int, Vector]:
+    """The velocities of nodes of rigid parts.
+
+    Their motions are near those in floating point, and keep what is held; contacts between them that are at their limit
+    stay there exactly.
+    """
+    places = dict[int, Vector]()
+    for cell in np.flatnonzero(strong).tolist():
+        corners = [stated.points[v] for v in stated.about["triangles"][cell]]
+        for n, (*weights, centre) in zip(space.global_[cell].tolist(), space.nodes.keys.tolist(), strict=True):
+            shares = [Fraction(3 * weight + centre, 3 * space.degree) for weight in weights]
+            places[n] = middle(corners, shares)
+    nodes, motions = np.array(list(places), dtype=np.int64), list[Fraction]()
+    of_nodes = space.rigid.tolist()
+    for part in range(int(space.rigid.max(initial=-1)) + 1):
+        own = nodes[space.rigid[nodes] == part]
+        x, y = np.array([places[n] for n in own.tolist()], dtype=float).T
+        one, none = np.ones(len(own)), np.zeros(len(own))
+        A = np.concatenate([np.column_stack([one, none, -y]), np.column_stack([none, one, x])])
+        motions += map(Fraction, np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0].tolist())
+    rows = [_rigid_row(of_nodes[n], d, at) for n, at in places.items() for d in held.get(n, [])]
+    blocks = np.where(strong, space.rigid[space.global_[:, 0]], -1)
+    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
+        rows += _at_limits(stated, contact, known, blocks, motions)
+    motions = solved([(row, ZERO) for row in rows], motions)
+    return {n: _rigid(motions[3 * of_nodes[n] :], at) for n, at in places.items()}
+
+
+def _streams(
+    stated: Statement, space: Velocities, velocities: FloatArray, keeps: BoolArray,
+    held: Sequence[tuple[int, _Edge, list[Vector]]],
+) -> Iterator[tuple[int, Vector]]:  # fmt: skip
+    """Nodes of parts that keep their volume with their velocities (ψ_y, −ψ_x), ψ being C1 on each part.
+
+    In floating point ψ is what p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α says, zero at one node of each part.
+    """
+    p, cells, nodes = space.degree + 1, np.flatnonzero(keeps), Nodes.of(space.degree + 1)
+    everywhere = numbered(stated.problem, nodes)
+    known, at = np.unique(everywhere[cells], return_inverse=True)
+    at = at.reshape(len(cells), -1)[:, nodes.of_parts]  # (n, 3, count)
+    number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
+    near = np.array([[number[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
+                     for alpha in exponents(p - 1).tolist()])  # fmt: skip
+    corners = part_corners(stated.mesh.corners[cells])
+    v = velocities[cells][:, space.nodes.of_parts]
+    arms = (corners[:, :, 1:] - corners[:, :, :1])[:, :, None]
+    right = v[..., None, 0] * arms[..., 1] - v[..., None, 1] * arms[..., 0]
+    start, end = np.broadcast_arrays(at[..., near[:, :1]], at[..., near[:, 1:]])
+    one = sparse.eye_array(len(known), format="csr")
+    A = p * (one[end.ravel()] - one[start.ravel()])
+    fixed = np.zeros(len(known))
+    fixed[np.unique(linked(start, end, len(known)), return_index=True)[1]] = 1.0
+    square = sparse.csc_array(A.T @ A + sparse.diags_array(fixed))
+    psi = linalg.splu(square).solve(np.asarray(A.T @ right.ravel()))
+    # corners, which blocks do not share, by numbers of their own
+    tips = everywhere[:, [nodes.of_sides[2, 0], nodes.of_sides[2, -1], nodes.of_sides[1, -1]]]
+    names, first = np.unique(tips[cells], return_index=True)
+    ids = np.where(np.isin(tips, names), np.searchsorted(names, tips), -1)
+    points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[first].tolist()]
+    given, rows = dict[_Edge, list[list[Fraction] | None]](), list[Row]()
+    for cell, pair, directions in held:
+        i, j = (int(ids[cell, stated.about["triangles"][cell].index(n)]) for n in pair)
+        if directions and keeps[cell]:
+            e = stated.edge(pair)
+            axes = [any(dot(d, axis) != 0 for d in directions) for axis in ((e[1], -e[0]), e)]
+            if sum(axes) != len(directions):
+                remedy = "on slanted edges proof files hold no x or y alone"
+                raise InputError("Traction", stated.mesh.edge_names, remedy)
+            given[i, j] = [[ZERO] * (p - 1) if each else None for each in axes]
+        rows += [({n: value for n, value in ((3 * end + 2, d[0]), (3 * end + 1, -d[1])) if value}, ZERO)
+                 for d in directions for end in (i, j) if end >= 0]  # fmt: skip
+    triangles = ids[cells].tolist()
+    smoothed = smooth(points, triangles, p, given, rows, psi[at])
+    for cell, corner, ordinates in zip(cells.tolist(), triangles, smoothed, strict=True):
+        ends = [points[i] for i in corner]
+        for c, (a, b), own in zip(ordinates, EDGES, space.nodes.of_parts, strict=True):
+            along, inwards = less(ends[b], ends[a]), less(middle(ends), ends[a])
+            for node, (c0, c1, c2) in zip(space.global_[cell, own].tolist(), near.tolist(), strict=True):
+                u, w = (p * (c[n] - c[c0]) / cross(along, inwards) for n in (c1, c2))  # ∇ψ along both, over the area
+                yield node, (w * along[0] - u * inwards[0], w * along[1] - u * inwards[1])

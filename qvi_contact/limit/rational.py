@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from functools import cache
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element.triangle import EDGES, exponents
+from qvi_contact.limit.split import Nodes, part_corners
 
 Vector: TypeAlias = tuple[Fraction, Fraction]
 
@@ -26,6 +26,8 @@ Row: TypeAlias = tuple[dict[int, Fraction], Fraction]
 
 Given: TypeAlias = Mapping[tuple[int, int], Sequence[list[Fraction] | None]]
 """What is known of an edge: ordinates of n·G' and of e·G' from its first end on, or None."""
+
+ZERO, ONE = Fraction(0), Fraction(1)
 
 
 class OutOfBalanceError(ArithmeticError):
@@ -36,185 +38,144 @@ class OutOfBalanceError(ArithmeticError):
         self.amount = amount
 
 
-def vertex_values(
-    points: Sequence[Vector], p: int, given: Given, rows: Sequence[Row], rough: FloatArray
-) -> list[Fraction]:
-    """Φ, Φ_x, Φ_y of all vertices for which edges and further rows hold; `rough` (v, 3) are those in floating point."""
-    found = list(rows)
-    for (i, j), (along, across) in given.items():
-        e = less(points[j], points[i])
-        if along is not None:  # n·G = Φ_e
-            total = sums(along, p - 1)
-            found.append((_dot_gradient(i, j, e), total[-1]))
-            own = {3 * j: Fraction(1), 3 * i: Fraction(-1), 3 * i + 1: -e[0], 3 * i + 2: -e[1]}
-            found.append((own, sum(total, Fraction(0)) / p))
-        if across is not None:  # e·G = Φ_m
-            found.append((_dot_gradient(i, j, (-e[1], e[0])), sums(across, p - 1)[-1]))
-    return solved(found, [Fraction(float(value)) for value in rough.ravel()])
-
-
 def smooth(
-    points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int, given: Given, values: Sequence[Fraction],
+    points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int, given: Given, rows: Sequence[Row],
     rough: FloatArray,
 ) -> Iterator[list[list[Fraction]]]:  # fmt: skip
-    """Ordinates (3, count) of Φ of degree p on the parts of each triangle; `rough` are those in floating point."""
+    """Ordinates (3, count) on the parts of each triangle of the Φ of degree p that is near `rough` ordinates (n, ·, ·).
+
+    What is given of edges holds, and further rows on (Φ, Φ_x, Φ_y) of all vertices. Across the line from corner v to
+    the barycentre of a triangle, ordinates of both parts add to three times the one on the line that is nearer to the
+    barycentre, less the one that is farther.
+    """
+    values = solved(
+        [*rows, *_of_edges(points, p, given)],
+        [Fraction(x) for x in _at_vertices(points, triangles, p, rough).ravel().tolist()],
+    )
+    nodes = Nodes.of(p)
+    keys = [[tuple(nodes.keys[n].tolist()) for n in part] for part in nodes.of_parts]
+    place = {key: (s, n) for s, part in enumerate(keys) for n, key in enumerate(part)}
+    opened = sorted((key for key in place if key[3] > 1), key=lambda key: (key[3], key))
+    column = {key: n for n, key in enumerate(opened)}
     edges: dict[tuple[int, int], tuple[list[Fraction], list[Fraction]]] = {}
     for t, corners in enumerate(triangles):
         known: dict[tuple[int, ...], Fraction] = {}
         centre = middle([points[v] for v in corners])
         for s, (a, b) in enumerate(EDGES):
             i, j = corners[a], corners[b]
-            e = less(points[j], points[i])
-            m, inwards = (-e[1], e[0]), less(centre, points[i])
-            alpha, beta = dot(inwards, e) / dot(e, e), dot(inwards, m) / dot(e, e)
+            e, inwards = less(points[j], points[i]), less(centre, points[i])
+            alpha, beta = dot(inwards, e) / dot(e, e), cross(e, inwards) / dot(e, e)
             if (i, j) not in edges:
-                rough_edge = _rough_edge(rough[t, s], p, float(alpha), float(beta))
-                edges[i, j] = _edge(e, p, given.get((i, j)) or _flipped(given.get((j, i))),
-                                    [values[3 * v : 3 * v + 3] for v in (i, j)], rough_edge)  # fmt: skip
-            q, cross = edges[i, j]
+                ends = [values[3 * v : 3 * v + 3] for v in (i, j)]
+                backwards = [None if part is None else part[::-1] for part in given.get((j, i), (None, None))]
+                edges[i, j] = _edge(e, p, given.get((i, j), backwards), ends, rough[t, s], float(alpha), float(beta))
+            q, slopes = edges[i, j]
             for n in range(p + 1):
                 known[_key(a, p - n, b, n, 0)] = q[n]
             for n in range(p):
-                slope = alpha * p * (q[n + 1] - q[n]) + beta * cross[n]
-                known[_key(a, p - 1 - n, b, n, 1)] = q[n] + slope / p
-        free, dependent = _inner(p)
-        for key, (s, n) in free.items():
-            known[key] = Fraction(float(rough[t, s, n]))
-        for key, parts in dependent:
-            known[key] = sum((c * known[other] for other, c in parts.items()), Fraction(0))
-        yield [[known[key] for key in _keys(p, s)] for s in range(3)]
+                known[_key(a, p - 1 - n, b, n, 1)] = q[n] + alpha * (q[n + 1] - q[n]) + beta * slopes[n] / p
+        inside = []
+        for v, inner in ((v, inner) for v in range(3) for inner in range(1, p)):
+            a, b = (i for i in range(3) if i != v)
+            i = p - 1 - inner
+            row = {_key(v, i, a, 1, inner): 1, _key(v, i, b, 1, inner): 1, _key(v, i + 1, a, 0, inner): 1,
+                   _key(v, i, a, 0, inner + 1): -3}  # fmt: skip
+            right = -sum((c * known[key] for key, c in row.items() if key in known), ZERO)
+            inside.append(({column[key]: Fraction(c) for key, c in row.items() if key in column}, right))
+        rest = solved(inside, [Fraction(rough[t][place[key]].item()) for key in opened])
+        known |= dict(zip(opened, rest, strict=True))
+        yield [[known[key] for key in part] for part in keys]
 
 
-def _flipped(given: Sequence[list[Fraction] | None] | None) -> Sequence[list[Fraction] | None]:
-    """The same from the other end: second derivatives do not mind from which end they are counted."""
-    return [None, None] if given is None else [None if part is None else part[::-1] for part in given]
+def _of_edges(points: Sequence[Vector], p: int, given: Given) -> Iterator[Row]:
+    """What is given of edges, as rows on (Φ, Φ_x, Φ_y) of vertices."""
+    for (i, j), (along, across) in given.items():
+        e = less(points[j], points[i])
+        for d, values in ((e, along), ((-e[1], e[0]), across)):  # n·G = Φ_e and e·G = Φ_m
+            if values is not None:
+                slopes = {3 * j + 1: d[0], 3 * j + 2: d[1], 3 * i + 1: -d[0], 3 * i + 2: -d[1]}
+                yield ({n: value for n, value in slopes.items() if value}, sums(values, p - 1)[-1])
+        if along is not None:
+            own = {3 * j: ONE, 3 * i: -ONE, 3 * i + 1: -e[0], 3 * i + 2: -e[1]}
+            yield ({n: value for n, value in own.items() if value}, sum(sums(along, p - 1), ZERO) / p)
+
+
+def _at_vertices(points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int, rough: FloatArray) -> FloatArray:
+    """(Φ, Φ_x, Φ_y) of all vertices (v, 3) from the ordinates of one triangle each."""
+    corners = part_corners(np.array(points, dtype=float)[np.array(triangles)])
+    slopes = np.linalg.inv(np.concatenate([corners, np.ones((*corners.shape[:3], 1))], axis=-1))[..., :2, :]
+    number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
+    found, units = np.zeros((len(points), 3)), np.eye(3, dtype=int)
+    for s, edge in enumerate(EDGES):
+        for own, end in enumerate(edge):
+            c = rough[:, s, [number[tuple(((p - 1) * units[own] + unit).tolist())] for unit in units]]
+            gradient = p * np.einsum("nxi,ni->nx", slopes[:, s], c)
+            found[np.array(triangles)[:, end]] = np.column_stack([c[:, own], gradient])
+    return found
 
 
 def _edge(
-    e: Vector, p: int, given: Sequence[list[Fraction] | None], values: Sequence[Sequence[Fraction]],
-    rough: tuple[FloatArray, FloatArray],
+    e: Vector, p: int, given: Sequence[list[Fraction] | None], ends: Sequence[Sequence[Fraction]], rough: FloatArray,
+    alpha: float, beta: float,
 ) -> tuple[list[Fraction], list[Fraction]]:  # fmt: skip
-    """Ordinates of Φ (p + 1) and of Φ_m (p) along e, with Φ, Φ_x and Φ_y at its ends."""
+    """Ordinates of Φ (p + 1) and of Φ_m (p) along e, with Φ, Φ_x and Φ_y at its ends, near the ordinates of a part."""
+    number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
+    own = rough[[number[p - n, n, 0] for n in range(p + 1)]]
+    inner = rough[[number[p - 1 - n, n, 1] for n in range(p)]]
     m, (along, across) = (-e[1], e[0]), given
-    first, second = (dot(e, value[1:]) for value in values)
-    q, cross = ([Fraction(float(value)) for value in part] for part in rough)
+    first, second = (dot(e, value[1:]) / p for value in ends)
+    q = [Fraction(value) for value in own.tolist()]
+    slopes = [Fraction(value) for value in (p * (inner - own[:-1] - alpha * np.diff(own)) / beta).tolist()]
+    q[0] = ends[0][0]
     if along is None:
-        q[0], q[1], q[p - 1], q[p] = (
-            values[0][0], values[0][0] + first / p, values[1][0] - second / p, values[1][0],
-        )  # fmt: skip
+        q[1], q[p - 1], q[p] = ends[0][0] + first, ends[1][0] - second, ends[1][0]
     else:
-        q[0] = values[0][0]
-        for n, total in enumerate([Fraction(0), *sums(along, p - 1)]):
-            q[n + 1] = q[n] + (first + total) / p
-    cross[0], cross[-1] = (dot(m, value[1:]) for value in values)
+        for n, total in enumerate([ZERO, *sums(along, p - 1)]):
+            q[n + 1] = q[n] + first + total / p
+    slopes[0], slopes[-1] = (dot(m, value[1:]) for value in ends)
     if across is not None:
-        cross[1:] = [cross[0] + value for value in sums(across, p - 1)]
-    return q, cross
+        slopes[1:] = [slopes[0] + value for value in sums(across, p - 1)]
+    return q, slopes
 
 
-def _rough_edge(part: FloatArray, p: int, alpha: float, beta: float) -> tuple[FloatArray, FloatArray]:
-    """Ordinates of Φ and of Φ_m along the edge of a part, from those of Φ."""
-    at = {tuple(row): i for i, row in enumerate(exponents(p).tolist())}
-    q = np.array([part[at[p - n, n, 0]] for n in range(p + 1)])
-    inner = np.array([part[at[p - 1 - n, n, 1]] for n in range(p)])
-    return q, (p * (inner - q[:-1]) - alpha * p * np.diff(q)) / beta
-
-
-def _key(a: int, i: int, b: int, j: int, inner: int) -> tuple[int, int, int, int]:
+def _key(a: int, i: int, b: int, j: int, inner: int) -> tuple[int, ...]:
     """The ordinate with weights i of corner a, j of corner b, and of the barycentre."""
     key = [0, 0, 0, inner]
     key[a], key[b] = i, j
-    return key[0], key[1], key[2], key[3]
-
-
-def _keys(p: int, s: int) -> list[tuple[int, int, int, int]]:
-    """The ordinates of a part in their order."""
-    a, b = EDGES[s]
-    return [_key(a, i, b, j, inner) for i, j, inner in exponents(p).tolist()]
-
-
-@cache
-def _inner(p: int) -> tuple[dict[Any, tuple[int, int]], list[tuple[Any, dict[Any, Fraction]]]]:
-    """Ordinates of a split triangle that its C1 conditions leave open, by part and number; and the others by these.
-
-    Two layers along the sides are known. Across the line from corner v to the barycentre, ordinates of both parts add
-    to three times the one on the line that is nearer to the barycentre, less the one that is farther.
-    """
-    places = {key: (s, n) for s in range(3) for n, key in enumerate(_keys(p, s))}
-    rows: list[dict[Any, Fraction]] = []
-    for v in range(3):
-        a, b = (i for i in range(3) if i != v)
-        for inner in range(1, p):
-            i = p - 1 - inner
-            row: dict[Any, Fraction] = {}
-            for key, c in (
-                (_key(v, i, a, 1, inner), 1), (_key(v, i, b, 1, inner), 1), (_key(v, i + 1, a, 0, inner), 1),
-                (_key(v, i, a, 0, inner + 1), -3),
-            ):  # fmt: skip
-                row[key] = row.get(key, Fraction(0)) + c
-            rows.append(row)
-    pivots: list[tuple[Any, dict[Any, Fraction]]] = []
-    for row in rows:
-        rest = dict(row)
-        for key, parts in pivots:
-            c = rest.pop(key, Fraction(0))
-            for other, value in parts.items():
-                rest[other] = rest.get(other, Fraction(0)) + c * value
-        open_ = [key for key, c in rest.items() if c != 0 and key[3] > 1]
-        if open_:
-            pivot = max(open_, key=lambda key: (key[3], key))
-            c = rest.pop(pivot)
-            pivots.append((pivot, {key: -value / c for key, value in rest.items() if value != 0}))
-    chosen = {key for key, _ in pivots}
-    free = {key: place for key, place in places.items() if key[3] > 1 and key not in chosen}
-    return free, pivots[::-1]
+    return tuple(key)
 
 
 def sums(values: Sequence[Fraction], count: int) -> list[Fraction]:
     """Sums of the first 1, 2, … values over their count: ordinates of the integral."""
-    found, total = [], Fraction(0)
+    found, total = [], ZERO
     for value in values:
         total += value / count
         found.append(total)
     return found
 
 
-def _dot_gradient(i: int, j: int, d: Vector) -> dict[int, Fraction]:
-    """d·(∇Φ_j − ∇Φ_i) as a row."""
-    parts = {3 * j + 1: d[0], 3 * j + 2: d[1], 3 * i + 1: -d[0], 3 * i + 2: -d[1]}
-    return {column: value for column, value in parts.items() if value != 0}
-
-
 def solved(rows: Sequence[Row], values: list[Fraction]) -> list[Fraction]:
     """Values nearest at hand for which the rows hold exactly: the last one of each row follows from the others."""
     pivots: dict[int, Row] = {}
-    order: list[int] = []
     for row, right in rows:
         rest = dict(row)
-        while True:
-            hit = next((column for column in rest if column in pivots), None)
-            if hit is None:
-                break
-            c = rest.pop(hit)
-            parts, constant = pivots[hit]
+        while hits := rest.keys() & pivots.keys():
+            hit = min(hits)
+            c, (parts, constant) = rest.pop(hit), pivots[hit]
             right -= c * constant
             for column, value in parts.items():
-                rest[column] = rest.get(column, Fraction(0)) + c * value
+                rest[column] = rest.get(column, ZERO) + c * value
                 if rest[column] == 0:
                     del rest[column]
-        if not rest:
-            if right != 0:
-                raise OutOfBalanceError(right)
-            continue
-        pivot = max(
-            rest, key=lambda column: (abs(float(rest[column])) > 0.5 * max(map(abs, map(float, rest.values()))), column)
-        )
-        c = rest.pop(pivot)
-        pivots[pivot] = ({column: -value / c for column, value in rest.items()}, right / c)
-        order.append(pivot)
-    for pivot in reversed(order):
-        parts, constant = pivots[pivot]
-        values[pivot] = constant + sum((c * values[column] for column, c in parts.items()), Fraction(0))
+        if rest:
+            least = 0.5 * max(abs(float(value)) for value in rest.values())
+            pivot = max(column for column, value in rest.items() if abs(float(value)) > least)
+            c = rest.pop(pivot)
+            pivots[pivot] = {column: -value / c for column, value in rest.items()}, right / c
+        elif right != 0:
+            raise OutOfBalanceError(right)
+    for pivot, (parts, constant) in reversed(pivots.items()):
+        values[pivot] = constant + sum((c * values[column] for column, c in parts.items()), ZERO)
     return values
 
 
@@ -233,7 +194,7 @@ def cross(u: Sequence[Fraction], v: Sequence[Fraction]) -> Fraction:
     return u[0] * v[1] - u[1] * v[0]
 
 
-def middle(points: Sequence[Vector]) -> Vector:
-    """The mean of three points."""
-    x, y = (sum(part, Fraction(0)) / 3 for part in zip(*points, strict=True))
+def middle(points: Sequence[Vector], weights: Sequence[Fraction] = (ONE / 3,) * 3) -> Vector:
+    """The mean of points with weights."""
+    x, y = (sum((w * each for w, each in zip(weights, part, strict=True)), ZERO) for part in zip(*points, strict=True))
     return x, y

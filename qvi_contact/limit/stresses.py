@@ -22,25 +22,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.element.triangle import EDGES, bernstein, exponents
+from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError
-from qvi_contact.limit.conic import HELD, ROUNDING, UNBOUNDED, Cones, ConicProgram
-from qvi_contact.limit.linear import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
+from qvi_contact.limit.conic import HELD, ROUNDING, UNBOUNDED, ConicProgram
+from qvi_contact.limit.linear import EITHER, Carried, both_signs, whole_edge_rows, with_signs
+from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, sampled
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
 
 _Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
 
-_SAMPLES: Final = 6  # degree of the lattice at which fields are looked at
 _AFFINE: Final = 1e-10  # share of a field's size that is rounding
-
 _TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
 
 
@@ -72,8 +71,7 @@ class YieldCones:
             if material.strength is None or not len(cells):
                 continue
             at = 3 * count * cells[:, None, None] + np.arange(3 * count).reshape(3, count)
-            cones = _above if above else _below
-            for place, (cone, a, pressure) in enumerate(cones(problem, cells, degree, material)):
+            for place, (cone, a, pressure) in enumerate(_limits(problem, cells, degree, material, above)):
                 parts = np.broadcast_arrays(at, place == 0, a, pressure, cone.mean)
                 found.append(tuple(part.ravel() for part in parts))
         coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*found, strict=True))
@@ -85,10 +83,10 @@ class YieldCones:
         """Coefficients of a part."""
         return len(exponents(self.degree))
 
-    @cached_property
-    def yielding(self) -> IntArray:
-        """The coefficients that have a cone, ascending."""
-        return np.unique(self.coefficient)
+    @property
+    def cell(self) -> IntArray:
+        """The triangle (r,) of each row."""
+        return self.coefficient // (3 * self.count)
 
 
 def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatArray) -> FloatArray:
@@ -116,37 +114,6 @@ def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatA
     return found
 
 
-def part_corners(corners: FloatArray) -> FloatArray:
-    """Corners (n, 3, 3, 2) of the three parts of triangles with corners (n, 3, 2): an edge, then the barycentre."""
-    centre = corners.mean(axis=1)
-    return np.stack([np.stack([corners[:, a], corners[:, b], centre], axis=1) for a, b in EDGES], axis=1)
-
-
-def lattice(degree: int) -> FloatArray:
-    """Barycentric places (count, 3) of Bernstein coefficients."""
-    return exponents(degree) / max(degree, 1) if degree else np.full((1, 3), 1.0 / 3.0)
-
-
-def coefficients_of(
-    problem: ContactProblem, cells: IntArray, degree: int, name: str, field: object
-) -> tuple[FloatArray, float]:
-    """Coefficients (n, 3, count) of the polynomials that agree with a field at their places, and the largest misfit.
-
-    The misfit is relative to the field's size.
-    """
-    parts = part_corners(problem.mesh.vertices[problem.mesh.cells[cells]])
-
-    def values(places: FloatArray) -> FloatArray:
-        x, y = np.moveaxis(places @ parts, -1, 0)
-        return evaluate(name, field, x, y)  # type: ignore[arg-type]
-
-    places, samples = lattice(degree), lattice(_SAMPLES)
-    found = values(places) @ np.linalg.inv(bernstein(degree, places)).T
-    seen = values(samples)
-    misfit = np.abs(found @ bernstein(degree, samples).T - seen).max(initial=0.0)
-    return np.asarray(found), float(misfit / max(np.abs(seen).max(initial=0.0), 1e-300))
-
-
 def _cones(material: Material, at: Callable[[Callable[[FloatArray, FloatArray], FloatArray]], FloatArray]
            ) -> list[YieldCone]:  # fmt: skip
     """The cones of a material's strength, for the angles that `at` makes of a `MohrCoulomb.angles` that varies."""
@@ -156,76 +123,46 @@ def _cones(material: Material, at: Callable[[Callable[[FloatArray, FloatArray], 
     return [] if law is None else list(law.cones(material.plane))
 
 
-def _extremes(problem: ContactProblem, cells: IntArray, material: Material) -> tuple[list[YieldCone], list[YieldCone]]:
-    """The cones for the least and for the largest angle of friction on each part (n, 3, 1)."""
-    x, y = _sampled(problem, cells)
+def _limits(
+    problem: ContactProblem, cells: IntArray, degree: int, material: Material, above: bool
+) -> Iterator[_Limits]:
+    """Cones with a and β (n, 3, count): for stresses those of both extreme angles, else one around those of all."""
+    x, y = sampled(problem, cells)
     least, largest = (
         _cones(material, lambda angles: extreme(angles(x, y), axis=-1, keepdims=True))  # noqa: B023
         for extreme in (np.min, np.max)
     )
-    return least, largest
-
-
-def _below(problem: ContactProblem, cells: IntArray, degree: int, material: Material) -> Iterator[_Limits]:
-    """Cones with a and β (n, 3, count) that stresses keep: those of both extreme angles, which hold for all between."""
-    least, largest = _extremes(problem, cells, material)
-    for one, other in zip(least, largest, strict=True):
-        strength = _on_parts(problem, cells, degree, one)[0]
-        yield one, one.factor * strength, one.pressure
-        if np.ndim(one.factor) or np.ndim(one.pressure):
-            yield one, other.factor * strength, other.pressure
-
-
-def _above(problem: ContactProblem, cells: IntArray, degree: int, material: Material) -> Iterator[_Limits]:
-    """Cones with a and β (n, 3, count) around those of all angles; the least a/β is the largest S."""
-    least, largest = _extremes(problem, cells, material)
-    strengths = [_on_parts(problem, cells, degree, cone)[1:] for cone in least]
-    reach = np.full((len(cells), 3, 1), np.inf)
-    for cone, (_, most) in zip(least, strengths, strict=True):
+    strengths = [_on_parts(problem, cells, degree, cone) for cone in least]
+    reach = np.full((len(cells), 3, 1), np.inf)  # the largest S is the least a/β
+    for cone, (*_, most) in zip(least, strengths, strict=True):
         beta = np.broadcast_to(np.asarray(cone.pressure), reach.shape)
         reach = np.minimum(reach, np.divide(cone.factor * most, beta, out=np.full_like(reach, np.inf), where=beta > 0))
-    for one, other, (strength, _) in zip(least, largest, strengths, strict=True):
+    for one, other, (carried, dissipated, _) in zip(least, largest, strengths, strict=True):
+        if not above:
+            yield one, one.factor * carried, one.pressure
+            if np.ndim(one.factor) or np.ndim(one.pressure):
+                yield one, other.factor * carried, other.pressure
+            continue
         steeper = np.broadcast_to(np.asarray(other.pressure) - np.asarray(one.pressure), reach.shape)
         if not np.isfinite(reach[steeper > 0.0]).all():
             remedy = "give it a tension cut-off (tension=…), or a region of its own to what has no friction"
             raise InputError("MohrCoulomb.phi", 0.0, f"is zero beside places where it is not: {remedy}")
         more = np.multiply(reach, steeper, out=np.zeros_like(reach), where=steeper > 0.0)
-        yield one, np.maximum(one.factor, other.factor) * strength + more, other.pressure
-
-
-def _sampled(problem: ContactProblem, cells: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Places (n, 3, g) on the parts of triangles at which fields are looked at."""
-    x, y = np.moveaxis(lattice(_SAMPLES) @ part_corners(problem.mesh.vertices[problem.mesh.cells[cells]]), -1, 0)
-    return x, y
+        yield one, np.maximum(one.factor, other.factor) * dissipated + more, other.pressure
 
 
 def _on_parts(
     problem: ContactProblem, cells: IntArray, degree: int, cone: YieldCone
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Its field for each coefficient (n, 3, count), for stresses and for what flow dissipates; the most (n, 3, 1)."""
-    shape = (len(cells), 3, len(exponents(degree)))
-    if not callable(cone.field):
-        value = np.full(shape, float(cone.field))
-        return value, value, value[..., :1]
-    samples = lattice(_SAMPLES)
-    seen = evaluate(cone.name, cone.field, *_sampled(problem, cells), minimum=0.0)
+    samples = lattice(SAMPLES)
+    seen = evaluate(cone.name, cone.field, *sampled(problem, cells), minimum=0.0)
     least, most = seen.min(axis=-1, keepdims=True), seen.max(axis=-1, keepdims=True)
     corners = seen[..., [int(np.flatnonzero(samples[:, i] == 1.0)[0]) for i in range(3)]]
     affine = np.abs(seen - corners @ samples.T).max(axis=-1, keepdims=True) <= _AFFINE * np.abs(seen).max()
     own = corners @ lattice(degree).T
     means = corners @ ((exponents(degree) + 1.0) / (degree + 3.0)).T
     return np.where(affine, own, least), np.where(affine, means, most), most
-
-
-@dataclass(frozen=True, eq=False)
-class CarriedStress:
-    """Stresses of a mesh at a load factor, dimensionless."""
-
-    factor: float  # α; infinity if there is no limit, minus infinity if no multiple is carried
-    violation: float  # what rows are missed by, relative to what stands in them: rounding
-    unknowns: FloatArray | None = None  # (n,) (z, y, α); None if α is not finite
-    stress: FloatArray | None = None  # (cells, 3, count, 3) coefficients of (σ_xx, σ_yy, σ_xy), φ included
-    tractions: FloatArray | None = None  # (2 m,) rows [σ_N; σ_T] of the contacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,91 +177,77 @@ class StressProgram:
         """What its body can carry."""
         return YieldCones.of(self.low.problem, self.low.space.traction_degree, above=False)
 
-    def carried(self, share: float = 0.0) -> CarriedStress:
-        """The largest factor, with signs of bilateral pressure that a first program without friction there suggests.
+    def carried(self, share: float = 0.0) -> Carried:
+        """The largest factor. The stresses go a share of the way towards a state inside all limits, as far as can be.
 
-        The stresses go a share of the way towards a state inside all limits, as far as these leave room.
+        They are those of the program in which 1e-8 of all limits is kept back, if it has an answer: where limits leave
+        no room, rounding decides of that.
         """
-        undecided = both_signs(self.low)
-        found = [self._solved(np.full(len(undecided), EITHER), share)]
-        if undecided.any():
-            trials = [np.where(undecided, PRESSURE, EITHER)]
-            if found[0].tractions is not None:
-                pulled = mean_normal(self.low, found[0].tractions) > 0.0
-                trials.append(np.where(undecided & pulled, TENSION, np.where(undecided, PRESSURE, EITHER)))
-            found += [self._solved(trial, share) for trial in trials]
-        return max(found, key=lambda each: each.factor)
+
+        def solve(signs: IntArray) -> Carried:
+            program, best = self.program(signs), Carried(-np.inf)
+            for each in (program.tightened(_TIGHTER), program):
+                found = each.solve()
+                if isinstance(found, str):
+                    if found == UNBOUNDED:
+                        return Carried(np.inf)
+                    continue
+                x, violation = program.repaired(found.x, share)
+                grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
+                if violation * grown <= HELD:  # else the solver has given up
+                    (N, n), (S, s) = self._tractions, self._stress
+                    stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
+                    carried = Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
+                    best = max(best, carried, key=lambda one: one.factor)
+                    if violation <= ROUNDING:
+                        break
+            return best
+
+        return with_signs(self.low, solve)
 
     def room(self) -> float:
         """How much all limits, over the stress of the loads, may be lowered for the mesh to carry some multiple.
 
         Negative where it carries none: by so much they would have to be raised.
         """
-        return self.program(np.full(len(both_signs(self.low)), EITHER)).room()[1]
+        return self.program().room()[1]
 
-    def _solved(self, signs: IntArray, share: float) -> CarriedStress:
-        program, best = self.program(signs), CarriedStress(-np.inf, 0.0)
-        for each in (program.tightened(_TIGHTER), program):  # where limits leave no room, rounding decides of the first
-            found = each.solve()
-            if isinstance(found, str) and found == UNBOUNDED:
-                return CarriedStress(np.inf, 0.0)
-            if isinstance(found, str):
-                continue
-            x, violation = program.repaired(found, share)
-            grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
-            if violation * grown <= HELD:  # else the solver has given up
-                tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
-                stress = (self._matrix @ x + self._constant).reshape(-1, 3, self.cones.count, 3)
-                carried = CarriedStress(float(x[-1]), violation, x, stress, tractions)
-                best = max(best, carried, key=lambda one: one.factor)
-                if violation <= ROUNDING:
-                    break
-        return best
-
-    def program(self, signs: IntArray) -> ConicProgram:
-        """The cone program for signs (e,) of σ_N on contact edges, which count where `both_signs`."""
-        size = self._matrix.shape[1]
-        q = np.zeros(size)
-        q[-1] = -1.0
-        rows = WholeEdgeRows.of(self.low, signs)
-        matrix, constant, slope = self._tractions
-        inner = sparse.csr_array((rows.H.shape[0], size - 1 - matrix.shape[1]))
-        L = sparse.hstack([rows.H @ matrix, inner, sparse.csr_array((rows.H @ slope)[:, None])])
+    def program(self, signs: IntArray | None = None) -> ConicProgram:
+        """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default for none."""
+        (N, n), (S, s) = self._tractions, self._stress
+        H, limit = whole_edge_rows(self.low, np.full(len(both_signs(self.low)), EITHER) if signs is None else signs)
         qvi, b_slope = self.low.qvi, self.high.qvi.b - self.low.qvi.b
-        inner = sparse.csr_array((qvi.p, size - 1 - matrix.shape[1]))
-        E = sparse.hstack([qvi.A, inner, sparse.csr_array(-b_slope[:, None])])
-        limits = rows.limit - rows.H @ constant
-        return ConicProgram(q, sparse.csr_array(E), qvi.b - b_slope, sparse.csr_array(L), limits, self._yield_cones())
-
-    def _yield_cones(self) -> Cones:
+        inner = sparse.csr_array((qvi.p, S.shape[1] - 1 - qvi.n))
+        A = sparse.hstack([qvi.A, inner, sparse.csr_array(-b_slope[:, None])])
         cones, at = self.cones, 3 * self.cones.coefficient
-        xx, yy, xy = (self._matrix[at + i] for i in range(3))
-        c_xx, c_yy, c_xy = (self._constant[at + i] for i in range(3))
-        total, constant = xx + yy, c_xx + c_yy
-        parts = [
-            (
-                sparse.diags_array(cones.pressure) @ total,
-                cones.limit / self.low.scales.stress - cones.pressure * constant,
-            ),
+        xx, yy, xy = (S[at + i] for i in range(3))
+        c_xx, c_yy, c_xy = (s[at + i] for i in range(3))
+        total, constant, limits = xx + yy, c_xx + c_yy, cones.limit / self.low.scales.stress
+        parts: list[tuple[Any, FloatArray]] = [
+            (sparse.diags_array(cones.pressure) @ total, limits - cones.pressure * constant),
             (yy - xx, c_xx - c_yy),
             (-2.0 * xy, 2.0 * c_xy),
         ]
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
-        return Cones.of(parts)
+        q = np.append(np.zeros(S.shape[1] - 1), -1.0)
+        return ConicProgram.of(q, (A, qvi.b - b_slope), (H @ N, limit - H @ n), parts)
 
     @cached_property
-    def _tractions(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
-        """[σ_N; σ_T] as rows on z, their constants at α = 0, and what α adds."""
+    def _tractions(self) -> tuple[sparse.csr_array, FloatArray]:
+        """[σ_N; σ_T] as rows on (z, y, α), and what they are at zero; dimensionless."""
         first, second = (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (self.low, self.high))
-        return sparse.csr_array(self.low.qvi.contact_rows), 2.0 * first - second, second - first
+        matrix = sparse.csr_array(self.low.qvi.contact_rows)
+        inner = sparse.csr_array((len(first), self._stress[0].shape[1] - 1 - matrix.shape[1]))
+        rows = sparse.hstack([matrix, inner, sparse.csr_array((second - first)[:, None])])
+        return sparse.csr_array(rows), 2.0 * first - second
 
     @cached_property
-    def _of_freedoms(self) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Stress coefficients, three numbers each, as rows on the degrees of freedom of the body and on y."""
+    def _stress(self) -> tuple[sparse.csr_array, FloatArray]:
+        """Stress coefficients, three numbers each, as rows on (z, y, α), and what they are at zero; dimensionless."""
         space = self.low.space
         element, triangles, k = space.element, space.triangles, space.element.shared - 3
-        n = len(triangles)
+        n, inner, name = len(triangles), element.interior, "ContactProblem.body_potential"
         reference = np.einsum("nab,sbcd->nscad", triangles.stress_maps, element.derivatives[2][..., 3:])
         reference = reference.reshape(n, -1, element.dimension - 3)
         w = reference[..., :k] @ element.transformations(triangles)[:, 3:, 3:]
@@ -333,42 +256,21 @@ class StressProgram:
             at = space.curved.numbers
             own = reference[at] @ space.curved.functions[:, 3:, 3:]
             w[at], y[at] = own[..., :k], own[..., k:]
-        rows, full = w.shape[1], space.differences.all_rows(w, np.arange(n))
-        inner = element.interior
+        rows, shared = w.shape[1], space.differences.all_rows(w, np.arange(n))
         columns = np.repeat(np.arange(n * inner).reshape(n, inner), rows, axis=0)
         starts = inner * np.arange(n * rows + 1)
-        return full, sparse.csr_array((y.ravel(), columns.ravel(), starts), shape=(n * rows, n * inner))
+        own = sparse.csr_array((y.ravel(), columns.ravel(), starts), shape=(n * rows, n * inner))
 
-    @cached_property
-    def _matrix(self) -> sparse.csr_array:
-        """Stress coefficients as rows on (z, y, α), dimensionless."""
-        shared, inner = self._of_freedoms
-        change = self.high.particular - self.low.particular
-        slope = shared @ change + _pressures(self._potentials[1] - self._potentials[0])
-        return sparse.csr_array(sparse.hstack([shared @ self.low.basis, inner, sparse.csr_array(slope[:, None])]))
-
-    @cached_property
-    def _constant(self) -> FloatArray:
-        """What they are at z = y = α = 0."""
-        particular = 2.0 * self.low.particular - self.high.particular
-        return np.asarray(
-            self._of_freedoms[0] @ particular + _pressures(2.0 * self._potentials[0] - self._potentials[1])
-        )
-
-    @cached_property
-    def _potentials(self) -> tuple[FloatArray, FloatArray]:
-        """Coefficients of φ at both factors, dimensionless."""
-        cells = np.arange(self.low.problem.mesh.cell_count)
-        low, high = (
-            coefficients_of(
-                part.problem, cells, self.cones.degree, "ContactProblem.body_potential", part.problem.body_potential
-            )[0].ravel()
-            / self.low.scales.stress
+        potentials = [
+            coefficients_of(part.problem, np.arange(n), self.cones.degree, name, part.problem.body_potential)[0].ravel()
             for part in (self.low, self.high)
-        )
-        return low, high
+        ]
 
+        def combined(low: float, high: float) -> FloatArray:
+            """What a multiple of the lower factor's and one of the higher factor's loads give."""
+            particular = low * self.low.particular + high * self.high.particular
+            phi = (low * potentials[0] + high * potentials[1]) / self.low.scales.stress
+            return np.asarray(shared @ particular + np.column_stack([phi, phi, 0.0 * phi]).ravel())
 
-def _pressures(values: FloatArray) -> FloatArray:
-    """Stresses (v, v, 0) of scalars, three numbers each."""
-    return np.column_stack([values, values, np.zeros_like(values)]).ravel()
+        slope = sparse.csr_array(combined(-1.0, 1.0)[:, None])
+        return sparse.csr_array(sparse.hstack([shared @ self.low.basis, own, slope])), combined(2.0, -1.0)

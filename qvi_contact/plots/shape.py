@@ -136,7 +136,7 @@ def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:
     rows, unit = discretization.contacts[index], discretization.scales.displacement
     normal, along = rows.points.normals, rows.points.tangents
     contact, gap = result.problem.contacts[index], unit * rows.gap
-    outwards, sideways = gap - line.gap, unit * rows.offset + line.slip  # earlier slip in w
+    outwards, sideways = gap - line.gap, unit * (rows.offset + rows.slip) + line.slip
     if contact.normal_stiffness is not None:
         stiffness = evaluate("Contact.normal_stiffness", contact.normal_stiffness, line.x, line.y)
         outwards -= line.effective_normal_stress / stiffness

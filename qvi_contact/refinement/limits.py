@@ -32,7 +32,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.reference_solution import at_contacts
 from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError, bulk
-from qvi_contact.solution.work import loads_followed
+from qvi_contact.solution.stress import loads_followed
 
 _SPACE: Final = ("degree", "law_on")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors
@@ -60,14 +60,14 @@ def law_gap(
         w and s there, times the weights of the points.
 
     """
-    size, friction, unilateral = np.abs(slip), rows.friction, ~rows.bilateral
-    capped, rough = np.isfinite(rows.shear_limit), friction > 0.0
+    size, friction, unilateral = np.abs(slip), rows.limits.friction, ~rows.bilateral
+    capped, rough = np.isfinite(rows.limits.cap), friction > 0.0
     admitted = np.maximum(opening, np.where(capped, 0.0, friction * size))
     opening = np.where(unilateral, admitted, opening)
     room = np.divide(np.maximum(opening, 0.0), friction, out=size.copy(), where=rough)
     dilatant = np.where(unilateral, np.minimum(size, room), np.where(rough, 0.0, size))
-    work = np.minimum(rows.cohesion, rows.shear_limit) * dilatant
-    work += np.where(capped, rows.shear_limit, 0.0) * (size - dilatant)
+    work = np.minimum(rows.limits.cohesion, rows.limits.cap) * dilatant
+    work += np.where(capped, rows.limits.cap, 0.0) * (size - dilatant)
     return np.asarray(np.maximum(work - normal * opening - shear * slip, 0.0))
 
 

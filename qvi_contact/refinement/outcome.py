@@ -13,8 +13,7 @@ from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.frames import columns_of, frame
-from solvers.basics.types import load
+from solvers.basics.types import columns_of, frame, load
 
 if TYPE_CHECKING:
     from pandas import DataFrame

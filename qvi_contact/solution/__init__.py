@@ -1,4 +1,4 @@
-"""From (D2) back to mechanics: solve, result, contact line, stress, work, sampling and histories."""
+"""From (D2) back to mechanics: solve, result, contact line, stresses and tractions, sweeps and histories."""
 
 from solvers.basics.front import front
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -31,10 +31,9 @@ from qvi_contact.discretization.loads import ContactRows, physical
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, chains, cross
 from qvi_contact.problem.conditions import is_frictionless
-from qvi_contact.solution.work import normal_and_shear
+from qvi_contact.solution.stress import normal_and_shear
 from solvers import QVISolution
-from solvers.basics.frames import frame, pandas
-from solvers.basics.types import load
+from solvers.basics.types import frame, load, pandas
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -113,7 +112,7 @@ class ContactLine:
         up to the certificate's tolerance. Between them too with Bernstein rows, the default where they can
         hold the law: not on bilateral contacts with friction, nor where friction varies along an edge.
     pull_between_points : float
-        Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see `Violations`.
+        Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see above.
     senses : (edges,) array
         ±1, in which sense σ_T of each edge counts for the tangential force, see `turning_senses`; 1 on joints. One
         number stands for all.
@@ -217,25 +216,11 @@ class ContactLine:
         return {name: length / float(self.weights.sum()) for name, length in self.lengths.items()}
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
-        """All points in order along the contact as a pandas table; needs the extra ``frame`` (pandas).
+        """All points in order along the contact; `InputError` if pandas, the extra ``frame``, is missing.
 
-        Parameters
-        ----------
-        units : Units, optional
-            If given, names of columns end in their unit, as in "slip [mm]".
-
-        Returns
-        -------
-        pandas.DataFrame
-            One row a point, with the columns "s" (length along the contact, line by line), "x", "y", "weight",
-            "friction", "friction_bound", "normal_stress", "pore_pressure", "tangential_stress", "gap", "slip" as
-            described above, and "state", a categorical of "open", "stick", "slip", "closed".
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
+        One row a point, with the columns "s" (length along the contact, line by line), "x", "y", "weight", "friction",
+        "friction_bound", "normal_stress", "pore_pressure", "tangential_stress", "gap", "slip" as described above, and
+        "state", a categorical of "open", "stick", "slip", "closed". With units their names end in them: "slip [mm]".
         """
         names, path = [state.name.lower() for state in ContactState], self.path
         order = path.points(self.points_per_edge).ravel()
@@ -350,13 +335,13 @@ def contact_line(
     bound = rows.bound(effective)
     frictionless = is_frictionless(discretization.problem.contacts[number])
     may_open = rows.law == "unilateral"
-    violations = between_points(rows, effective, tangential)
+    excess, pull = between_points(rows, effective, tangential)
     return ContactLine(
         name=rows.name,
         x=x,
         y=y,
         weights=points.weights * scales.length,
-        friction=rows.friction,
+        friction=rows.limits.friction,
         friction_bound=bound * scales.stress,
         normal_stress=(effective - rows.pore_pressure) * scales.stress,
         tangential_stress=tangential * scales.stress,
@@ -367,69 +352,52 @@ def contact_line(
         ),
         ends=np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1),
         pore_pressure=rows.pore_pressure * scales.stress,
-        excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
-        pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
+        excess_between_points=excess * scales.stress,
+        pull_between_points=pull * scales.stress,
         rounding=rounding,
         frictionless=frictionless,
         senses=turning_senses(mesh.vertices, edges),
     )
 
 
-class Violations(NamedTuple):
-    """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ on each edge (n,), dimensionless."""
-
-    excess: FloatArray
-    pull: FloatArray
-
-
-def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray) -> Violations:
-    """Violations on the whole of each edge of a contact from σ_N' and σ_T at the Gauss points (m,), dimensionless.
+def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray) -> tuple[float, float]:
+    """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ anywhere on a contact from both at the Gauss points (m,), dimensionless.
 
     The bound is that of the pressure at each place, which where unilateral σ_N > 0 is none; tied contacts have no law.
     """
     if rows.law == "tied":
-        return Violations(np.zeros(len(rows.points.edges)), np.zeros(len(rows.points.edges)))
-    fields = (normal, tangential, rows.friction, rows.cohesion, rows.shear_limit)
-    parts = tuple(values.reshape(-1, rows.points.count) for values in fields)
-    both = rows.law != "unilateral"
-    admissible, most = _by_coefficients(rows, parts, both)
-    excess, pull = np.where(admissible[:, None], most, 0.0).T
-    for edge in np.flatnonzero(~admissible):
-        excess[edge], pull[edge] = _general(rows.points.reference, [part[edge] for part in parts], both)
-    return Violations(excess, pull)
-
-
-def _by_coefficients(rows: ContactRows, parts: tuple[FloatArray, ...], both: bool) -> tuple[BoolArray, FloatArray]:
-    """Edges (n,) where Bernstein coefficients obey a law that is constant along the edge, and bounds of both (n, 2).
-
-    The tractions obey it then on the whole edge, up to the rounding of the coefficients, which is what the bounds are.
-    """
-    n, tau, mu, cohesion, cap = parts
-    if rows.rule.law_on == "points":
-        return np.zeros(len(n), dtype=bool), np.zeros((len(n), 2))
-    normal, shear = (rows.rule.at_rows(part.ravel()).reshape(part.shape) for part in (n, tau))
-    constant = (np.ptp(mu, axis=1) == 0.0) & (np.ptp(cohesion, axis=1) == 0.0) & np.isinf(cap).all(axis=1)
-    scale = _ROUNDING * max(float(np.abs(normal).max(initial=0.0)), float(np.abs(shear).max(initial=0.0)))
-    pull = normal.max(axis=1)
-    pressed = pull <= scale
-    excess = (np.abs(shear) - (cohesion - mu * normal)).max(axis=1)
-    found = np.maximum(np.column_stack([excess, np.zeros(len(n)) if both else pull]), 0.0)
-    return constant & pressed & (excess <= scale), found
-
-
-def _general(t: FloatArray, parts: list[FloatArray], both: bool) -> tuple[float, float]:
-    """Excess and pull on one edge, of polynomials through the points."""
-    n, tau, mu, cohesion, cap = (
-        Polynomial.fit(t, np.where(np.isinf(part), 0.0, part), len(t) - 1, domain=[0.0, 1.0]) for part in parts
-    )
-    places = np.concatenate([[0.0], _roots(n), [1.0]])
-    excess = 0.0
-    for start, stop in pairwise(places.tolist()):
-        sign = 1.0 if n(0.5 * (start + stop)) <= 0.0 else -1.0 if both else 0.0
-        bounds = [cohesion - sign * mu * n] + ([] if np.isinf(parts[-1]).all() else [cap])
-        excess = max([excess, *(_maximum(side - bound, start, stop) for side in (tau, -tau) for bound in bounds)])
-    shear = max(_maximum(tau, 0.0, 1.0), _maximum(-tau, 0.0, 1.0))  # no bound is negative, though a cubic may be
-    return min(excess, shear), 0.0 if both else max(_maximum(n, 0.0, 1.0), 0.0)
+        return 0.0, 0.0
+    limits = rows.limits
+    fields = (normal, tangential, limits.friction, limits.cohesion, limits.cap)
+    parts = [values.reshape(-1, rows.points.count) for values in fields]
+    both, excess, pull = rows.law != "unilateral", 0.0, 0.0
+    general = np.ones(len(parts[0]), dtype=bool)
+    if rows.rule.law_on == "edges":  # of laws that are constant along an edge, where coefficients obey them
+        n, tau = (rows.rule.at_rows(part.ravel()).reshape(part.shape) for part in parts[:2])
+        mu, cohesion, cap = parts[2:]
+        scale = _ROUNDING * max(float(np.abs(n).max(initial=0.0)), float(np.abs(tau).max(initial=0.0)))
+        beyond, above = (np.abs(tau) - (cohesion - mu * n)).max(axis=1), n.max(axis=1)
+        constant = (np.ptp(mu, axis=1) == 0.0) & (np.ptp(cohesion, axis=1) == 0.0) & np.isinf(cap).all(axis=1)
+        general = ~(constant & (above <= scale) & (beyond <= scale))
+        excess = float(beyond[~general].max(initial=0.0))
+        pull = 0.0 if both else float(above[~general].max(initial=0.0))
+    t = rows.points.reference
+    for edge in np.flatnonzero(general):  # polynomials through the points
+        values = [part[edge] for part in parts]
+        normal_part, shear, friction, own, limit = (
+            Polynomial.fit(t, np.where(np.isinf(part), 0.0, part), len(t) - 1, domain=[0.0, 1.0]) for part in values
+        )
+        largest = 0.0
+        for start, stop in pairwise([0.0, *_roots(normal_part).tolist(), 1.0]):
+            sign = 1.0 if normal_part(0.5 * (start + stop)) <= 0.0 else -1.0 if both else 0.0
+            bounds = [own - sign * friction * normal_part] + ([] if np.isinf(values[-1]).all() else [limit])
+            largest = max(
+                [largest, *(_maximum(side - bound, start, stop) for side in (shear, -shear) for bound in bounds)]
+            )
+        most = max(_maximum(shear, 0.0, 1.0), _maximum(-shear, 0.0, 1.0))  # no bound is negative, though a cubic may be
+        excess = max(excess, min(largest, most))
+        pull = pull if both else max(pull, _maximum(normal_part, 0.0, 1.0))
+    return excess, pull
 
 
 def _maximum(p: Polynomial, start: float, stop: float) -> float:
@@ -486,9 +454,14 @@ class ContactPath:
         Arcs are longer than the way from end to end: their `lengths` (n,) count, those of straight edges are not used.
         """
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
-        found = chains(vertices)
-        order = np.concatenate([np.empty(0, dtype=np.int64), *found])
-        forward = np.concatenate([np.empty(0, dtype=bool), *(_forward(vertices[line]) for line in found)])
+        found, forward = chains(vertices), np.zeros(len(ends), dtype=bool)
+        order, place = np.concatenate([np.empty(0, dtype=np.int64), *found]), 0
+        for line in found:  # whether each edge leads on to the next one
+            pairs = vertices[line].tolist()
+            at = min(pairs[0]) if len(pairs) == 1 else next(end for end in pairs[0] if end not in pairs[1])
+            for first, second in pairs:
+                forward[place] = first == at
+                at, place = second if forward[place] else first, place + 1
         number = np.repeat(np.arange(len(found)), [len(line) for line in found])
         along = np.hypot(*(ends[order, 1] - ends[order, 0]).T)
         if lengths is not None:
@@ -508,16 +481,6 @@ class ContactPath:
     def places(self, t: FloatArray) -> FloatArray:
         """Length along the path (n, q) of points at t (q,), 0 to 1 along the path, of its edges [length]."""
         return np.asarray(self.starts[:, None] + self.lengths[:, None] * t)
-
-
-def _forward(pairs: IntArray) -> BoolArray:
-    """Whether each edge of a line, given by its two vertices (k, 2), leads on to the next one."""
-    vertex = pairs[0].min() if len(pairs) == 1 else next(end for end in pairs[0] if end not in pairs[1])
-    found = np.zeros(len(pairs), dtype=bool)
-    for edge, (first, second) in enumerate(pairs.tolist()):
-        found[edge] = first == vertex
-        vertex = second if found[edge] else first
-    return found
 
 
 def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:

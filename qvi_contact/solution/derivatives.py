@@ -20,7 +20,7 @@ from qvi_contact.basics.checks import Field, FloatArray
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.limit.conic import ConicProgram
-from qvi_contact.limit.linear import EITHER, both_signs
+from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.problem.conditions import Contact, Displacement, components
@@ -210,18 +210,17 @@ def limit_derivative(
     def program(step: float) -> ConicProgram:
         low, high = (multiplied(moved(step * unit), posed.names, factor) for factor in (1.0, 2.0))
         first = posed.low.with_data(low, posed.low.scales)
-        stresses = StressProgram(first, first.with_data(high, posed.low.scales))
-        return stresses.program(np.full(len(both_signs(first)), EITHER))
+        return StressProgram(first, first.with_data(high, posed.low.scales)).program()
 
     def at(step: float) -> float:
         base, further = program(step), program(step + _NEXT)
-        found = base.answered()
+        found = base.solve()
         if isinstance(found, str):
             raise InputError(
                 "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
             )
-        (A, b), (more, limits) = base.rows(), further.rows()
-        return float(found[1] @ ((limits - b) - (more @ found[0] - A @ found[0]))) / (_NEXT * unit)
+        moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
+        return float(found.multipliers @ moved) / (_NEXT * unit)
 
     above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
     if not least or side == "above":

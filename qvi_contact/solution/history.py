@@ -12,11 +12,11 @@ it ended in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.conditions import DRIVES, Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
@@ -35,10 +35,9 @@ from qvi_contact.solution.solver import solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.frames import frame, pandas
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
-from solvers.basics.types import load
+from solvers.basics.types import frame, load, pandas
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -49,15 +48,8 @@ CONTINUES = (Status.SOLVED, Status.INACCURATE)
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
 
-class _Drives(NamedTuple):
-    """Displacements and forces of what may drive the body in one step, in pairs.
-
-    Of each contact's obstacle along the tangent, x, y and rotation of a plate on edges that face several ways; and of
-    each edge set with a prescribed displacement, by component, those along its tangent first.
-    """
-
-    contacts: Mapping[str, Sequence[tuple[float, float]]]
-    supports: Mapping[str, Mapping[str, tuple[float, float]]]
+_Drives: TypeAlias = dict[str, list[dict[str, tuple[float, float]]]]
+"""By name, in each step, the displacement and force of what may drive the body, by component."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,22 +102,11 @@ class History:
         return np.cumsum([step.contacts[contact].slip for step in states], axis=0)
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
-        """One row for each step and contact as a pandas table; needs the extra ``frame`` (pandas).
+        """One row for each step and contact as a pandas table, with units and errors as `ContactResult.to_frame`.
 
         Columns are "step" (from 1), "status", "contact", and those of `ContactResult.forces_frame`, in which slip is
         that of the step, and "dissipated", the energy lost in friction on all contacts in the step. Steps without a
         state have no rows.
-
-        Parameters
-        ----------
-        units : Units, optional
-            If given, names of columns end in their unit, as in "largest_slip [mm]".
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
         """
         rows = [
             {"step": number, "status": str(step.status), "contact": name, **numbers, "dissipated": lost}
@@ -149,12 +130,8 @@ class History:
         cycle it is the work that obstacles and supports have done, the area of their loops. It tends to `dissipated` as
         the steps shrink, and equals it if friction is used up at both ends of every step in which a point slips.
         """
-        work: list[float] = []
-        last: ContactResult | None = None
-        for now in self._states:
-            work.append(0.5 * (_friction_work(now, now) + _friction_work(now, last)))
-            last = now
-        return np.array(work)
+        pairs = zip(self._states, [None, *self._states], strict=False)
+        return np.array([0.5 * (_friction_work(now, now) + _friction_work(now, last)) for now, last in pairs])
 
     def loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """Displacement of what drives the body, and the force on the body in its direction, in each step.
@@ -180,45 +157,39 @@ class History:
             prescribed elsewhere move the body: the edge sets to name instead are listed.
 
         """
-        drives = self._drives
-        if not drives:
+        contacts, supports = self._drives
+        if not self._states:
             return np.zeros(0), np.zeros(0)
-        fitting = {"contacts": drives[0].contacts, "edge sets with a prescribed displacement": drives[0].supports}
-        name = known_name("name", name, fitting)
-        if name not in drives[0].contacts:
-            return self._edge_loop(name)
-        if len({len(each.contacts[name]) for each in drives}) > 1:
+        name = known_name("name", name, {"contacts": contacts, "edge sets with a prescribed displacement": supports})
+        if name not in contacts:
+            return _moving(name, supports[name])
+        steps = contacts[name]
+        if any(each.keys() != steps[0].keys() for each in steps):
             raise InputError("name", name, "its plate is there in some steps only: give it in all of them, or in none")
-        pairs = np.array([each.contacts[name] for each in drives]).transpose(1, 2, 0)
+        pairs = np.array([list(each.values()) for each in steps]).transpose(1, 2, 0)
         displacement, force = pairs[np.argmax(np.ptp(pairs[:, 0], axis=1) * np.abs(pairs[:, 1]).max(axis=1))]
-        movers = [edges for edges in drives[0].supports if np.ptp(self._edge_loop(edges)[0]) > 0.0]
+        movers = [edges for edges, moved in supports.items() if np.ptp(_moving(edges, moved)[0]) > 0.0]
         if movers and not np.ptp(displacement) > 0.0:
             remedy = f"its obstacle does not move: name what drives the body, {' or '.join(map(repr, movers))}"
             raise InputError("name", name, remedy)
         return displacement, force
 
-    def _edge_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
-        steps = [each.supports[name] for each in self._drives]
-        always = [component for component in steps[0] if all(component in each for each in steps)]
-        found = [(np.array(pairs)[:, 0], np.array(pairs)[:, 1]) for c in always for pairs in [[s[c] for s in steps]]]
-        if not found:
-            raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
-        return next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
-
     @cached_property
-    def _drives(self) -> list[_Drives]:
-        """What drives the body in each step with a state: numbers, as each step may have to be read from a file."""
-        states = self._states
-        conditions = states[0].problem.conditions if states else ()
-        supports = list(dict.fromkeys(each.edges for each in conditions if isinstance(each, Displacement)))
-        return [
-            _Drives(
-                {name: _of_obstacle(step, name) for name in step.contacts},
-                {name: _of_support(step, name) for name in supports},
-            )
-            for step in states
-        ]
+    def _drives(self) -> tuple[_Drives, _Drives]:
+        """Of the obstacles of contacts, and of edge sets with a prescribed displacement.
+
+        Numbers, as each step may have to be read from a file.
+        """
+        contacts, supports = _Drives(), _Drives()
+        for number, step in enumerate(self._states):
+            if not number:
+                edges = [each.edges for each in step.problem.conditions if isinstance(each, Displacement)]
+                supports = {name: [] for name in edges}
+            for name in step.contacts:
+                contacts.setdefault(name, []).append(_of_obstacle(step, name))
+            for name, moved in supports.items():
+                moved.append(_of_support(step, name))
+        return contacts, supports
 
     @property
     def _states(self) -> Sequence[ContactResult]:
@@ -229,13 +200,7 @@ class History:
 def loop_area(displacement: FloatArray, force: FloatArray) -> float:
     """∮ F dw of a polygon of steps, the work done on the body [force × length]; positive where energy is lost.
 
-    Steps are joined by straight lines, the last one not with the first.
-
-    Raises
-    ------
-    InputError
-        If they are not two arrays of one length.
-
+    Steps are joined by straight lines, the last one not with the first. `InputError` for arrays of other shapes.
     """
     displacement, force = real_array("displacement", displacement), real_array("force", force)
     if displacement.ndim != 1:
@@ -349,7 +314,8 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
             raise InputError(f"problems[{number}]", problem, "give a ContactProblem for each load step")
         if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
-        if [_frame(contact) for contact in problem.contacts] != [_frame(contact) for contact in first.contacts]:
+        kept_same = ([(each.name, each.edges, each.law) for each in one.contacts] for one in (first, problem))
+        if next(kept_same) != next(kept_same):
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
         known.append(Scales.of(problem))
@@ -357,22 +323,14 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
     return steps, max(known, key=lambda scales: (scales.loaded, scales.stress)), vary
 
 
-def _frame(contact: Contact) -> tuple[str, str, str]:
-    """What must not change in a contact."""
-    return contact.name, contact.edges, contact.law
-
-
 def _slip_after(result: ContactResult) -> list[FloatArray]:
     """Slip since the beginning at the points of each contact, dimensionless: −λ_T on top of what came before."""
-    discretization, solution = result.discretization, result.solution
-    fresh = discretization.offsets()
     slip = []
-    for rows, offset in zip(discretization.contacts, fresh, strict=True):
-        step = np.zeros(len(offset))
+    for rows in result.discretization.contacts:
+        slip.append(rows.slip)
         if rows.law != "tied":
-            multipliers = rows.rule.multipliers_at_points(solution.tangential_multiplier[rows.rows])
-            step = -multipliers / rows.points.weights
-        slip.append(rows.offset - offset + step)
+            multipliers = rows.rule.multipliers_at_points(result.solution.tangential_multiplier[rows.rows])
+            slip[-1] = rows.slip - multipliers / rows.points.weights
     return slip
 
 
@@ -384,10 +342,20 @@ def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
     return float(now.solution.tangential_multiplier @ traction) * now.discretization.scales.energy
 
 
-def _of_obstacle(step: ContactResult, name: str) -> list[tuple[float, float]]:
+def _moving(name: str, steps: list[dict[str, tuple[float, float]]]) -> tuple[FloatArray, FloatArray]:
+    """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
+    always = [component for component in steps[0] if all(component in each for each in steps)]
+    found = [np.array([each[component] for each in steps]).T for component in always]
+    if not found:
+        raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
+    displacement, force = next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
+    return displacement, force
+
+
+def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:
     """Displacement of a contact's obstacle along the tangent, and the tangential force, which works on it.
 
-    By component if it is a plate on edges that face several ways.
+    By x, y and rotation if it is a plate on edges that face several ways.
     """
     problem, scales, line = step.problem, step.discretization.scales, step.contacts[name]
     index = next(i for i, rows in enumerate(step.discretization.contacts) if rows.name == name)
@@ -395,15 +363,20 @@ def _of_obstacle(step: ContactResult, name: str) -> list[tuple[float, float]]:
     tangents, plate = rows.points.tangents, problem.contacts[index].plate
     across = tangents[:, 0] * tangents[0, 1] - tangents[:, 1] * tangents[0, 0]
     if plate is not None and np.abs(across).max() > _PARALLEL:
-        return list(zip(astuple(step.plates[name]), astuple(step.plate_force(name)), strict=True))
-    offset = step.discretization.offsets()[index] * scales.displacement
-    along = float(line.weights @ offset / line.weights.sum())
+        return dict(
+            zip(
+                DRIVES.values(),
+                zip(astuple(step.plates[name]), astuple(step.plate_force(name)), strict=True),
+                strict=True,
+            )
+        )
+    along = float(line.weights @ (rows.offset * scales.displacement) / line.weights.sum())
     if plate is not None:
         motion, (x, y) = step.plates[name], centre_of(problem, scales, rows)
         in_x = motion.x - motion.rotation * (y - plate.pivot[1])
         in_y = motion.y + motion.rotation * (x - plate.pivot[0])
         along += float(rows.points.edges.tangent[0] @ (in_x, in_y))
-    return [(along, float(line.weights @ line.tangential_stress))]
+    return {"along": (along, float(line.weights @ line.tangential_stress))}
 
 
 def _of_support(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:

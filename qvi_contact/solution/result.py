@@ -26,12 +26,17 @@ from qvi_contact.problem.conditions import DRIVES, RigidPlate
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
-from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
-from qvi_contact.solution.work import misfit_of_tractions, support_work, traction
+from qvi_contact.solution.stress import (
+    cell_stresses,
+    misfit_of_tractions,
+    stress_at,
+    stress_rounding,
+    support_work,
+    traction,
+)
 from solvers import Certificate, Iteration, QVISolution, Status
-from solvers.basics.frames import frame, pandas
 from solvers.basics.names import Named, known_name
-from solvers.basics.types import PicklesFields, load
+from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.certificate.feasibility import AdmissibleRows
 
 if TYPE_CHECKING:
@@ -174,19 +179,7 @@ class ContactResult(PicklesFields):
         return f"<ContactResult {'; '.join([f'{self.status}, {accuracy}', *forces])}>"
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
-        """All points of all contacts as a pandas table: "contact", then the columns of `ContactLine.to_frame`.
-
-        Parameters
-        ----------
-        units : Units, optional
-            If given, names of columns end in their unit, as in "slip [mm]".
-
-        Raises
-        ------
-        InputError
-            If pandas is missing (extra ``frame``), or there is no stress state.
-
-        """
+        """All points of all contacts: "contact", then the columns of `ContactLine.to_frame`, whose errors it raises."""
         tables = {name: line.to_frame(units) for name, line in self.contacts.items()}
         joined: DataFrame = pandas().concat(tables, names=["contact"]).reset_index("contact").reset_index(drop=True)
         return joined
@@ -198,7 +191,7 @@ class ContactResult(PicklesFields):
         "share_slip", "largest_pressure", "largest_shear" [stress], "largest_gap", "largest_slip" [length]. Where any
         contact has a rigid plate or pin there are "moved_x", "moved_y" [length], "rotation" [rad], "force_x", "force_y"
         [stress × length] and "moment" [stress × length²] as well, see `plates` and `plate_force`; NaN for contacts
-        without. Parameters and errors are those of `to_frame`.
+        without. Units and errors are those of `to_frame`.
         """
         rows = [{"contact": name, **numbers} for name, numbers in contact_numbers(self).items()]
         return frame(pandas().DataFrame(rows), forces_units(units))
@@ -391,8 +384,9 @@ class ContactResult(PicklesFields):
     @cached_property
     def energies(self) -> Energies:
         """Energies of the computed state."""
-        weights, (points, stress) = cell_weights(self.discretization), cell_stresses(self.discretization, self.dofs)
-        scales, problem = self.discretization.scales, self.problem
+        scales, problem, space = self.discretization.scales, self.problem, self.discretization.space
+        weights = space.cell_measures(space.cell_points, space.cell_weights)
+        points, stress = cell_stresses(self.discretization, self.dofs)
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
         springs = self.discretization.root.stiffness.springs
@@ -405,7 +399,7 @@ class ContactResult(PicklesFields):
             load += float((weights * work).sum()) * scales.energy
         for rows in self.discretization.contacts:
             line = self.contacts[rows.name]
-            gap, offset = rows.gap * scales.displacement, rows.offset * scales.displacement
+            gap, offset = rows.gap * scales.displacement, (rows.offset + rows.slip) * scales.displacement
             load += float(line.weights @ (gap * line.normal_stress + offset * line.tangential_stress))
         shear = self.solution.problem.tangential(self.solution.z)
         dissipation = float(self.solution.tangential_multiplier @ shear) * scales.energy

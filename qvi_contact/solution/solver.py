@@ -22,7 +22,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.loads import joined, laws_vary
+from qvi_contact.discretization.loads import joined
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
@@ -95,7 +95,7 @@ def solved(
         else:
             given = problem
         with given.qvi.stiffness.using(settings.factorisation, settings.threads):  # once for all that follows
-            known = _fitted(given, settings) if given is not problem else given
+            known = fitted(given, settings) if given is not problem else given
             attempts: tuple[Attempt, ...] = () if known is given else (UNITS,)
             space, rule = known.space, known.rule
             if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
@@ -121,35 +121,10 @@ def solved(
     return result
 
 
-def discretized(
-    problem: ContactProblem, settings: Settings | None = None, *, before: Discretization | None = None, **changes: Any
-) -> Discretization:
-    """The problem discretised in fitting units, as `solve` does it first with these settings.
-
-    `solve` takes it in place of the problem, with all settings but ``degree`` and ``law_on``. What it has in common
-    with a problem `before`, discretized with the same settings on the same mesh, is shared; degree and law may be left
-    out then, and are those of `before`.
-
-    Raises
-    ------
-    InputError
-        If the problem or a setting is wrong, or `before` is on another mesh, or of another degree or law.
-
-    """
+def discretized(problem: ContactProblem, settings: Settings | None = None, **changes: Any) -> Discretization:
+    """The problem discretised in fitting units, as `solve` does it first with these settings, and takes it instead."""
     settings = Settings.of(settings, changes)
-    law_on = settings.law
-    if before is None:
-        return _fitted(discretize(problem, degree=settings.degree, law_on=law_on), settings)
-    law_on = "points" if law_on is None and laws_vary(problem) else law_on
-    found: Any
-    for name, asked, found in (
-        ("degree", settings.degree, before.space.degree),
-        ("law_on", law_on, before.rule.law_on),
-    ):
-        if asked is not None and asked != found:
-            remedy = f"the problem discretised before has {found!r}: give both the same, or leave before out"
-            raise InputError(name, asked, remedy)
-    return _fitted(before.with_data(problem), settings)
+    return fitted(discretize(problem, degree=settings.degree, law_on=settings.law), settings)
 
 
 def _reached(discretization: Discretization, solution: QVISolution) -> bool:
@@ -162,7 +137,7 @@ def _reached(discretization: Discretization, solution: QVISolution) -> bool:
     return bool(pressure.max() > certificate.tolerance * certificate.scales["stress"])
 
 
-def _fitted(discretization: Discretization, settings: Settings) -> Discretization:
+def fitted(discretization: Discretization, settings: Settings) -> Discretization:
     """In fitting units; where K cannot be factorised the solve will say so."""
     with discretization.qvi.stiffness.using(settings.factorisation, settings.threads):
         try:

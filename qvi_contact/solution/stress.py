@@ -1,11 +1,15 @@
-"""Stresses from the Airy function anywhere in the body, samples of them cell by cell, and scalars made of them.
+"""Stresses from the Airy function anywhere in the body, scalars made of them, and tractions on edges.
 
 Fields may jump between cells, so a sample on a cell's border belongs to that cell alone.
+
+On an arc tractions are the polynomials whose coefficients are degrees of freedom: they have the resultants of the
+stress, and its moments up to their degree. Between the two is a rest of the order of the element. Equilibrium holds up
+to its work.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -13,7 +17,17 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, one_of, real_array
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import physical, potential_at
+from qvi_contact.discretization.loads import (
+    LOAD_POINTS,
+    EdgePoints,
+    displacements_at_points,
+    is_polynomial,
+    physical,
+    potential_at,
+    prescribed_tractions,
+)
+from qvi_contact.element import legendre
+from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.material import is_strained, stress_along_z
@@ -24,33 +38,17 @@ if TYPE_CHECKING:
 
 _MOST_CELLS: Final = 1024
 _COMPONENTS: Final = 3  # of a stress
+_MISFIT: Final = 1e-9  # prescribed tractions missed beyond rounding, relative to the unit of stress, that count
+_ROUNDED: Final = 1e-6  # the same that rounding in the smallest cells may explain
+_ULPS: Final = 8.0  # times each degree of freedom may be rounded, solved along the boundary
+_POINTS = 12
 
 
 def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Stress (σ_xx, σ_yy, σ_xy) at points of the body.
+    """Stress (σ_xx, σ_yy, σ_xy) (..., 3) [stress] at points x, y (...) [length], of degrees of freedom u (N,) of Φ.
 
     Equation (3.1) with σ_xy = −Φ_xy. On an edge inside the body, where the normal stress along it jumps, and in
-    vertices the mean of the adjacent cells is returned.
-
-    Parameters
-    ----------
-    discretization : Discretization
-        Where the points are looked up.
-    u : (N,) array
-        Degrees of freedom of Φ, see `Discretization.values`.
-    x, y : (...) arrays
-        Coordinates [length], of one shape.
-
-    Returns
-    -------
-    (..., 3) array
-        Stresses [stress], tension positive.
-
-    Raises
-    ------
-    InputError
-        If a point lies outside the body.
-
+    vertices it is the mean of the adjacent cells. `InputError` if a point lies outside the body.
     """
     problem, space, coefficients = discretization.problem, discretization.space, discretization.coefficients(u.ravel())
     stress = mean_at(problem.mesh, x, y, lambda cell, t: space.stress(coefficients, cell, t)[:, 0], "stress(x, y)")
@@ -110,17 +108,10 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
     cells = np.argsort(space.cell_sizes, kind="stable")[:_MOST_CELLS]
     signs = np.random.default_rng(0).integers(2, size=u.size) * 2.0 - 1.0
     moved = u.ravel() * (1.0 + signs * np.finfo(np.float64).eps)
-    stresses = (
+    first, second = (
         space.stress(discretization.coefficients(values), cells, space.cell_points) for values in (u.ravel(), moved)
     )
-    first, second = stresses
     return float(np.abs(second - first).max(initial=0.0))
-
-
-def cell_weights(discretization: Discretization) -> FloatArray:
-    """Dimensionless weights (cells, g) of the quadrature points."""
-    space = discretization.space
-    return space.cell_measures(space.cell_points, space.cell_weights)
 
 
 def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -173,16 +164,7 @@ class BodySamples:
 
 
 def sample_body(result: ContactResult, parts: int) -> BodySamples:
-    """Samples of the stress all over a body.
-
-    Parameters
-    ----------
-    result : ContactResult
-        The state.
-    parts : int
-        Cells are divided so that about so many parts lie along the body's length; small cells are not divided.
-
-    """
+    """Samples of the stress all over a body: about so many parts along its length; small cells are not divided."""
     mesh, discretization = result.problem.mesh, result.discretization
     sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
     wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
@@ -223,22 +205,9 @@ def held_along_z(problem: ContactProblem, cells: IntArray, x: FloatArray, y: Flo
 
 
 def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0, held: FloatArray | float = 0.0) -> FloatArray:
-    """Von Mises stress √(½[(σ_xx−σ_yy)² + (σ_yy−σ_zz)² + (σ_zz−σ_xx)²] + 3σ_xy²).
+    """Von Mises stress √(½[(σ_xx−σ_yy)² + (σ_yy−σ_zz)² + (σ_zz−σ_xx)²] + 3σ_xy²) (...) of stresses (..., 3).
 
-    Parameters
-    ----------
-    stress : (..., 3) array
-        σ_xx, σ_yy, σ_xy.
-    factor : (...) array
-        f of σ_zz = f (σ_xx + σ_yy) + `held`, see `cell_factors`; 0, plane stress, by default.
-    held : (...) array
-        What initial strains add to σ_zz, see `held_along_z`.
-
-    Returns
-    -------
-    (...) array
-        In the unit of `stress`.
-
+    σ_zz = factor (σ_xx + σ_yy) + held (...), see `cell_factors` and `held_along_z`; 0, plane stress, by default.
     """
     xx, yy, xy = np.moveaxis(real_array("stress", stress), -1, 0)
     zz = factor * (xx + yy) + held
@@ -248,17 +217,149 @@ def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0, held: FloatA
 def stress_component(
     stress: FloatArray, component: str, factor: FloatArray | float = 0.0, held: FloatArray | float = 0.0
 ) -> FloatArray:
-    """One of the `COMPONENTS` of stresses (..., 3); `factor` and `held` as in `von_mises`.
-
-    Raises
-    ------
-    InputError
-        If there is no such component.
-
-    """
+    """One of the `COMPONENTS` of stresses (..., 3), else `InputError`; `factor` and `held` as in `von_mises`."""
     one_of("component", component, COMPONENTS)
     if component == "von_mises":
         return von_mises(stress, factor, held)
     if component in ("first", "second"):
         return principal_stresses(stress)[("first", "second").index(component)]
     return np.asarray(stress[..., ("xx", "yy", "xy").index(component)])
+
+
+# tractions on edges: what they do along prescribed displacements, and how far they are from the data
+
+
+def support_work(discretization: Discretization, u: FloatArray) -> float:
+    """∫_{Γ_u} U·τn ds [stress × length²] of degrees of freedom u of Φ."""
+    problem, space, scales = discretization.problem, discretization.space, discretization.scales
+    work = 0.0
+    for direction, points, values in displacements_at_points(problem, space, scales):
+        along = component(traction(discretization, u, points), direction)
+        work += scales.length * float(points.weights @ (values * along))
+    return work
+
+
+def obstacle_work(discretization: Discretization, u: FloatArray) -> float:
+    """∫_{Γ_μ} (g τ_N + w τ_T) ds [stress × length²] of u, g and w as the problem prescribes them, plates moved."""
+    problem, scales, total = discretization.problem, discretization.scales, 0.0
+    for contact in problem.contacts:
+        points = EdgePoints(discretization.space, problem.mesh.edges(contact.edges), LOAD_POINTS)
+        x, y = physical(problem, scales, points.coordinates)
+        normal, shear = normal_and_shear(discretization, u, points)
+        gap, offset = evaluate("Contact.gap", contact.gap, x, y), evaluate("Contact.offset", contact.offset, x, y)
+        work = scales.stress * (gap * normal + offset * shear)
+        if contact.plate is not None:
+            work += (contact.plate.displacement(x, y) * traction(discretization, u, points)).sum(axis=0)
+        total += scales.length * float(points.weights @ work)
+    return total
+
+
+def fluid_work(discretization: Discretization) -> float:
+    """∫ g p_w ds [stress × length²] of fluids in contacts: τ_N + p_w is the traction that contacts feel."""
+    problem, scales = discretization.problem, discretization.scales
+    work = 0.0
+    for contact in problem.contacts:
+        if contact.has_fluid:
+            points = EdgePoints(discretization.space, problem.mesh.edges(contact.edges), LOAD_POINTS)
+            x, y = physical(problem, scales, points.coordinates)
+            pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
+            gap = evaluate("Contact.gap", contact.gap, x, y)
+            if contact.plate is not None:
+                gap = gap + component(contact.plate.displacement(x, y), points.normals)
+            work += scales.length * float(points.weights @ (pressure * gap))
+    return work
+
+
+def normal_and_shear(
+    discretization: Discretization, u: FloatArray, points: EdgePoints
+) -> tuple[FloatArray, FloatArray]:
+    """τ_N and τ_T at points of edges, dimensionless, of degrees of freedom u of Φ."""
+    normal, shear = points.tractions(u.ravel())
+    return normal + potential_at(discretization.problem, discretization.scales, points.coordinates), shear
+
+
+def traction(discretization: Discretization, u: FloatArray, points: EdgePoints) -> FloatArray:
+    """Traction τn at points of edges, shape (2, points) [stress]."""
+    normal, shear = normal_and_shear(discretization, u, points)
+    return np.asarray(discretization.scales.stress * (normal * points.normals.T + shear * points.tangents.T))
+
+
+def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
+    """Largest difference between prescribed tractions and those of degrees of freedom u of Φ at points [stress].
+
+    The points are those that integrate the data, but for parts of edges that are next to nothing.
+    """
+    pairs = prescribed_and_computed(discretization, u)
+    return discretization.scales.stress * max((wanted.misfit(computed) for wanted, computed in pairs), default=0.0)
+
+
+def prescribed_and_computed(
+    discretization: Discretization, u: FloatArray
+) -> Iterator[tuple[EdgeQuadrature, FloatArray]]:
+    """Each prescribed component of tractions on its n edges, and the computed one's coefficients of Legendre (n, k).
+
+    Dimensionless, without φ.
+    """
+    problem, space, scales = discretization.problem, discretization.space, discretization.scales
+    degree = space.traction_degree
+    count = max(LOAD_POINTS, degree + 1)
+    for given in prescribed_tractions(problem, scales):
+        if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree
+            degree = count - 1
+        points = EdgePoints(space, given.edges, count)
+        normal, shear = points.tractions(u.ravel())
+        directions = points.vectors(given.direction, given.turns)
+        along = component(normal * points.normals.T + shear * points.tangents.T, directions)
+        wanted = given.quadrature(problem.mesh.vertices, LOAD_POINTS)
+        yield wanted, along.reshape(-1, count) @ legendre.from_values(degree, count).T
+
+
+def component(vectors: FloatArray, directions: FloatArray) -> FloatArray:
+    """The component of vectors (2, points) along a direction at each point (points, 2), shape (points,)."""
+    return np.asarray((vectors * directions.T).sum(axis=0))
+
+
+def allowed_misfit(unit: float, rounding: float) -> float:
+    """Misfit of tractions that rounding explains, from the unit of stress and the rounding of stresses [stress]."""
+    return _MISFIT * unit + min(_ULPS * rounding, _ROUNDED * unit)
+
+
+def loads_followed(discretization: Discretization) -> bool:
+    """Whether all stresses of the mesh meet the loads, and what enters tractions of contacts, point by point.
+
+    That is so for tractions that a stress of the mesh can have, and where body potential and pore pressure are
+    polynomials of the degree of σ_N on every edge of the contacts.
+    """
+    u, unit = discretization.values(np.zeros(discretization.qvi.n)), discretization.scales.stress
+    rounding = unit * stress_rounding(discretization, u)
+    if misfit_of_tractions(discretization, u) > allowed_misfit(unit, rounding):
+        return False
+    problem, most = discretization.problem, discretization.space.traction_degree
+    for contact in problem.contacts:
+        fields = {
+            "Contact.pore_pressure": contact.pore_pressure,
+            "ContactProblem.body_potential": problem.body_potential,
+        }
+        edges = problem.mesh.edges(contact.edges)
+        for name, field in fields.items():
+            if callable(field) and contact.law != "tied" and not is_polynomial(problem, edges, name, field, most):
+                return False
+    return True
+
+
+def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
+    """Largest difference between σn of degrees of freedom u and their tractions at points of arcs [stress]."""
+    mesh, space, largest = discretization.problem.mesh, discretization.space, 0.0
+    coefficients = discretization.coefficients(u)
+    for arcs in (edges.take(edges.bent) for edges in (mesh.boundary, mesh.interior) if edges.curved):
+        points = EdgePoints(space, arcs, _POINTS)
+        places = np.stack(mesh.points_along(arcs, points.reference), axis=-1).reshape(-1, 2)
+        (nx, ny), (tx, ty) = points.normals.T, points.tangents.T
+        normal, shear = points.tractions(u)
+        for cells in arcs.cells.T:
+            if (cells >= 0).all():  # beside the arcs, on one side of them
+                cell = np.repeat(cells, _POINTS)
+                xx, yy, xy = space.stress(coefficients, cell, mesh.reference(cell, places)[:, None])[:, 0].T
+                x, y = xx * nx + xy * ny, xy * nx + yy * ny
+                largest = max(largest, float(np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear).max()))
+    return discretization.scales.stress * largest

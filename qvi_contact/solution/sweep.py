@@ -16,29 +16,28 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, overload
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, get_args, overload
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
+from qvi_contact.basics.checks import one_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
-from qvi_contact.problem.conditions import Condition, Contact
+from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem, run_digest
 from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
-from qvi_contact.solution.solver import discretized, solved
+from qvi_contact.solution.solver import discretized, fitted, solved
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none
-from solvers.basics.frames import frame, pandas
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
-from solvers.basics.types import load
+from solvers.basics.types import frame, load, pandas
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -92,9 +91,7 @@ class SweepRow:
 
     @classmethod
     def of(cls, number: int, value: float, result: ContactResult, seconds: float = 0.0) -> SweepRow:
-        """The row of a result; `InputError` for what is none."""
-        if not isinstance(result, ContactResult):
-            raise InputError("result", result, "give a ContactResult")
+        """The row of a result."""
         contacts = contact_numbers(result) if result.has_state else {}
         accuracy = result.certificate.accuracy
         return cls(number, value, result.status, result.message, result.iterations, accuracy, seconds, contacts)
@@ -137,21 +134,10 @@ class Sweep:
         return outcome_of(self.parameter, failures, len(done), len(self.values))
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
-        """One row for each value and contact as a pandas table; needs the extra ``frame`` (pandas).
+        """One row for each value and contact as a pandas table, with units and errors as `ContactResult.to_frame`.
 
         Columns are the parameter, "status", "iterations", "contact", and those of `ContactResult.forces_frame`. Values
         without a state have no rows.
-
-        Parameters
-        ----------
-        units : Units, optional
-            If given, names of columns end in their unit, as in "largest_slip [mm]".
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
         """
         done = enumerate(zip(self.values, self.steps, strict=False), 1)
         rows = (SweepRow.of(number, value, step) for number, (value, step) in done)
@@ -168,7 +154,6 @@ def solve_sweep(
     settings: Settings | None = None,
     *,
     store: None = None,
-    warm_start: bool = True,
     **changes: Any,
 ) -> Sweep: ...
 
@@ -183,9 +168,6 @@ def solve_sweep(
     settings: Settings | None = None,
     *,
     store: str | Path,
-    workers: int = 1,
-    dask: str | None = None,
-    warm_start: bool = True,
     **changes: Any,
 ) -> StoredSweep: ...
 
@@ -266,7 +248,12 @@ def solve_sweep(
     settings = Settings.of(settings, changes)
     with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
         task = SweepTask.of(problem, parameter, of, settings, warm_start=warm_start)
-        numbers = _checked_values(parameter, values)
+        asked = real_array("values", values, "give a list of at least one number")
+        if asked.ndim != 1 or not len(asked) or not np.isfinite(asked).all():
+            raise InputError("values", values, "give a list of at least one finite number")
+        if parameter == "friction" and asked.min() < 0.0:
+            raise InputError("values", float(asked.min()), "give coefficients of friction ≥ 0")
+        numbers = tuple(asked.tolist())
         log.begin({"values": len(numbers), "parameter": parameter, "cells": task.problem.mesh.cell_count})
 
         def told(number: int, found: ContactResult | SweepRow, accuracy: float) -> None:
@@ -283,8 +270,8 @@ def solve_sweep(
             sweep = Sweep(parameter, numbers, tuple(steps))
         else:
             kept = load("qvi_contact.files.stores")
-            asked = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
-            fingerprint = run_digest([task.problem], {**settings.stated, **asked})
+            data = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
+            fingerprint = run_digest([task.problem], {**settings.stated, **data})
             with (
                 kept.writing(store, fingerprint, parameter, numbers) as opened,
                 closing(_rows(task, opened.pending(), shared)) as found,
@@ -322,7 +309,18 @@ class SweepTask:
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
-        chosen = _checked_names(problem, parameter, names)
+        known = [contact.name for contact in problem.contacts if contact.law != "tied"]
+        if parameter == "load":
+            chosen = tuple(loads_of(problem)) if names is None else checked_loads(problem, names, "of")
+        elif not known:
+            remedy = "the problem has no contact that could open or slip"
+            raise InputError("parameter", "friction, gap or offset", remedy)
+        elif names is None:
+            chosen = tuple(known)
+        elif isinstance(names, str) or not isinstance(names, Sequence) or not names:
+            raise InputError("of", names, f"give a list of names out of {', '.join(known)}")
+        else:
+            chosen = tuple(known_name("of", name, {"contacts that could open or slip": known}) for name in names)
         warm = true_or_false("warm_start", warm_start) and settings.takes_state
         return cls(problem, parameter, chosen, settings, warm)
 
@@ -330,7 +328,16 @@ class SweepTask:
         """The problem with this value."""
         if self.parameter == "load":
             return multiplied(self.problem, self.names, value)
-        conditions = [_changed(each, self.parameter, value, self.names) for each in self.problem.conditions]
+
+        def changed(condition: Contact) -> Contact:
+            given: Any = 0.0 if self.parameter == "friction" else getattr(condition, self.parameter)
+            new: Any = given + value if not callable(given) else lambda x, y: np.asarray(given(x, y), float) + value
+            return replace(condition, **{self.parameter: new})
+
+        conditions = [
+            changed(each) if isinstance(each, Contact) and each.name in self.names else each
+            for each in self.problem.conditions
+        ]
         return replace(self.problem, conditions=conditions)
 
 
@@ -356,10 +363,12 @@ class _Run:
             if count >= at_least and deadline.over:
                 return
             began, task = time.perf_counter(), self._task
-            if self._before is None or task.parameter != "friction":
-                self._before = discretized(task.changed(value), task.settings, before=self._before)
-            else:
+            if self._before is None:
+                self._before = discretized(task.changed(value), task.settings)
+            elif task.parameter == "friction":
                 self._before = self._before.with_law(task.changed(value))
+            else:
+                self._before = fitted(self._before.with_data(task.changed(value)), task.settings)
             begins = task.warm and self._state is not None and not self._left
             found = solved(self._before, task.settings, self._state if begins else None)
             near = found.solution.near
@@ -380,8 +389,7 @@ class _Run:
             yield SweepRow.of(number, value, found, seconds)
 
 
-@dataclass(frozen=True)
-class _Slice:
+class _Slice(NamedTuple):
     """Numbers and neighbouring values for one worker, until `end` by `time.time`, which clocks of a cluster share."""
 
     planned: tuple[tuple[int, float], ...]
@@ -414,7 +422,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
         settings = replace(task.settings, threads=task.settings.threads or 1)
         job = pickle.dumps(partial(_opened, replace(task, settings=settings)))
     except Exception as error:  # PicklingError, AttributeError or TypeError, by what it is
-        raise _not_sent(task, str(error)) from error
+        raise _not_sent(task, error) from error
     try:
         with workers.ready(job, limits) as (size, outcomes):
             length = min(_LARGEST, max(1, math.ceil(len(planned) / (_SLICES * size))))
@@ -429,7 +437,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
         raise _not_sent(task, error.reason) from error
 
 
-def _not_sent(task: SweepTask, reason: str) -> InputError:
+def _not_sent(task: SweepTask, reason: object) -> InputError:
     remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
     return InputError("problem", task.problem, f"{remedy} ({reason})")
 
@@ -445,45 +453,6 @@ def _rows_of(part: _Slice, outcome: Outcome) -> Sequence[SweepRow]:
     status = Status.OUT_OF_MEMORY if outcome.status == "memory" else Status.BACKEND_FAILED
     message = f"the process that solved it died twice ({outcome.reason})"
     return [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]
-
-
-def _checked_values(parameter: Parameter, values: object) -> tuple[float, ...]:
-    """All values of a sweep."""
-    numbers = real_array("values", values, "give a list of at least one number")
-    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
-        raise InputError("values", values, "give a list of at least one finite number")
-    if parameter == "friction" and numbers.min() < 0.0:
-        raise InputError("values", float(numbers.min()), "give coefficients of friction ≥ 0")
-    return tuple(numbers.tolist())
-
-
-def _checked_names(problem: ContactProblem, parameter: Parameter, of: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of contacts or loads whose data change."""
-    if parameter == "load":
-        return tuple(loads_of(problem)) if of is None else checked_loads(problem, of, "of")
-    known = [contact.name for contact in problem.contacts if contact.law != "tied"]
-    if not known:
-        raise InputError("parameter", "friction, gap or offset", "the problem has no contact that could open or slip")
-    if of is None:
-        return tuple(known)
-    if isinstance(of, str) or not isinstance(of, Sequence) or not of:
-        raise InputError("of", of, f"give a list of names out of {', '.join(known)}")
-    return tuple(known_name("of", name, {"contacts that could open or slip": known}) for name in of)
-
-
-def _changed(condition: Condition, parameter: Parameter, value: float, names: Sequence[str]) -> Condition:
-    if not isinstance(condition, Contact) or condition.name not in names:
-        return condition
-    new = value if parameter == "friction" else _plus(getattr(condition, parameter), value)
-    data: dict[str, Any] = {parameter: new}
-    return replace(condition, **data)
-
-
-def _plus(given: Field, value: float) -> Field:
-    if not callable(given):
-        return given + value
-    function: Callable[..., object] = given
-    return lambda x, y: np.asarray(function(x, y), dtype=float) + value
 
 
 def table_of(parameter: Parameter, rows: Iterable[SweepRow], units: Units | None) -> DataFrame:

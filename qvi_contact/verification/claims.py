@@ -18,7 +18,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.export import field_arrays
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import prescribed_and_computed
+from qvi_contact.solution.stress import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
@@ -69,7 +69,7 @@ def rediscretized(result: ContactResult) -> Discretization:
         law_on=known.rule.law_on,
         scales=known.scales,
     )
-    slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]
+    slip = [rows.slip for rows in known.contacts]
     return fresh.slipped(slip) if any(part.any() for part in slip) else fresh
 
 

@@ -1,32 +1,12 @@
-"""Names that a user gives: which there are, which one was meant, which are retired, and mappings that say so."""
+"""Names that a user gives: which there are, which one was meant, and mappings that say so."""
 
 import difflib
 from collections.abc import Iterable, Mapping
-from typing import Final, TypeVar
+from typing import TypeVar
 
 from solvers.errors import UnknownNameError
 
 _Value = TypeVar("_Value")
-
-_WHOLE_EDGES: Final = (
-    "was retired in version 0.2: Bernstein coefficients as rows hold the contact law on whole edges with every inner "
-    "solver, so leave `inner` out, or give 'direct:clarabel'"
-)
-_RETIRED: Final = {
-    "strict": _WHOLE_EDGES,
-    "strict-direct": _WHOLE_EDGES,
-    "direct:osqp": "was retired in version 0.2: give 'qp:osqp'",
-    "cholmod": "was retired in version 0.2: leave `factorisation` out, or give 'pardiso' or 'superlu'",
-    "levels": "was retired in version 0.2: give 'dense'",
-    "shared-subdomains": "was retired in version 0.2: leave `factorisation` out",
-}
-"""Names of solvers and factorisations, or what stands before their colon, and what to do instead."""
-
-
-def remedy_if_retired(name: object) -> str | None:
-    """What to give instead of a name that older versions had; None if it is no such name."""
-    given = str(name).lower()
-    return _RETIRED.get(given) or _RETIRED.get(given.partition(":")[0])
 
 
 def closest(word: object, words: Iterable[str]) -> str | None:

@@ -100,12 +100,10 @@ def listening(listener: Listener) -> Iterator[None]:
         _listeners.reset(token)
 
 
-def report(progress: Progress, callback: "Callable[[Iteration], object] | None" = None) -> None:
-    """Tell all listeners, and the callback of an iteration."""
+def report(progress: Progress) -> None:
+    """Tell all listeners."""
     for listener in _listeners.get():
         listener(progress)
-    if callback is not None and progress.iteration is not None:
-        callback(progress.iteration)
 
 
 def checked_limit(value: object) -> float:
@@ -144,7 +142,7 @@ ITERATIONS: Final = {
 
 _WIDTH: Final = 79
 _LABEL: Final = 16
-_ALL: Final = 20  # first iterations that are printed; later ones where two digits change
+_ALL: Final = 20  # first iterations that are printed; later ones where two digits change: 100, 110, …, 1000, 1100
 
 _depth: ContextVar[int] = ContextVar("depth", default=0)
 
@@ -223,7 +221,7 @@ class Log:
             LOGGER.debug("%s: %s", self._title, words)
             if self._shown and progress.remark:
                 _print(words)
-        elif _worth_a_line(entry.number):
+        elif entry.number <= _ALL or entry.number % 10 ** max(0, len(str(entry.number)) - 2) == 0:
             numbers = (entry.number, entry.residual, entry.energy, entry.normal_resultant)
             self.line(progress.method, *numbers, self.seconds)
 
@@ -236,11 +234,6 @@ class Log:
         if self._shown:
             sentence = wrap(message, _WIDTH)
             _print("-" * _WIDTH, f"{'status':<{_LABEL}}{status}", *sentence, f"{'time':<{_LABEL}}{words}", "=" * _WIDTH)
-
-
-def _worth_a_line(number: int) -> bool:
-    """The first twenty, then those with two digits: 100, 110, …, 1000, 1100."""
-    return number <= _ALL or number % 10 ** max(0, len(str(number)) - 2) == 0
 
 
 def _aligned(form: str) -> str:

@@ -1,13 +1,20 @@
 """Names for the arrays of (D2): dense vectors, and matrices in compressed columns or rows, all float64."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from importlib import import_module
+from importlib.util import find_spec
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
+
+from solvers.errors import InputError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Vector: TypeAlias = NDArray[np.float64]
 """One-dimensional float64 array."""
@@ -71,3 +78,27 @@ def _fixed(value: Any) -> Any:
         return MappingProxyType(value)
     value.flags.writeable = False
     return value
+
+
+# Results as pandas tables, which need the extra ``frame``.
+
+
+def pandas() -> Module:
+    """The package; `InputError` with the command that installs it where it is missing."""
+    if find_spec("pandas") is None:
+        remedy = "tables of results need pandas: python -m pip install pandas"
+        raise InputError("to_frame", "pandas", remedy)
+    return load("pandas")
+
+
+def frame(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> "DataFrame":
+    """A table of these columns; names of those in `units` end in their unit, as in "slip [mm]"."""
+    named = units or {}
+    titled = {f"{name} [{named[name]}]" if name in named else name: values for name, values in columns.items()}
+    table: DataFrame = pandas().DataFrame(titled)
+    return table
+
+
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Rows with the same keys as columns; none without rows."""
+    return {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}

@@ -59,24 +59,14 @@ class Feasibility:
 
 @dataclass(frozen=True, eq=False)
 class AdmissibleRows:
-    """G z ≤ h of the set C: rows of N, of ±T + mu N, and of ±T below the cap.
+    """G z ≤ h of the set C: rows of N, of ±T + mu N, and of ±T below the cap."""
 
-    Attributes
-    ----------
-    H : (rows, 2m) sparse, G = H [N; T]: what the rows say of the tractions
-    limit : (rows,), h = limit − H [n0; t0]
-    G, h : (rows, n) and (rows,)
-    point : (rows,) int, the contact point of each row
-    tangential : (rows,) bool, whether the row limits |σ_T| rather than σ_N
-
-    """
-
-    H: Sparse
-    limit: Vector
-    G: Sparse
+    H: Sparse  # (rows, 2m) sparse, G = H [N; T]: what the rows say of the tractions
+    limit: Vector  # (rows,), h = limit − H [n0; t0]
+    G: Sparse  # (rows, n)
     h: Vector
-    point: IntVector
-    tangential: BoolVector
+    point: IntVector  # (rows,) int, the contact point of each row
+    tangential: BoolVector  # (rows,) bool, whether the row limits |σ_T| rather than σ_N
 
     @classmethod
     def of(cls, qvi: FrictionQVI) -> AdmissibleRows:

@@ -22,7 +22,6 @@ whose bound is always zero give equations σ_T = 0. Equations are solved for som
 In `docs/theory.md`: (D5), (D6).
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Any
@@ -30,9 +29,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import splu
 
-from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
+from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate.certificate import body_scales
 from solvers.condensed.coordinates import Coordinates, NewtonSystem
 from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Expansion, PathWeights
@@ -77,8 +76,7 @@ class Complementarity:
     ) -> None:
         self._shares, self.start = shares, shares.start
         self._qvi, self._space, self.stress = qvi, space, stress
-        frictionless = Frictionless.of(space.frictionless, space.E_T, qvi.W)
-        self._equations = Equations.of(space.A, frictionless, space.size)
+        self._equations = Equations(space, qvi.W)
         self._lay_out()
         self._lay_out_rows()
         self.S: Matrix | SparseRows = self._equations.quadratic(space.stiffness)
@@ -217,8 +215,6 @@ class Complementarity:
         """
         tractions, rounding = self._tractions(y), self._rounding(y)
         count, points, pairs = self.count, self._points[: self.count], self._sheared
-        residual = np.zeros_like(s)
-        residual[:count] = _beyond(s[:count] + tractions[points], rounding[points])
         above, below = s[self._above], s[self._below]
         pressed, friction = self._pressed_above
         bound = self._fixed[self._above] + friction * s[pressed]
@@ -226,8 +222,11 @@ class Complementarity:
             bound += self.friction_of(size)[self._above]
         sum_ = above + below
         both = 4.0 * _EPSILON * (sum_ + 2.0 * bound)
-        total = _beyond(sum_ - 2.0 * bound, both)
-        half = _beyond(0.5 * (above - below) + tractions[pairs], both + rounding[pairs])
+        values = [s[:count] + tractions[points], sum_ - 2.0 * bound, 0.5 * (above - below) + tractions[pairs]]
+        found = _beyond(np.concatenate(values), np.concatenate([rounding[points], both, both + rounding[pairs]]))
+        total, half = found[count : count + above.size], found[count + above.size :]
+        residual = np.zeros_like(s)
+        residual[:count] = found[:count]
         missed = friction * residual[pressed]
         residual[self._above] = 0.5 * total + half + missed
         residual[self._below] = 0.5 * total - half + missed
@@ -341,130 +340,72 @@ def _beyond(values: Vector, rounding: Vector) -> Vector:
     return np.where(np.abs(values) > rounding, values, 0.0)
 
 
-# Equations between trace coordinates, solved for some of them: y = y₀ + M u.
-#
-# Of all k coordinates some are known from points without friction (`Frictionless`), p more are given by the others
-# through A y = b, pivots of a QR factorisation of A, and u are the rest. M is sparse but for p rows.
-
-
-# Contact points whose friction bound is zero whatever the pressure: equations σ_T = 0 instead of bounds.
-#
-# As bounds |σ_T| ≤ 0 they would have no interior. Where they fix every trace coordinate they touch, as on a contact
-# without friction, those coordinates are known; otherwise independent ones of the rows become equations.
-
-
-@dataclass(frozen=True, eq=False)
-class Frictionless:
-    """The equations of points without friction.
-
-    Attributes
-    ----------
-    points : (f,) contact points without friction
-    fixed : trace coordinates that they determine
-    equations : (p', k) rows for those that are kept as equations, of the points `kept`
-    kept : (p',) points
-
-    """
-
-    points: IntVector
-    fixed: IntVector
-    equations: Matrix
-    kept: IntVector
-    _rows: Rows  # E_T of the points, by all coordinates
-    _weights: Vector
-
-    @classmethod
-    def of(cls, points: IntVector, E_T: Rows, weights: Vector) -> "Frictionless":
-        """Sort the rows E_T (m, k) of the given points; weights W (m,)."""
-        if not len(points):
-            none = np.zeros(0, dtype=np.int64)
-            return cls(points, none, np.zeros((0, E_T.shape[1])), none, E_T[points], weights[points])
-        rows = csr_array(E_T[points])
-        rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
-        rows.eliminate_zeros()
-        touched = np.unique(rows.indices).astype(np.int64)
-        chosen = echelon(rows[:, touched]).rows
-        none = np.zeros(0, dtype=np.int64)
-        if len(chosen) == len(touched):
-            return cls(points, touched, np.zeros((0, E_T.shape[1])), none, rows, weights[points])
-        return cls(points, none, rows[chosen].toarray(), points[chosen], rows, weights[points])
-
-    def values(self, tangential: Vector) -> Vector:
-        """The fixed coordinates at which σ_T = tangential + E_T y vanishes at the points; tangential is (m,)."""
-        if not len(self.fixed):
-            return np.zeros(0)
-        G, factor = self._normal_equations
-        return np.asarray(factor.solve(-(G.T @ (self._weights * tangential[self.points]))))
-
-    def multipliers(self, residual: Vector, nu: Vector, count: int) -> Vector:
-        """m_T (count,) of the points: those that balance the residual (k,) of S y + c + …, or ν of the equations."""
-        m_T = np.zeros(count)
-        m_T[self.kept] = nu
-        if len(self.fixed):
-            G, factor = self._normal_equations
-            m_T[self.points] = -self._weights * (G @ factor.solve(residual[self.fixed]))
-        return m_T
-
-    @cached_property
-    def _normal_equations(self) -> tuple[Sparse, SuperLU]:
-        """G, the rows by fixed coordinates, and the factor of GᵀWG."""
-        G = csc_array(self._rows[:, self.fixed])
-        return G, splu(csc_array(G.T @ diags_array(self._weights) @ G))
-
-
 _DEPENDENT = 1e-10  # rows of A, scaled to length one, that are shorter than this beside the others repeat them
 
 
-@dataclass(frozen=True, eq=False)
 class Equations:
-    """The substitution that a set of equations gives.
+    """Equations between trace coordinates, solved for some of them: y = y₀ + M u.
+
+    They are A y = b, and σ_T = 0 at contact points whose friction bound is zero whatever the pressure: as bounds
+    |σ_T| ≤ 0 they would have no interior. Where the latter fix every coordinate that they touch, as on a contact
+    without friction, those are known; else independent ones of the rows become equations beside A. Each of these gives
+    one coordinate, a pivot of a QR factorisation, by those that are left, u.
 
     Attributes
     ----------
-    free : coordinates u
-    map : M (k, u)
-    A : (p', k), all equations
-    frictionless : the coordinates and equations that points without friction bring
+    free : the coordinates u
+    map : M (k, u): unit rows for the free coordinates, dense ones for the pivots, none for those that are known
 
     """
 
-    free: IntVector
-    map: Rows
-    A: Matrix
-    frictionless: Frictionless
-    _pivots: IntVector
-    _scale: Vector  # of the rows
-    _Q: Matrix
-    _R: Matrix
-
-    @classmethod
-    def of(cls, A: Matrix, frictionless: Frictionless, size: int) -> "Equations":
-        """Choose pivots for A (p, k) and the equations of points without friction."""
-        if not len(A) and not len(frictionless.points):
-            free, none, square = np.arange(size), np.arange(0), np.zeros((0, 0))
-            return cls(
-                free, _map(size, free, none, np.zeros((0, size))), A, frictionless, none, A[:, 0], square, square
-            )
-        A = np.vstack([A, frictionless.equations])
-        unknown = np.setdiff1d(np.arange(size), frictionless.fixed)
-        lengths = np.linalg.norm(A, axis=1)
-        scale = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
-        Q, R, order = _pivoted(scale[:, None] * A[:, unknown])
-        rank = int((np.abs(R.diagonal()) > _DEPENDENT).sum())
-        pivots, free = unknown[order[:rank]], np.sort(unknown[order[rank:]])
-        number = np.searchsorted(free, unknown[order[rank:]])
-        tail = np.zeros((rank, len(free)))
-        tail[:, number] = -solve_triangular(R[:rank, :rank], R[:rank, rank:]) if rank else 0.0
-        return cls(free, _map(size, free, pivots, tail), A, frictionless, pivots, scale, Q[:, :rank], R[:rank, :rank])
+    def __init__(self, space: Coordinates, weights: Vector) -> None:
+        size, self._A, self._points = space.size, space.A, space.frictionless
+        self._fixed: IntVector = np.zeros(0, dtype=np.int64)  # coordinates that points without friction determine
+        self._kept = self._fixed  # those of the points whose rows become equations
+        if len(self._points):
+            rows = csr_array(space.E_T[self._points])
+            rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
+            rows.eliminate_zeros()
+            touched = np.unique(rows.indices).astype(np.int64)
+            chosen = echelon(rows[:, touched]).rows
+            if len(chosen) < len(touched):
+                self._kept, self._A = self._points[chosen], np.vstack([self._A, rows[chosen].toarray()])
+            elif len(touched):
+                self._fixed, self._weights, self._G = touched, weights[self._points], csc_array(rows[:, touched])
+                self._normal = splu(csc_array(self._G.T @ diags_array(self._weights) @ self._G))
+        left = np.ones(size, dtype=np.bool_)
+        left[self._fixed] = False
+        unknown = left.nonzero()[0]
+        rank, order, Q, R = 0, np.arange(len(unknown)), np.zeros((0, 0)), np.zeros((0, 0))
+        if len(self._A):
+            lengths = np.linalg.norm(self._A, axis=1)
+            self._scale: Vector = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+            found: Any = qr(self._scale[:, None] * self._A[:, unknown], mode="economic", pivoting=True)
+            Q, R, order = found
+            rank = int((np.abs(R.diagonal()) > _DEPENDENT).sum())
+        self._Q, self._R = Q[:, :rank], R[:rank, :rank]
+        self._pivots, rest = unknown[order[:rank]], unknown[order[rank:]]
+        self.free: IntVector = np.sort(rest)
+        columns = np.arange(len(rest))
+        tail = np.zeros((rank, len(rest)))
+        if rank:
+            tail[:, np.searchsorted(self.free, rest)] = -solve_triangular(self._R, R[:rank, rank:])
+        if are_few(size, len(rest)):
+            self.map: Rows = np.zeros((size, len(rest)))
+            self.map[self.free, columns] = 1.0
+            self.map[self._pivots] = tail
+        else:
+            shape, places = (size, len(rest)), (np.repeat(self._pivots, len(rest)), np.tile(columns, rank))
+            identity = csr_array((np.ones(len(rest)), (self.free, columns)), shape)
+            self.map = csr_array(identity + csr_array((tail.ravel(), places), shape))
 
     def offset(self, b: Vector, tangential: Vector) -> Vector:
         """y₀ (k,): the solution of A y = b and σ_T = 0 with u = 0; b without, tangential (m,) the shear at y = 0."""
         y = np.zeros(self.map.shape[0])
-        if len(self.free) == len(y):
-            return y
-        y[self.frictionless.fixed] = self.frictionless.values(tangential)
-        right = np.concatenate([b, -tangential[self.frictionless.kept]]) - self.A @ y
+        if len(self._fixed):
+            y[self._fixed] = self._normal.solve(-(self._G.T @ (self._weights * tangential[self._points])))
         if len(self._pivots):
+            right = np.concatenate([b, -tangential[self._kept]]) - self._A @ y
             y[self._pivots] = solve_triangular(self._R, self._Q.T @ (self._scale * right))
         return y
 
@@ -483,28 +424,11 @@ class Equations:
 
     def multipliers(self, residual: Vector, count: int, p: int) -> tuple[Vector, Vector]:
         """(ν (p,), m_T (count,) of points without friction) that balance the residual (k,) of S y + c + Eᵀm."""
-        nu = np.zeros(len(self.A))
+        nu, m_T = np.zeros(len(self._A)), np.zeros(count)
         if len(self._pivots):
             nu = self._scale * (self._Q @ solve_triangular(self._R, -residual[self._pivots], trans="T"))
-        residual = residual + self.A.T @ nu
-        return nu[:p], self.frictionless.multipliers(residual, nu[p:], count)
-
-
-def _pivoted(A: Matrix) -> tuple[Matrix, Matrix, IntVector]:
-    """Q, R and the order of columns of a QR factorisation with pivoting; without rows all columns as they are."""
-    if not len(A):
-        return np.zeros((0, 0)), np.zeros((0, 0)), np.arange(A.shape[1])
-    Q, R, order = qr(A, mode="economic", pivoting=True)
-    return np.asarray(Q, dtype=np.float64), np.asarray(R, dtype=np.float64), np.asarray(order, dtype=np.int64)
-
-
-def _map(size: int, free: IntVector, pivots: IntVector, tail: Matrix) -> Rows:
-    """M (size, u): unit rows for the free coordinates, the tail's for the pivots, none for those that are known."""
-    if are_few(size, len(free)):
-        M = np.zeros((size, len(free)))
-        M[free, np.arange(len(free))] = 1.0
-        M[pivots] = tail
-        return M
-    identity = csr_array((np.ones(len(free)), (free, np.arange(len(free)))), (size, len(free)))
-    spread = csr_array((np.ones(len(pivots)), (pivots, np.arange(len(pivots)))), (size, len(pivots)))
-    return csr_array(identity + spread @ csr_array(tail))
+        m_T[self._kept] = nu[p:]
+        if len(self._fixed):
+            forces = (residual + self._A.T @ nu)[self._fixed]
+            m_T[self._points] = -self._weights * (self._G @ self._normal.solve(forces))
+        return nu[:p], m_T

@@ -75,11 +75,8 @@ class DenseCoordinates(_Tractions):
 
     def __init__(self, qvi: FrictionQVI) -> None:
         interface = qvi.condensed_contact
-        self._qvi, self._system, self._interface = qvi, interface.system, interface
-        self._coordinates, self._scale = interface.coordinates, interface.scale
-        self.stiffness = interface.stiffness
-        self.E = interface.rows
-        self.A = interface.A
+        self._qvi, self._system = qvi, interface.system
+        self._coordinates, self._scale, self.stiffness, self.E, self.A = interface.reduced
         self.frictionless = np.flatnonzero(qvi.frictionless)
         self._many = not qvi.stiffness.condensing_pays(qvi.contact)
         self.shares = MANY_POINTS_SHARES if self._many else FRICTION_SHARES
@@ -290,26 +287,18 @@ class SparseCoordinates(_Tractions):
 
 
 class Filling(NamedTuple):
-    """A pattern in compressed rows, K's entries in it, and what blocks change.
+    """A pattern in compressed rows, K's entries in it, and what blocks change."""
 
-    Attributes
-    ----------
-    starts, columns : the pattern of H (n, n)
-    entries : those of K, its diagonal 1
-    touched : unknowns whose rows and columns a contact point changes; `diagonal` their places in the pattern
-    changed : places in the pattern at which blocks add; `G` (changed, 3m) by what
-    beside : places in the pattern in touched rows or columns; `row`, `column` theirs among `touched`, the number of
-        touched ones for any other
-
-    """
-
-    starts: IntVector
+    starts: IntVector  # the pattern of H (n, n)
     columns: IntVector
-    entries: Vector
+    entries: Vector  # those of K, its diagonal 1
+    # unknowns whose rows and columns a contact point changes; `diagonal` their places in the pattern
     touched: IntVector
     diagonal: IntVector
-    changed: IntVector
+    changed: IntVector  # places in the pattern at which blocks add; `G` (changed, 3m) by what
     G: Sparse
+    # places in the pattern in touched rows or columns; `row`, `column` theirs among `touched`, the number of touched
+    # ones for any other
     beside: IntVector
     row: IntVector
     column: IntVector

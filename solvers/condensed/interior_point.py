@@ -94,23 +94,14 @@ class Residuals(NamedTuple):
 
 
 class Measures(NamedTuple):
-    """How far an iterate is from a solution, relative.
+    """How far an iterate is from a solution, relative."""
 
-    Attributes
-    ----------
-    gap : Σ W s λ over stress × displacement × Σ W, both as large as they are at the iterate
-    slack : largest |s − slack| over the stress, of friction bounds over 1 + mu times the stress; |σ_N − pull + push|
-    kink : largest pull + push − |σ_N| over the stress
-    force : largest residual of y, of its largest term or of what the scale of displacement would cause
-    worst : the largest of them
-
-    """
-
-    gap: float
+    gap: float  # Σ W s λ over stress × displacement × Σ W, both as large as they are at the iterate
+    # largest |s − slack| over the stress, of friction bounds over 1 + mu times the stress; |σ_N − pull + push|
     slack: float
-    kink: float
-    force: float
-    worst: float
+    kink: float  # largest pull + push − |σ_N| over the stress
+    force: float  # largest residual of y, of its largest term or of what the scale of displacement would cause
+    worst: float  # the largest of them
 
 
 class InteriorPoint:
@@ -250,8 +241,9 @@ class InteriorPoint:
 
     def _centrality(self, point: Point) -> float:
         """The smallest of the products, relative to those of the central path."""
-        target = max(self.parameter(point), _LEAST) * self.shares
-        return float(np.minimum.reduce(point.products / target, initial=np.inf))
+        products, weights = point.products, self.problem.weights
+        tau = float(weights @ products[: weights.size]) / (self._total_share or np.inf)
+        return float(np.minimum.reduce(products / (max(tau, _LEAST) * self.shares), initial=np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +262,7 @@ class Newton:
         """Assemble and factorise; `accurate`: as in `Saddle`."""
         slope = (point.pull - point.push) / (point.pull + point.push)
         if accurate:
-            return cls(point, problem, residuals, slope, None, Saddle.at(problem, point.s, point.lam, slope))
+            return cls(point, problem, residuals, slope, None, Saddle(problem, point.s, point.lam, slope))
         return cls(point, problem, residuals, slope, problem.system.factorised(problem, point.lam / point.s, slope))
 
     def step(self, comp: Vector, *, only: bool = False) -> Point:

@@ -40,7 +40,7 @@ from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import Coordinates, DenseCoordinates, SparseCoordinates
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
 from solvers.condensed.systems import Expansion, PathWeights
-from solvers.inequality.loads import SLOW_CONTRACTION
+from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
 from solvers.settings import CondensedOptions
@@ -62,7 +62,7 @@ _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
-_FAREXACT = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
+_FAR_ENOUGH = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
 _LONG = 0.5  # of the way that Newton's method asks for
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
@@ -75,16 +75,7 @@ _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
 @dataclass(eq=False)
 class CondensedRun:
-    """One start of the method: what it iterates on, and everything that changes.
-
-    Attributes
-    ----------
-    warm : whether it began near the answer to a problem before
-    near : whether the state given was near; None without one
-    setup : seconds before the first iteration
-    reason : how it ended
-
-    """
+    """One start of the method: what it iterates on, and everything that changes."""
 
     qvi: FrictionQVI
     space: Coordinates
@@ -104,9 +95,9 @@ class CondensedRun:
     unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
     before: int = 0  # iterations of earlier starts
     elsewhere: bool = False  # whether the path of an earlier start, with other shares, had to turn
-    warm: bool = False
-    near: bool | None = None
-    setup: float = 0.0
+    warm: bool = False  # whether it began near the answer to a problem before
+    near: bool | None = None  # whether the state given was near; None without one
+    setup: float = 0.0  # seconds before the first iteration
     turns: int = 0
     began: float = 0.0
     scale: float = 0.0  # energy norm of the first step
@@ -188,7 +179,7 @@ class CondensedRun:
             return
         interior, usual = self.interior, self.interior.point.y
         start_near(interior, self.problem.restricted(self.space.coordinates(start.z)), start)
-        self.near = self.warm = all(self._step_of() >= enough for enough in _FAREXACT)
+        self.near = self.warm = all(self._step_of() >= enough for enough in _FAR_ENOUGH)
         if not self.warm:
             interior.start_at(usual)
 
@@ -384,7 +375,7 @@ class CondensedRun:
         )  # fmt: skip
         self.began = now
         self.history.append(entry)
-        report(Progress("condensed", entry), self.options.callback)
+        report(Progress("condensed", entry))
 
     def outcome(self) -> Outcome:
         """The last point in the unknowns of (D2)."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
-from solvers.basics.types import IntVector, Matrix, Vector
+from solvers.basics.types import Matrix, Vector
 from solvers.factorisation.base import State
 
 if TYPE_CHECKING:
@@ -24,19 +24,11 @@ if TYPE_CHECKING:
 
 
 class PathWeights(NamedTuple):
-    """s λ of friction bounds and caps over s λ of normal bounds on a central path, and where it begins.
+    """s λ of friction bounds and caps over s λ of normal bounds on a central path, and where it begins."""
 
-    Attributes
-    ----------
-    early : until slacks fit their tractions
-    late : from there on
-    start : the least multiplier at the start, of the scale of displacement
-
-    """
-
-    early: float
-    late: float
-    start: float = 0.1
+    early: float  # until slacks fit their tractions
+    late: float  # from there on
+    start: float = 0.1  # the least multiplier at the start, of the scale of displacement
 
 
 FRICTION_SHARES = (PathWeights(30.0, 1000.0), PathWeights(100.0, 100.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
@@ -63,32 +55,18 @@ Solve: TypeAlias = Callable[[Vector], Vector]
 
 @dataclass(eq=False)
 class Expansion:
-    """A point about which a problem is posed.
+    """A point about which a problem is posed."""
 
-    Attributes
-    ----------
-    z : (n,)
-    c : (k,) gradient in coordinates
-    equality : (p,) b − A z
-    normal, tangential : (m,) tractions at z
-    reduced : the gradient by the unknowns that are kept, Γ or all
-    strain_energy : at z
-    energy : that of (D2) at y = 0, z with its interior in equilibrium
-    state : of the elimination, what `Factorisation.expand` takes
-    held : multipliers of equations that are coordinates
-
-    """
-
-    z: Vector
-    c: Vector
-    equality: Vector
-    normal: Vector
+    z: Vector  # (n,)
+    c: Vector  # (k,) gradient in coordinates
+    equality: Vector  # (p,) b − A z
+    normal: Vector  # (m,) tractions at z
     tangential: Vector
-    reduced: Vector
-    strain_energy: float
-    energy: float
-    state: State
-    held: Vector
+    reduced: Vector  # the gradient by the unknowns that are kept, Γ or all
+    strain_energy: float  # at z
+    energy: float  # that of (D2) at y = 0, z with its interior in equilibrium
+    state: State  # of the elimination, what `Factorisation.expand` takes
+    held: Vector  # multipliers of equations that are coordinates
 
 
 class DenseSystem:
@@ -173,26 +151,11 @@ _REFINEMENTS = 2
 _STIFFEST = 1e15  # W D |T|² as it is factorised: of dependent rows no pivot vanishes; refinement knows the true one
 
 
-@dataclass(frozen=True, eq=False)
 class Saddle:
     """The factorised matrix for slacks s, multipliers λ and the slope of |σ_N| at bilateral points; stiff tractions."""
 
-    problem: Complementarity
-    s: Vector
-    lam: Vector
-    slope: Vector
-    stiff: IntVector
-    D: Vector  # of all tractions
-    soft: Vector  # W of the tractions that are not stiff, 0 of the others
-    matrix: Matrix
-    left: Vector  # scale of equations
-    right: Vector  # scale of unknowns
-    factor: Matrix
-    pivots: IntVector
-
-    @classmethod
-    def at(cls, problem: Complementarity, s: Vector, lam: Vector, slope: Vector) -> Saddle:
-        """Assemble and factorise."""
+    def __init__(self, problem: Complementarity, s: Vector, lam: Vector, slope: Vector) -> None:
+        self.problem, self.s, self.lam, self.slope = problem, s, lam, slope
         k, W, (T, N, sizes) = problem.S.shape[0], problem.W, problem.dense_rows
         D, e = problem.blocks(lam / s, slope)
         sizes = sizes * D  # W D |T|²
@@ -215,7 +178,9 @@ class Saddle:
         factor, pivots, info = dgetrf(regular, overwrite_a=1)
         if info > 0 or not np.isfinite(factor).all():
             raise LinAlgError("it is singular")
-        return cls(problem, s, lam, slope, stiff, D, soft, matrix, left, right, factor, pivots)
+        self.stiff, self.D, self.soft = stiff, D, soft  # D of all tractions; soft: W, 0 of those that are stiff
+        self.matrix, self.left, self.right = matrix, left, right  # with the scales of equations and of unknowns
+        self.factor, self.pivots = factor, pivots
 
     def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """(dy, ds, dλ) for residuals of y and of the slacks, and the wanted change of s λ."""

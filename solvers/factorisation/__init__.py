@@ -32,7 +32,7 @@ __getattr__ = front(
     __name__,
     {
         "superlu": ("interface_last", "nested_dissection"),
-        "mkl": ("limited_blas", "thread_count"),
+        "pardiso": ("limited_blas", "thread_count"),
         "base": ("DENSE",),
         "augmented": ("factorise_root",),
         "choice": (

@@ -30,7 +30,7 @@ from scipy.sparse import csr_array, diags_array
 from solvers.basics.types import BoolVector, IntVector, Matrix, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation.base import Factorisation, FactorisationError, State
-from solvers.factorisation.mkl import limited_blas
+from solvers.factorisation.pardiso import limited_blas
 
 ORTHOGONAL: Final = "qr"
 """Name of this back end."""

@@ -10,12 +10,11 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from solvers.basics.checks import whole_number
-from solvers.basics.names import remedy_if_retired
 from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError, Reason
-from solvers.factorisation.mkl import thread_count
+from solvers.factorisation.pardiso import thread_count
 from solvers.factorisation.superlu import (
     Refactorisation,
     RefactorisedBySuperLU,
@@ -179,8 +178,7 @@ def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
 
     """
     if name not in BACKENDS:
-        remedy = remedy_if_retired(name) or f"choose one of {', '.join((*others, *BACKENDS))}"
-        raise SolverUnavailableError(field, name, remedy)
+        raise SolverUnavailableError(field, name, f"choose one of {', '.join((*others, *BACKENDS))}")
     if _module(name).version() is None:
         remedy = f"its library does not load ({_INSTALL.get(name, 'reinstall scipy')}); choose one of"
         raise SolverUnavailableError(field, name, f"{remedy} {', '.join((*others, *available_backends()))}")

@@ -1,12 +1,20 @@
-"""Intel MKL PARDISO: the Schur complement comes out of the numerical factorisation itself.
+"""Intel MKL, found in the `mkl` wheel and called through ctypes, and its PARDISO; how many threads may be used.
 
-Numbers of phases, parameters and errors are those of the oneMKL Developer Reference, "oneMKL PARDISO - Parallel Direct
-Sparse Solver Interface" (C, iparm counted from 0). K = [L 0; M 1] [1 0; 0 S] [Lᵀ Mᵀ; 0 1] with K_II = L Lᵀ.
+The Schur complement comes out of PARDISO's numerical factorisation itself. Numbers of phases, parameters and errors are
+those of the oneMKL Developer Reference, "oneMKL PARDISO - Parallel Direct Sparse Solver Interface" (C, iparm counted
+from 0). K = [L 0; M 1] [1 0; 0 S] [Lᵀ Mᵀ; 0 1] with K_II = L Lᵀ.
 """
 
 import ctypes
+import os
+import sys
 import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from enum import IntEnum
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
 from threading import RLock
 from time import perf_counter
 from typing import Any, Final, TypeAlias
@@ -15,9 +23,115 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.basics.foreign import foreign_code
-from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector, load
 from solvers.factorisation.base import Factorisation, FactorisationError, Reason, State, symmetrised
-from solvers.factorisation.mkl import library, limited_threads, version
+
+_PATTERNS: Final = ("libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll")
+_OPENMP: Final = ("libiomp5.so", "libiomp5.dylib", "libiomp5md.dll")
+
+
+INTEL, SEQUENTIAL = 0, 1  # arguments of MKL_Set_Threading_Layer: Intel's OpenMP, or no threads
+LP64: Final = 0  # argument of MKL_Set_Interface_Layer: 32-bit integers
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL | None:
+    """MKL with its layers chosen, or None where it does not load.
+
+    Another user of MKL in the same process may have fixed the layers before; then they stay as they are. In a working
+    folder that has been deleted MKL would end the process.
+    """
+    try:
+        Path.cwd()
+    except OSError:
+        return None
+    for path in _candidates():
+        with suppress(OSError):
+            mkl = ctypes.CDLL(str(path))
+            mkl.MKL_Set_Interface_Layer(LP64)
+            threaded = any(map(_loads, (place for name in _OPENMP for place in (str(path.parent / name), name))))
+            mkl.MKL_Set_Threading_Layer(INTEL if threaded else SEQUENTIAL)
+            return mkl
+    return None
+
+
+@lru_cache(maxsize=1)
+def version() -> str | None:
+    """Library and version, None if it does not load; the package's metadata are read once."""
+    if library() is None:
+        return None
+    try:
+        return f"mkl {distribution('mkl').version}"
+    except PackageNotFoundError:
+        return "mkl"
+
+
+def _candidates() -> Iterator[Path]:
+    """Places of the run-time library: the wheel's own list of files, then the environment's library folders."""
+    with suppress(PackageNotFoundError):
+        package = distribution("mkl")
+        for file in package.files or ():
+            if any(file.match(pattern) for pattern in _PATTERNS):
+                yield Path(str(package.locate_file(file))).resolve()
+    for folder in (Path(sys.prefix, "lib"), Path(sys.prefix, "Library", "bin")):
+        for pattern in _PATTERNS:
+            yield from sorted(folder.glob(pattern), reverse=True)
+
+
+def _loads(library: str) -> bool:
+    try:
+        return bool(ctypes.CDLL(library))
+    except OSError:
+        return False
+
+
+# How many threads a back end may use.
+
+
+VARIABLES: Final = ("MKL_NUM_THREADS", "OMP_NUM_THREADS")
+"""Environment variables that bound the threads of MKL, the first that is set."""
+
+
+def thread_count(threads: int | None) -> int:
+    """`threads`, or what the first of `VARIABLES` that is set says, or the number of cores this process may run on."""
+    if threads is not None:
+        return threads
+    for variable in VARIABLES:
+        first = os.environ.get(variable, "").split(",")[0].strip()  # OMP_NUM_THREADS may list nested levels
+        if first.isdigit() and int(first) > 0:
+            return int(first)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def limited_blas(count: int) -> Iterator[None]:
+    """Every BLAS loaded so far limited to `count` threads, as before on exit; left alone without threadpoolctl."""
+    libraries = _blas_libraries(len(sys.modules), library.cache_info().currsize)
+    before = [each.get_num_threads() for each in libraries]
+    changed = [(each, threads) for each, threads in zip(libraries, before, strict=True) if threads != count]
+    try:
+        for each, _ in changed:
+            each.set_num_threads(count)
+        yield
+    finally:
+        for each, threads in changed:
+            each.set_num_threads(threads)
+
+
+@lru_cache(maxsize=1)
+def _blas_libraries(modules: int, libraries: int) -> list[Module]:  # noqa: ARG001  # they are the key
+    """Looked for anew only when something was imported or MKL loaded: that takes milliseconds."""
+    try:
+        found = load("threadpoolctl").ThreadpoolController().lib_controllers
+    except ImportError:
+        return []
+    return [each for each in found if each.user_api == "blas"]
+
+
+# PARDISO.
+
 
 _PERTURBATION: Final = 16  # digits after which a pivot is nothing; the usual 13 lose soft directions beside stiff ones
 _MATRIX: Final = 1  # mnum: number of the matrix of a handle, here the only one
@@ -207,8 +321,7 @@ class _Handle:
 
     def call(self, phase: Phase, b: Matrix | None = None, x: Matrix | None = None) -> None:
         """One call of `pardiso`; `FactorisationError` for its error codes."""
-        with limited_threads(self.mkl, self.threads):
-            code = self._call(phase, b, x)
+        code = self._call(phase, b, x)
         if code:
             reason, detail = _REASONS.get(code, ("backend", "unknown error"))
             raise FactorisationError(reason, "pardiso", f"{detail} (code {code} in phase {phase.name.lower()})")
@@ -219,9 +332,7 @@ class _Handle:
         if _ONE_AT_A_TIME.acquire(blocking=False):  # the garbage collector must not wait: it may run inside any lock
             try:
                 while _UNNEEDED:
-                    handle = _UNNEEDED.pop()
-                    with limited_threads(handle.mkl, handle.threads):
-                        handle._call(Phase.RELEASE, None, None)
+                    _UNNEEDED.pop()._call(Phase.RELEASE, None, None)
             finally:
                 _ONE_AT_A_TIME.release()
 
@@ -229,8 +340,10 @@ class _Handle:
         right = self._nothing if b is None else _address(b)
         left = self._nothing if x is None else _address(x)
         with foreign_code(), _ONE_AT_A_TIME:
+            threads = self.mkl.MKL_Set_Num_Threads_Local(self.threads)  # of this Python thread
             self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None else b.shape[1], 0
             self._pardiso(*self._arguments, right, left, self._error)
+            self.mkl.MKL_Set_Num_Threads_Local(threads)
             return int(self._integers[_ERROR])
 
 

@@ -6,14 +6,9 @@ __getattr__ = front(
     __name__,
     {
         "contact": ("ContactMatrices", "interface_of"),
-        "loads": ("Loads",),
-        "problem": (
-            "FrictionQVI",
-            "Law",
-            "Compliance",
-        ),
+        "problem": ("FrictionQVI", "Law", "Compliance"),
         "rows": ("dense", "echelon", "independent_rows", "spanning_rows"),
-        "stiffness": ("EnergyRoot", "Stiffness"),
+        "body": ("EnergyRoot", "Loads", "Stiffness"),
         "traces": ("TractionFactor", "trace_coordinates"),
     },
 )

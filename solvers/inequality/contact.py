@@ -126,14 +126,7 @@ class ContactMatrices(PicklesFields):
 class CondensedContact:
     """A contact with a factorisation of K; each part is computed when it is first asked for.
 
-    In trace coordinates y, with D such that the diagonal of S_y is 1 (see `solvers.condensed.coordinates`):
-
-    Attributes
-    ----------
-    contact : ContactMatrices
-    system : EqualitySystem
-        That of K and A. What follows in trace coordinates needs all unknowns that the contact touches on its Γ.
-
+    `system` is that of K and A. What contact rows say on Γ alone needs all unknowns that the contact touches there.
     """
 
     def __init__(self, contact: ContactMatrices, factor: Factorisation) -> None:
@@ -151,7 +144,7 @@ class CondensedContact:
         tractions, weights = self.contact.tractions
         if not tractions.shape[0] or not tractions.shape[1]:
             return 0.0
-        relief = self.system.relief(tractions, often=True)
+        relief = self.system.relief(tractions)
         total = float(weights.sum())
         v: Vector = np.ones(len(weights))
         radius = 0.0
@@ -175,37 +168,25 @@ class CondensedContact:
         return self.system.near(self.contact.rows)
 
     @cached_property
-    def coordinates(self) -> TraceCoordinates:
-        """Trace coordinates of the unknowns Γ."""
-        return trace_coordinates(self.contact.rows, self.contact.traces, self.system.interface)
+    def reduced(self) -> ReducedContact:
+        """The same in trace coordinates."""
+        coordinates = trace_coordinates(self.contact.rows, self.contact.traces, self.system.interface)
+        stiffness = coordinates.quadratic(self.system.factor)
+        diagonal = stiffness.diagonal()
+        scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        A = np.asarray(coordinates.from_unknowns(self.system.A.T)).T.reshape(len(self.system.A), len(scale)) * scale
+        rows = scaled_columns(coordinates.interpolation, scale)
+        return ReducedContact(coordinates, scale, stiffness * scale * scale[:, None], rows, A)
 
-    @cached_property
-    def _unscaled(self) -> Matrix:
-        return self.coordinates.quadratic(self.system.factor)
 
-    @cached_property
-    def scale(self) -> Vector:
-        """The diagonal of D (k,)."""
-        diagonal = self._unscaled.diagonal()
-        return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
+class ReducedContact(NamedTuple):
+    """A contact in trace coordinates y, see `solvers.condensed.coordinates`."""
 
-    @cached_property
-    def stiffness(self) -> Matrix:
-        """S_y (k, k)."""
-        stiffness: Matrix = self._unscaled * self.scale * self.scale[:, None]
-        vars(self).pop("_unscaled", None)  # another thread may have been first
-        return stiffness
-
-    @cached_property
-    def rows(self) -> Rows:
-        """E (2m, k): tractions by trace coordinates."""
-        return scaled_columns(self.coordinates.interpolation, self.scale)
-
-    @cached_property
-    def A(self) -> Matrix:  # noqa: N802  # letter of (D2)
-        """A_y (p, k): equations by trace coordinates."""
-        A = np.asarray(self.coordinates.from_unknowns(self.system.A.T))
-        return A.T.reshape(self.contact.A.shape[0], len(self.scale)) * self.scale
+    coordinates: TraceCoordinates  # those of the unknowns Γ
+    scale: Vector  # the diagonal of D (k,), with which that of S_y is 1
+    stiffness: Matrix  # S_y (k, k)
+    rows: Rows  # E (2m, k), tractions by trace coordinates
+    A: Matrix  # A_y (p, k), equations by trace coordinates
 
 
 # The equality-constrained linear system of (D2), its interior eliminated once by a sparse factorisation.
@@ -269,20 +250,19 @@ class EqualitySystem:
             x, nu = x + dx, nu + dnu
         return x, nu
 
-    def relief(self, rows: Columns, *, often: bool = False) -> Callable[[Vector], Vector]:
+    def relief(self, rows: Columns) -> Callable[[Vector], Vector]:
         """The map m → R x of the solution for r = Rᵀm and c = 0, for rows R (j, n): what forces m relieve in R x.
 
-        By the dense system alone where Γ holds all unknowns that the rows touch; for a few dense rows, if it is asked
-        for often, by the matrix of the map.
+        By the dense system alone where Γ holds all unknowns that rows touch; for a few rows by the matrix of the map.
         """
         if self._goes_beyond(rows):
             across = csr_array(rows)
             return lambda m: np.asarray(across @ self.solve(across.T @ m)[0])
         near = self.near(rows)
-        columns = transposed(near)
-        if often and isinstance(near, np.ndarray):
+        if isinstance(near, np.ndarray):
             matrix = np.asarray(near @ self.solve_interface(near.T)[0])
             return lambda m: np.asarray(matrix @ m)
+        columns = transposed(near)
         return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
 
     def _goes_beyond(self, rows: Columns) -> bool:

@@ -14,10 +14,9 @@ import numpy as np
 
 from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
+from solvers.inequality.body import BondedState, Energy, EnergyRoot, Loads, Stiffness
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
-from solvers.inequality.loads import BondedState, Energy, Loads
 from solvers.inequality.rows import checked_vector, transposed
-from solvers.inequality.stiffness import EnergyRoot, Stiffness
 from solvers.inequality.traces import TractionFactor
 
 __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csc_array, csr_array, eye_array, hstack, vstack
 from scipy.sparse.linalg import splu
 
-from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, SparseRows, Vector
+from solvers.basics.types import IntVector, Matrix, PicklesFields, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
@@ -86,25 +86,22 @@ class TraceCoordinates:
     interpolation: Rows
     _matrix: Rows
     _factor: Any
-    _identity: bool
 
     def from_unknowns(self, matrix: Matrix | Vector) -> Matrix | Vector:
         """P⁻ᵀ times a vector (k,) or matrix (k, j): gradients in x become gradients in y."""
-        return matrix if self._identity else np.asarray(self._factor.solve(matrix, "T"))
+        return np.asarray(self._factor.solve(matrix, "T"))
 
     def to_unknowns(self, y: Vector) -> Vector:
         """Unknowns x = P⁻¹ y (k,)."""
-        return y if self._identity else np.asarray(self._factor.solve(y))
+        return np.asarray(self._factor.solve(y))
 
     def from_values(self, x: Vector) -> Vector:
         """Y = P x (k,)."""
-        return x if self._identity else np.asarray(self._matrix @ x)
+        return np.asarray(self._matrix @ x)
 
     def quadratic(self, factor: Factorisation) -> Matrix:
         """P⁻ᵀ S P⁻¹ (k, k), symmetric; from S = UᵀU where the factor U is at hand, which S may be too coarse for."""
         S = factor.schur
-        if self._identity:
-            return S
         if isinstance(factor, OrthogonalFactor):
             root = np.asarray(self.from_unknowns(np.asfortranarray(factor.schur_root.T)))
             return np.asarray(root @ root.T)
@@ -126,10 +123,11 @@ def trace_coordinates(contact_rows: Columns, traces: TractionFactor | None, inte
         return _few_coordinates(dense(traces.rows[:, interface]), dense(traces.interpolation))
     Y = csr_array(traces.rows[:, interface])
     found = echelon(Y)
-    P = stored(_completed(Y[found.rows], found.free))
-    factor = _factor(P)
+    P = stored(vstack([Y[found.rows], eye_array(k, format="csr")[found.free]], format="csr"))
+    factor: Any = _DenseFactor(P) if isinstance(P, np.ndarray) else splu(csc_array(P))
     interpolation = by_columns(traces.interpolation)
-    E = _completed_columns(interpolation, found.rows, k)
+    more = csc_array((interpolation.shape[0], len(found.free)))
+    E = hstack([interpolation[:, found.rows], more], format="csc")
     dependent = np.setdiff1d(np.arange(Y.shape[0]), found.rows)
     dependent = dependent[np.diff(Y.indptr)[dependent] > 0]
     if len(dependent):
@@ -140,14 +138,12 @@ def trace_coordinates(contact_rows: Columns, traces: TractionFactor | None, inte
         terms = np.abs(combination) * np.asarray(sizes.sum(axis=1)).ravel()
         combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
         E = E + interpolation[:, dependent] @ csc_array(combination)
-    return TraceCoordinates(stored(E), P, factor, False)
+    return TraceCoordinates(stored(E), P, factor)
 
 
 def _few_coordinates(Y: Matrix, interpolation: Matrix) -> TraceCoordinates:
     """The same for Y (r, k) and E (2m, r) that are small enough to be dense."""
     k = Y.shape[1]
-    if not k:
-        return TraceCoordinates(np.zeros((len(interpolation), 0)), np.zeros((0, 0)), None, True)
     found = basis_rows(Y)
     P = np.concatenate([Y[found.rows], np.eye(k)[found.free]])
     factor = _DenseFactor(P)
@@ -157,7 +153,7 @@ def _few_coordinates(Y: Matrix, interpolation: Matrix) -> TraceCoordinates:
     dependent = dependent[Y[dependent].any(axis=1)]
     if len(dependent):
         E += interpolation[:, dependent] @ np.asarray(factor.solve(Y[dependent].T, "T")).T
-    return TraceCoordinates(E, P, factor, False)
+    return TraceCoordinates(E, P, factor)
 
 
 class _DenseFactor:
@@ -168,31 +164,11 @@ class _DenseFactor:
     """
 
     def __init__(self, matrix: Matrix) -> None:
-        self._lu, self._pivots, _ = dgetrf(matrix)
+        found: Any = dgetrf(matrix) if matrix.size else (matrix, np.zeros(0, dtype=np.int32))
+        self._lu, self._pivots = found[:2]
 
     def solve(self, right: Matrix | Vector, transposed: str = "N") -> Matrix | Vector:
         """P⁻¹ times (k,) or (k, j), for "T" P⁻ᵀ."""
-        return (
-            np.asarray(dgetrs(self._lu, self._pivots.copy(), right, trans=int(transposed == "T"))[0])
-            if right.size
-            else right
-        )
-
-
-def _factor(matrix: Rows) -> Any:
-    return _DenseFactor(matrix) if isinstance(matrix, np.ndarray) else splu(csc_array(matrix))
-
-
-def _completed(rows: SparseRows, free: IntVector) -> SparseRows:
-    """Rows (r, k), and below them the unit vectors of the columns that they leave free (k − r,)."""
-    ends = rows.indptr[-1] + np.arange(1, len(free) + 1, dtype=rows.indptr.dtype)
-    indices, starts = np.append(rows.indices, free.astype(rows.indices.dtype)), np.append(rows.indptr, ends)
-    k = rows.shape[1]
-    return csr_array((np.append(rows.data, np.ones(len(free))), indices, starts), (k, k))
-
-
-def _completed_columns(E: Sparse, chosen: IntVector, k: int) -> Sparse:
-    """The chosen columns of E (2m, r), and behind them zeros up to k."""
-    part = csc_array(E[:, chosen])
-    starts = np.append(part.indptr, np.full(k - len(chosen), part.nnz, dtype=part.indptr.dtype))
-    return csc_array((part.data, part.indices, starts), (E.shape[0], k))
+        if not right.size:
+            return right
+        return np.asarray(dgetrs(self._lu, self._pivots.copy(), right, trans=int(transposed == "T"))[0])

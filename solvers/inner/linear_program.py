@@ -5,7 +5,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal, NamedTuple, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.exceptions import ComplexWarning
@@ -32,24 +32,12 @@ def _none() -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What `linprog` answered, in the form that it promises.
+    """What `linprog` answered, in the form that it promises."""
 
-    Attributes
-    ----------
-    status : int
-        0 if solved, else `TIME_LIMIT`, `INFEASIBLE`, `UNBOUNDED`, or 4: nothing is known.
-    message : str
-        What is said about it.
-    x : (n,) array
-        The solution, finite; empty without one.
-    inequalities, equations : (rows,) array
-        Derivatives of the least cost by b_ub, ≤ 0, and by b_eq; empty without a solution.
-
-    """
-
-    status: int
-    message: str
-    x: Vector = field(default_factory=_none)
+    status: int  # int 0 if solved, else `TIME_LIMIT`, `INFEASIBLE`, `UNBOUNDED`, or 4: nothing is known.
+    message: str  # str What is said about it.
+    x: Vector = field(default_factory=_none)  # (n,) array The solution, finite; empty without one.
+    # (rows,) array Derivatives of the least cost by b_ub, ≤ 0, and by b_eq; empty without a solution.
     inequalities: Vector = field(default_factory=_none)
     equations: Vector = field(default_factory=_none)
 
@@ -59,36 +47,9 @@ class Answer:
         return self.status == _SOLVED
 
 
-class _Attempt(NamedTuple):
-    method: Literal["highs", "highs-ipm"]
-    presolve: bool = True
-    tolerance: float = 1e-10  # of rows, and of reduced costs
-
-    @property
-    def is_simplex(self) -> bool:
-        """Whether it is the simplex method, whose limits are final."""
-        return self.method == "highs"
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """For `linprog`, now."""
-        feasibility = dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), self.tolerance)
-        steps = {} if self.is_simplex else {"maxiter": _STEPS}
-        return {**feasibility, **steps, "time_limit": min(_LONGEST, deadline.left), "presolve": self.presolve}
-
-    def settles(self, status: int) -> bool:
-        """Whether an answer with this status is the last word.
-
-        One of a coarser tolerance is only if it is a solution, whose rows and bound callers check.
-        """
-        if self.tolerance > _FINE.tolerance:
-            return status == _SOLVED
-        return status != _FAILED and (self.is_simplex or status != TIME_LIMIT)
-
-
-_FINE: Final = _Attempt("highs-ipm")
-_INTERIOR: Final = (_FINE, _Attempt("highs-ipm", tolerance=1e-7))
-_SIMPLEX: Final = (_Attempt("highs"), _Attempt("highs", presolve=False))
+_INTERIOR: Final = (("highs-ipm", True, 1e-10), ("highs-ipm", True, 1e-7))
+_SIMPLEX: Final = (("highs", True, 1e-10), ("highs", False, 1e-10))
+"""Method, presolve, and tolerance of rows and of reduced costs."""
 
 
 def solved(cost: Vector, **program: Any) -> Answer:
@@ -100,35 +61,37 @@ def solved(cost: Vector, **program: Any) -> Answer:
     """
     large = program["A_ub"].shape[0] > _LARGE
     answer = Answer(_FAILED, "")
-    for way in (*_INTERIOR * large, *_SIMPLEX):
-        answer = _answer(way, cost, program)
-        if way.settles(answer.status):
+    for method, presolve, tolerance in (*_INTERIOR * large, *_SIMPLEX):
+        options: dict[str, Any] = {"presolve": presolve, "time_limit": min(_LONGEST, deadline.left)}
+        options |= dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), tolerance)
+        options |= {} if method == "highs" else {"maxiter": _STEPS}
+        answer = _answer(cost, {**program, "method": method, "options": options})
+        if answer.solved:
+            break  # rows and bound of a coarser one are checked by those who asked
+        final = answer.status != _FAILED and (method == "highs" or answer.status != TIME_LIMIT)
+        if final and tolerance == _INTERIOR[0][2]:
             break
     return answer
 
 
-def _answer(way: _Attempt, cost: Vector, program: dict[str, Any]) -> Answer:
+def _answer(cost: Vector, program: dict[str, Any]) -> Answer:
     """What `linprog` answers, checked."""
     from scipy.optimize import linprog  # slow to import, and few problems need it
 
-    arguments: dict[str, Any] = {**program, "method": way.method, "options": way.options}
-
     def ask() -> Answer:
-        found = linprog(cost, **arguments)
+        found = linprog(cost, **program)
         status, message = int(found.status), str(getattr(found, "message", ""))
         if status != _SOLVED:
             return Answer(status, message)
         rows = (program["A_ub"].shape[0], program["A_eq"].shape[0] if "A_eq" in program else 0)
-        answer = Answer(
-            status,
-            message,
+        parts = (
             real_vector("x", found.x, len(cost)),
             real_vector("ineqlin.marginals", found.ineqlin.marginals, rows[0]),
             real_vector("eqlin.marginals", found.eqlin.marginals, rows[1]) if rows[1] else _none(),
         )
-        if not all(np.isfinite(part).all() for part in (answer.x, answer.inequalities, answer.equations)):
+        if not all(np.isfinite(part).all() for part in parts):
             return Answer(_FAILED, "the solution is not finite")
-        return answer
+        return Answer(status, message, *parts)
 
     answer = attempt("linprog", ask)
     return Answer(_FAILED, answer) if isinstance(answer, BackendFailure) else answer

@@ -33,7 +33,9 @@ class QPSolver:
         self._inner = InnerProblem(qvi)
         self._settings = self.backend.settings(tolerance) if options is None else dict(options)
         matrices = (self._inner.P, self._inner.G, qvi.A)  # for qpsolvers sparse means csc_matrix, no sparse array
-        self._matrices = [matrix.toarray() if self.backend.dense else csc_matrix(matrix) for matrix in matrices]
+        self._matrices = [
+            matrix.toarray() if self.backend.dense else csc_matrix(matrix, copy=True) for matrix in matrices
+        ]
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
         """Solve for the bound threshold (m,); warnings end in the message."""

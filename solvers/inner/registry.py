@@ -7,7 +7,6 @@ from importlib.util import find_spec
 from typing import Any
 
 from solvers.basics.foreign import foreign_code
-from solvers.basics.names import remedy_if_retired
 from solvers.errors import SolverUnavailableError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner import qp, socp
@@ -51,8 +50,7 @@ def check_name(name: object) -> str:
     canonical = name.lower() if isinstance(name, str) else ""
     modules = _catalogue().get(canonical)
     if modules is None:
-        remedy = remedy_if_retired(name) or f"there is no such inner solver; {_choices()}"
-        raise SolverUnavailableError("inner", name, remedy)
+        raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")
     missing = [module for module in modules if not _installed(module)]
     if missing:
         remedy = f"module {', '.join(missing)} is not installed ({how_to_install(canonical)}); {_choices()}"

@@ -137,12 +137,11 @@ TASK = "comparisons.benchmark.study"
 
 @pytest.fixture(scope="module")
 def studies():
-    """Rows of tiny meshes, of one graded mesh, one loop and two sequences."""
+    """Rows of tiny meshes, of one graded mesh and two sequences."""
     equal = study.whole((2, 4), (0.2, 0.5), "auto")
     parts = (
         equal, replace(study.graded("auto"), cases=[case | {"runs": 1} for case in study.graded("auto").cases[2:4]]),
         replace(study.sequences(True), cases=[{"sequence": name, "quick": True} for name in ("friction", "cycle")]),
-        replace(study.loops((4,), (0.2,)), cases=[{"cells": 4, "loop": "naive loop, qpsolvers", "friction": 0.2}]),
     )  # fmt: skip
     return [rows_of(each) for each in parts]
 
@@ -175,12 +174,6 @@ class TestRun:
             assert each.fastest == min(plain, key=plain.get)
             assert each.ratio_fastest == pytest.approx(each.solve / min(plain.values()))
             assert each.ratio_own == pytest.approx(each.solve / plain[each.library.split(",")[0]])
-
-    def test_loops_agree_with_the_condensed_method(self, studies, solves):
-        (other,) = room.loops_of(studies[3], solves).itertuples()
-        assert (other.cells, other.status) == (4, "solved")
-        assert other.half_force_difference < 1e-4  # the law at points beside that on edges
-        assert other.ratio == pytest.approx(other.solve / solves.solve[2])
 
     def test_graded_meshes_are_close_and_sequences_are_solved_and_agree(self, studies):
         graded, chains = room.graded_of(studies[1]), room.runs_of(studies[2])

@@ -12,7 +12,6 @@ from scipy.special import comb
 
 from qvi_contact import Contact, TriangleMesh, solve
 from qvi_contact.discretization import Discretization
-from qvi_contact.solution import discretized
 from solvers import Status
 
 INNER, OUTER, NU = 1.0, 2.0, 0.3
@@ -67,7 +66,7 @@ def with_friction(known: Discretization, friction: float) -> Discretization:
     conditions = [
         replace(each, friction=friction) if isinstance(each, Contact) else each for each in known.problem.conditions
     ]
-    return discretized(replace(known.problem, conditions=conditions), before=known)
+    return known.with_data(replace(known.problem, conditions=conditions))
 
 
 def bernstein(degree, t):

@@ -20,7 +20,6 @@ from qvi_contact import (
     Polynomial,
     QVIError,
     Region,
-    SweepRow,
     Symmetry,
     Traction,
     TriangleMesh,
@@ -282,7 +281,6 @@ REFUSALS = {
     "stress": principal_stresses,
     "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
     "force": lambda force: loop_area([0.0, 1.0], force),
-    "result": lambda result: SweepRow.of(1, 1.0, result),
 }
 MESHES = {
     "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),

@@ -13,7 +13,7 @@ from qvi_contact import InputError, refine, solve, solve_history, solve_sweep
 from qvi_contact.basics import Units
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
-from qvi_contact.discretization import misplaced_pins, pressed_pins
+from qvi_contact.discretization import pins
 from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh import TriangleMesh, cross
@@ -302,7 +302,7 @@ class TestWhereAPinIs:
     def misplaced(mesh, edges, contact):
         other = "outside" if edges == "hole" else "hole"
         problem = ContactProblem(mesh, UNIT, [contact, Displacement(other, x=0.0, y=0.0)])
-        return list(misplaced_pins(problem)) == [edges]
+        return [pin.name for pin in pins(problem) if pin.misplaced] == [edges]
 
     @pytest.mark.parametrize(
         ("mesh", "edges", "inside", "beyond"),
@@ -314,8 +314,8 @@ class TestWhereAPinIs:
         ],
     )
     def test_centres(self, mesh, edges, inside, beyond):
-        pins = {centre: Contact.pin(edges, 0.3, centre, 0.4, x=0.0) for centre in (*inside, *beyond)}
-        assert [centre for centre, pin in pins.items() if self.misplaced(mesh, edges, pin)] == beyond
+        all_pins = {centre: Contact.pin(edges, 0.3, centre, 0.4, x=0.0) for centre in (*inside, *beyond)}
+        assert [centre for centre, pin in all_pins.items() if self.misplaced(mesh, edges, pin)] == beyond
 
     def test_the_result_says_so(self):
         for at, said in ((0.0, 0), (1.9, 1)):
@@ -331,6 +331,10 @@ class TestWhereAPinIs:
 class TestPressFits:
     """A pin larger than its bore is said to be one, by the difference of the radii."""
 
+    @staticmethod
+    def pressed(problem):
+        return {pin.name: pin.interference for pin in pins(problem) if pin.interference}
+
     @pytest.mark.parametrize("mesh", [SHEET, ROUND, SMALL])
     @given(excess=st.floats(-0.2, 0.2), off=st.floats(0.0, 0.9))
     def test_interference(self, mesh, excess, off):
@@ -338,7 +342,7 @@ class TestPressFits:
         assume(abs(excess) > 1e-6)
         bore = np.hypot(*mesh.vertices[mesh.pairs("hole")[0, 0]])
         centre = (0.6 * off * abs(excess), -0.8 * off * abs(excess))
-        found = pressed_pins(pinned(Contact.pin("hole", 0.3, centre, bore + excess, x=0.0), mesh=mesh))
+        found = self.pressed(pinned(Contact.pin("hole", 0.3, centre, bore + excess, x=0.0), mesh=mesh))
         expected = (
             {"hole": pytest.approx(excess, abs=1e-12 + 0.5 * np.hypot(*centre) ** 2 / bore)} if excess > 0.0 else {}
         )
@@ -346,12 +350,12 @@ class TestPressFits:
 
     def test_what_is_no_press_fit(self):
         """A pin that fits, one that overlaps on one side only, one in a bearing, and plates with an interference."""
-        assert pressed_pins(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 1.0, x=0.0))) == {}
-        assert pressed_pins(pinned(Contact.pin("hole", 0.3, (0.3, 0.0), 0.9, x=0.0))) == {}
+        assert self.pressed(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 1.0, x=0.0))) == {}
+        assert self.pressed(pinned(Contact.pin("hole", 0.3, (0.3, 0.0), 0.9, x=0.0))) == {}
         lying = bearing(0.0)
         larger = Contact.pin("inner", 0.3, (0.0, 0.0), 1.01, x=0.0)
-        assert pressed_pins(replace(lying, conditions=[larger, *lying.conditions[1:]])) == {}
-        assert pressed_pins(pinned(Contact("hole", 0.3, gap=lambda x, y: -0.1 - 0.01 * x * y))) == {}
+        assert self.pressed(replace(lying, conditions=[larger, *lying.conditions[1:]])) == {}
+        assert self.pressed(pinned(Contact("hole", 0.3, gap=lambda x, y: -0.1 - 0.01 * x * y))) == {}
 
     def test_the_result_says_so_in_its_unit(self):
         for radius, said in ((0.99, 0), (1.0125, 1)):

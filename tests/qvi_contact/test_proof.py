@@ -64,6 +64,7 @@ def on(bottom, strength=None):
         (on(Contact("bottom", 0.5, pore_pressure=0.2), MohrCoulomb(2.0, 0.6)), "push"),
         (on(Contact("bottom", 0.3, law="bilateral")), "push"),
         (on(Contact("bottom", 0.3, law="bilateral", shear_limit=0.3), MohrCoulomb(1.0, 0.3)), "push"),
+        (on(Contact("bottom", 0.5, plate=RigidPlate(x=0.1)), MohrCoulomb(2.0, 0.6)), "push"),
         (stretched(Tresca(0.7)), "top"),
         (stretched(Mises(1.0), "stress"), "top"),
         (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
@@ -153,12 +154,13 @@ def test_the_checker_stands_alone(tmp_path):
     ("contact", "field"),
     [
         (Contact("bottom", lambda x, _: 0.2 + x), "Contact.friction"),
-        (Contact("bottom", 0.2, plate=RigidPlate(x=0.0)), "Contact"),
+        (Contact("top", 0.2, plate=RigidPlate(force_y=-1.0)), "Contact"),
     ],
 )
 def test_what_files_do_not_hold_is_refused(contact, field):
-    problem = heavy_wall()
-    problem = ContactProblem(problem.mesh, problem.material, [contact, *problem.conditions[1:]], problem.body_potential)
+    wall = heavy_wall()
+    others = [each for each in wall.conditions if each.edges != contact.edges]
+    problem = replace(wall, conditions=[contact, *others])
     with pytest.raises(InputError) as caught:
         limit_proof(problem, ["push"])
     assert caught.value.field == field

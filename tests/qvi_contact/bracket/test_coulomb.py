@@ -27,6 +27,7 @@ from qvi_contact.bracket import (
     star_norm,
 )
 from qvi_contact.companion import BodyAtRest
+from qvi_contact.discretization import split_points
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
@@ -196,7 +197,7 @@ def located(mesh, places):
 def rule(fine):
     """Points (n, 2) and weights (n,) of the finer mesh, the compliance there (n, 3, 3), and its stress (n, 3)."""
     space, scales, problem = fine.discretization.space, fine.discretization.scales, fine.problem
-    t, w = space.cell_rule(5)
+    t, w = split_points(5)
     points = problem.mesh.origin + scales.length * space.points(np.arange(problem.mesh.cell_count), t)
     weights = (space.cell_sizes[:, None] * w * scales.length**2).ravel()
     c = np.repeat(problem.compliances, points.shape[1], axis=0)
