@@ -103,11 +103,10 @@ def benchmark_wall(blocks: tuple[int, ...], load: tuple[float, ...]) -> Plan:
 
 @click.command(cls=ListCommand)
 @click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for Markdown, HTML page and picture.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the summary.")
 @click.option("--only", metavar="NAME…", multiple=True, help="Chapters or problems to run, such as ssnv128.")
 @click.option("--quick", is_flag=True, help="Coarse meshes and few cases of every problem.")
 @click.option("-v", "--verbose", is_flag=True, help="The table of the chapters too.")
-def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, verbose: bool) -> int:
+def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) -> int:
     """The verification manual: problems whose answer is known otherwise, row by row.
 
     Closed forms, equilibrium, printed numbers, other codes, and methods against each other. The exit status is 0 if
@@ -127,15 +126,10 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     # drawn first, so that a picture that fails costs no rows
     drawings = manual.drawings([name for problems in chapters.values() for name in problems]) if folder else {}
     with progress("verify", sum(map(len, chapters.values()))) as advance:
-        document = manual.run(chapters, quick, advance, only)
-    if as_json:
-        click.echo(manual.as_json(document))
-    if folder or not as_json:
-        report = manual.report(document, drawings)
-        written = report.write(folder) if folder else []
-        if not as_json:
-            report.show(written, tables=verbose)
-    return 0 if document["passed"] else 1
+        done = manual.run(chapters, quick, advance)
+    report = manual.report(done, drawings, quick, only)
+    report.show(report.write(folder) if folder else [], tables=verbose)
+    return int(report.failed)
 
 
 @experiment(timeout=30.0, memory=4096, short_help="Solvers of quadratic and conic programs compared.")
@@ -233,26 +227,6 @@ def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repe
     return Plan([study.peers_study(friction, cells, repeat, levels)], report.report)
 
 
-@experiment(timeout=300.0, short_help="A loaded pin by displacement codes, on the same triangles.")
-@click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.0, 0.1), show_default=True,
-              help="Coefficients of friction; may take several numbers.")  # fmt: skip
-@click.option("--cells", type=COUNT, multiple=True, default=(6, 12), show_default=True,
-              help="Edges of the pin in a quarter; may take several numbers.")  # fmt: skip
-def peers_pin(friction: tuple[float, ...], cells: tuple[int, ...]) -> Plan:
-    """Compare the loaded pin of NAFEMS R0094-4 with displacement codes.
-
-    Displacements and forces on the same triangles by NGSolve and by this package side by side, with small strain
-    and with finite strain.
-
-    \b
-    Example:
-        python -m comparisons peers-pin
-    """  # noqa: D301
-    from comparisons.peers import pin, study
-
-    return Plan([pin.pin_study(friction, cells, study.missing_codes())], pin.pin_report)
-
-
 @experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=140, show_default=True,
               help="Problems of each family, and as many more with springs.")  # fmt: skip
@@ -329,6 +303,6 @@ def limits(count: int) -> Plan:
 
 for command in (
     paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    peers_pin, bounds, wild, estimates, limits, export, import_file,
+    bounds, wild, estimates, limits, export, import_file,
 ):  # fmt: skip
     group.add_command(command)

@@ -48,18 +48,9 @@ _STICKING: Final = 0.25  # from here on the plate sticks everywhere
 class Problem:
     """A problem of the study.
 
-    Attributes
-    ----------
-    name, title : word for tables and options, words for headings
-    contact : name of its contact
-    force : "normal_force" or "tangential_force", the one that balance alone does not give
-    size : of the rectangle [length]
-    coarse : cells along x and y of the coarsest mesh
-    singular : points where stresses are singular or a zone of the contact ends [length]
-    stated : the problem on any mesh
-    known : the force and its uncertainty, where it is known from elsewhere
-    source : where from
-
+    The force is the one that balance alone does not give, on the contact of that name; `known` is its value and
+    uncertainty from elsewhere. The body is a rectangle of this size [length], with `coarse` cells along x and y on the
+    coarsest mesh; at `singular` points stresses are singular, or a zone of the contact ends.
     """
 
     name: str
@@ -197,11 +188,7 @@ def _unknowns(problem: Problem, times: int, degree: int) -> int:
 def run(case: Mapping[str, Any]) -> Record:
     """Task of the study: one mesh, or all rounds of an adaptive one.
 
-    Returns
-    -------
-    dict
-        "meshes", a list of records: status, message, unknowns, cells (their number), force, seconds of the solve
-
+    "meshes" are records with status, message, unknowns, cells (their number), force, and seconds of the solve.
     """
     problem = PROBLEMS[case["problem"]]
     if case["sequence"] == PAPER:

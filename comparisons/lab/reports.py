@@ -51,20 +51,7 @@ _WIDTH: Final = 120
 
 @dataclass(frozen=True)
 class Report:
-    """A report as it is written.
-
-    Attributes
-    ----------
-    name : str
-        Stem of its files.
-    text : str
-        Markdown.
-    pictures : Mapping
-        Name of a file → the picture in it, SVG.
-    failed : bool
-        Whether something was found that must not be; the exit status of a command is 1 then.
-
-    """
+    """A report as it is written: stem of its files, Markdown, pictures by file name; whether something must not be."""
 
     name: str
     text: str
@@ -155,36 +142,12 @@ def render(
 ) -> Report:
     """The report of an experiment, by a template in the folder of its package.
 
-    Parameters
-    ----------
-    package, template : str
-        Where the template is, and its name, or the template itself if that has several lines. In it Jinja finds
-        `values` by their names, ``table(name, columns)`` with the columns of a frame and their headings (all if none
-        are named), ``figure(name, title)`` and ``settings``. None is printed as "none"; numbers are printed by the
-        filters of `numbers`.
-    name : str
-        Stem of the report's files.
-    values : Mapping
-        Name → number or text.
-    tables : Mapping
-        Name → frame, one line a row.
-    figures : Mapping
-        Name → picture, see `drawing.drawn`; empty where it could not be drawn.
-    rows : sequence of Row
-        Whose environment is told in the settings.
-    settings : Mapping, optional
-        Title → frame of what else it takes to do it again.
-    forms : Mapping, optional
-        Column of a frame → what makes a text of its values.
-    failed : bool
-        See `Report`.
-
-    Raises
-    ------
-    ValueError
-        If a table or figure is shown twice or not at all, a link within the report leads nowhere, or a name is none: a
-        mistake of the program, not of its user.
-
+    A template of several lines is the template itself. In it Jinja finds `values` by their names, ``table(name,
+    columns)`` with the columns of a frame and their headings (all if none are named), ``figure(name, title)`` of
+    `figures`, see `drawing.drawn`, and ``settings``: the frames of that name, and the environment of the rows. None is
+    printed as "none", numbers by the filters of `numbers`, columns of frames by `forms`. `name` is the stem of the
+    report's files. `ValueError` if a table or figure is shown twice or not at all, a link within the report leads
+    nowhere, or a name is none: a mistake of the program, not of its user.
     """
     from jinja2 import Environment, StrictUndefined
 

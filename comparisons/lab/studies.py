@@ -61,31 +61,12 @@ _OWN: Final = ("status", "reason", "seconds", "finished", "load_average")
 class Study:
     """Cases, and what is done for each.
 
-    Parameters
-    ----------
-    name : str
-        Name of the study, and of the file of its rows.
-    version : int
-        To be raised when the task changes what it computes: earlier rows are then another study's.
-    task : str
-        A function by its name ``"module:function"``, importable wherever the study runs. It takes a case and returns a
-        mapping of plain values; its entry "certificate", if there is one, is kept apart. What its module imports at the
-        top is loaded before any time is taken.
-    cases : sequence of mappings
-        Factor → plain value; a case that is there twice is done once. A factor's name is a word that is none
-        of a row's own columns.
-    packages : tuple of str
-        Distributions whose versions every row tells.
-    fresh : bool
-        Whether each case gets a process of its own, as where peak memory is measured.
-    threads, timeout : int, float, optional
-        Threads of each worker, and seconds a case may take, where the user of the study has no choice.
-
-    Raises
-    ------
-    InputError
-        If a case is not plain, or there is none.
-
+    The version is to be raised when the task changes what it computes: earlier rows are then another study's. The task
+    is a function by its name "module:function", importable wherever the study runs; what its module imports at the top
+    is loaded before any time is taken. It takes a case and returns a mapping of plain values, whose entry "certificate"
+    is kept apart. Cases map factors to plain values; one that is there twice is done once, and `InputError` is raised
+    without any. Rows tell the versions of `packages`. `fresh` gives each case a process of its own, where peak memory
+    is measured; threads and timeout [s] are those of studies whose user has no choice.
     """
 
     name: str
@@ -191,23 +172,10 @@ def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one case, as it is stored.
+    """What became of one case, as it is stored; status, reason, seconds and load_average as `qvi_contact.runs.Outcome`.
 
-    Attributes
-    ----------
-    case : Mapping
-        Factor → value.
-    status, reason, seconds, load_average
-        See `qvi_contact.runs.Outcome`.
-    result : Mapping
-        What the task returned, without its entry "certificate"; empty if it failed.
-    certificate : object
-        That entry, None if there was none.
-    finished : str
-        Date and time, UTC.
-    environment : Mapping
-        Threads, timeout_seconds, memory_mib, machine (see `machine`) and versions.
-
+    The result is what the task returned, empty if it failed, the certificate its entry of that name or None. The
+    environment has threads, timeout_seconds, memory_mib, machine (see `machine`) and versions.
     """
 
     case: Case
@@ -279,14 +247,7 @@ def write_csv(path: str | Path, rows: Sequence[Row]) -> None:
 
 
 def read_csv(path: str | Path) -> tuple[Row, ...]:
-    """The rows that `write_csv` wrote; what stands in several of them, as their machine, is one object.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or it holds something else.
-
-    """
+    """The rows that `write_csv` wrote; what stands in several of them is one object. `InputError` if they are none."""
     try:
         content = Path(path).read_bytes()
         text = (gzip.decompress(content) if Path(path).suffix == ".gz" else content).decode()
@@ -343,14 +304,7 @@ _READ: Final = """
 
 
 def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
-    """The rows that a store has of a study, in its order; none if there is no store.
-
-    Raises
-    ------
-    InputError
-        If the store is damaged or of another version.
-
-    """
+    """The rows that a store has of a study, in its order; none without a store, `InputError` if it is damaged."""
     path = Path(store)
     if not path.exists():
         return ()
@@ -379,14 +333,7 @@ class Store:
             return {key for (key,) in self._connection.execute('SELECT key FROM "rows"')}
 
     def append(self, case: Case, outcome: Outcome, environment: Mapping[str, Any]) -> None:
-        """Write a row; when this returns, it is on disk.
-
-        Raises
-        ------
-        InputError
-            If that fails, or the row was there; the store is as it was.
-
-        """
+        """Write a row; when this returns, it is on disk. `InputError` if that fails, or the row was there."""
         surroundings, result = _json(environment), dict(outcome.value or {})
         certificate = result.pop("certificate", None)
         now = datetime.now(UTC).isoformat(timespec="seconds")
@@ -401,14 +348,7 @@ class Store:
 
 @contextmanager
 def writing(path: Path, study: Study) -> Iterator[Store]:
-    """Open a store for appending, made if it is missing, and keep all other runs away from it.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written, is in use, damaged, or no store.
-
-    """
+    """Open a store for appending, made if it is missing, and keep all other runs away from it."""
     with _STORE.writing(path, lambda _: None) as connection:
         yield Store(path, connection, study)
 
@@ -428,37 +368,10 @@ def run_study(
 ) -> tuple[Row, ...]:
     """Do the cases that the store has no row of; a failure of a case is a row too, and not done again.
 
-    Parameters
-    ----------
-    study : Study
-        What to run.
-    store : path
-        The store; made if it is missing, with its folder. A store that is complete may be read-only.
-    workers : int
-        Worker processes on this machine.
-    dask : str, optional
-        Address of the scheduler of a Dask cluster to run on instead.
-    timeout : float, optional
-        Seconds a case may take, without the imports of the task's module.
-    memory : int, optional
-        MiB of address space a worker may have, where the system has such a limit (not on Windows).
-    threads : int
-        Threads of the libraries in each worker.
-    shown : bool
-        Whether to show a bar, if standard error is a terminal.
-
-    Returns
-    -------
-    tuple of Row
-        In the order of the study. After an interrupt from the keyboard, which goes through, finished rows are in the
-        store.
-
-    Raises
-    ------
-    InputError
-        If the store cannot be used, the task cannot be loaded in a worker, at all or with so little memory, or the
-        cluster cannot be reached. Rows that were finished are in the store.
-
+    `dask` is the address of a scheduler of a Dask cluster to run on instead of worker processes of this machine;
+    timeout [s], memory [MiB] of address space and threads are what each case may have. The store is made if it is
+    missing; one that is complete may be read-only. `shown` shows a bar where standard error is a terminal. Rows come in
+    the order of the study. Whatever ends a run, an interrupt or an `InputError`, finished rows are in the store.
     """
     timeout, threads = study.timeout or timeout, study.threads or threads
     for name, value in (("workers", workers), ("timeout", timeout), ("memory", memory), ("threads", threads)):

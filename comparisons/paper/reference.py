@@ -13,15 +13,10 @@ from solvers import FrictionQVI, QVISolution, solve_qvi
 
 @dataclass(frozen=True)
 class Reference:
-    """Data of the paper's section 5.
+    """Data of the paper's section 5; E in MPa, U and ω_T in the paper's length.
 
-    Attributes
-    ----------
-    young, poisson, displacement, cells, iterations, omega_T : the example; E in MPa, U and ω_T in the paper's length
-    table : friction coefficient → P/2 of Table 1
-    figures : friction coefficient → (number, largest |principal stress| in MPa) of Figs 2-5
-    exact_without_friction : P/2 = E U
-
+    `table` maps the friction coefficient to P/2 of Table 1, `figures` to the number of Figs 2-5 and the largest
+    |principal stress| [MPa]; without friction P/2 = E U.
     """
 
     young: float

@@ -38,19 +38,11 @@ PATIENCE: Final = 3
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """All runs for one friction coefficient.
+    """All runs for one friction coefficient, and P/2 as Table 1 prints it.
 
-    Attributes
-    ----------
-    friction : μ
-    printed : P/2 of Table 1
-    plate : the paper's system
-    uzawa, uzawa_printed_rule : the paper's number of iterations, with the accumulating rule and with that as printed
-    uzawa_converged : accumulating rule to the tolerance; at μ = 0 with a shrinking step
-    back_ends : inner solver → its fixed point
-    plain : fixed point without acceleration, for the convergence picture
-    condensed : the inequality solved directly
-
+    "uzawa" and "uzawa_printed_rule" are the paper's number of iterations, with the accumulating rule and with that as
+    printed, "uzawa_converged" is the former to the tolerance, at μ = 0 with a shrinking step; "back_ends" are fixed
+    points by inner solver, "plain" one without acceleration, "condensed" solves the inequality directly.
     """
 
     friction: float
@@ -86,15 +78,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class PaperStudy:
-    """The study's results.
-
-    Attributes
-    ----------
-    reference : the printed numbers
-    rows : one for each friction coefficient of Table 1
-    cycle : the two values of P/2 between which the accumulating rule alternates without friction
-
-    """
+    """A row for each friction coefficient of Table 1, and the values of P/2 between which the first one alternates."""
 
     reference: Reference
     rows: tuple[Row, ...]

@@ -1,4 +1,4 @@
-"""The compressed plate and the loaded pin by displacement codes beside this package: accuracy for its cost."""
+"""The compressed plate by displacement codes beside this package: accuracy for its cost."""
 
 from typing import Final
 
@@ -12,7 +12,6 @@ __getattr__ = front(
     __name__,
     {
         "meshes": ("FAMILIES", "TRANSITIONS", "plain_mesh", "ratio"),
-        "pin": ("OWN", "pin_study", "plain_pin", "run_pin"),
         "report": ("compared_of", "costs_of", "runs_of"),
         "study": ("BRACKET", "CODES", "GETFEM", "MODELS", "ProcessError", "TRIANGLES", "missing_codes", "plate", "run"),
     },

@@ -37,17 +37,10 @@ Lines: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 class Family(NamedTuple):
-    """Meshes of one kind.
+    """Meshes of one kind, by a number: of cells a side if it is `counted`, else a level from 0.
 
-    Attributes
-    ----------
-    counted : whether the number is that of cells a side, and not a level from 0
-    triangles : whether the cells are triangles, not rectangles
-    to_transition : whether its meshes are graded to corner and transition, by what is known of the solution
-    make : (μ, number) → mesh
-    reading : what the number means
-    own : whether a code refines the mesh itself, so that no two codes have the same
-
+    Those `to_transition` are graded to corner and transition, by what is known of the solution; those of its `own` a
+    code refines itself, so that no two codes have the same. `reading` says what the number means.
     """
 
     counted: bool
@@ -65,12 +58,8 @@ class Family(NamedTuple):
 def plain_mesh(family: str, friction: float, number: int) -> dict[str, Any]:
     """A mesh as plain data.
 
-    Returns
-    -------
-    dict
-        "vertices", coordinates (n, 2); "cells", their vertices (m, 3 or 4), counter-clockwise; "sides", the edges of
-        "left", "right", "bottom" and "top" by their vertices; "lines", for rectangles the grid lines (x, y), else None.
-
+    "vertices" are coordinates (n, 2), "cells" their vertices (m, 3 or 4), counter-clockwise, "sides" the edges of
+    "left", "right", "bottom" and "top" by their vertices, "lines" for rectangles the grid lines (x, y), else None.
     """
     mesh = FAMILIES[family].make(friction, number)
     if isinstance(mesh, TriangleMesh):

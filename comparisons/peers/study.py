@@ -92,13 +92,7 @@ def peers_study(friction: Sequence[float], cells: Sequence[int], repetitions: in
     """Every model whose code is installed, at every coefficient μ, on the meshes of its family.
 
     Those are of so many `cells` a side, or the first `levels`. Codes take turns on meshes of one number, so that what
-    else the machine does meets all of them.
-
-    Raises
-    ------
-    InputError
-        If the Python that should have GetFEM has not.
-
+    else the machine does meets all of them. `InputError` if the Python that should have GetFEM has not.
     """
     missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
     cases = [
@@ -133,26 +127,26 @@ class ProcessError(RuntimeError):
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Solve a case of the study, see `codes.process.repeated`.
-
-    Parameters
-    ----------
-    case : Mapping
-        "friction", "model" (a name of `MODELS`), "number" (of the mesh in the model's family), "repetitions".
-
-    Raises
-    ------
-    ProcessError
-        If the process fails; the message has its last words.
-
-    """
+    """Solve a case, "friction", "model", "number" (of its mesh), "repetitions", on one thread, see `codes.process`."""
     model = MODELS[case["model"]]
     order = {
-        "module": CODES[model.code].module, "problem": "plate", "options": dict(model.options),
-        "repetitions": case["repetitions"], "case": plate(case["friction"], model.mesh, case["number"]),
+        "module": CODES[model.code].module, "options": dict(model.options), "repetitions": case["repetitions"],
+        "case": plate(case["friction"], model.mesh, case["number"]),
         "warm_up": plate(case["friction"], model.mesh, _WARM_UP[model.family.counted]),
     }  # fmt: skip
-    return answer_of(order, model.code)
+    # another Python for GetFEM must not find the packages of this one
+    other = os.environ.get(GETFEM) if model.code == "getfem" else None
+    interpreter, surroundings = other or sys.executable, {**os.environ, **dict.fromkeys(THREADS, "1")}
+    surroundings["PYTHONPATH"] = "" if other else os.pathsep.join(sys.path)
+    script = Path(__file__).with_name("codes") / "process.py"
+    done = subprocess.run(
+        [interpreter, str(script)], input=json.dumps(order).encode(), capture_output=True, env=surroundings, check=False
+    )
+    if done.returncode:
+        words = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
+        raise ProcessError(f"{Path(interpreter).name} ended with status {done.returncode}: {words[-1][-_LAST_WORDS:]}")
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
 
 
 def plate(friction: float, family: str, number: int) -> dict[str, Any]:
@@ -168,22 +162,3 @@ def plate(friction: float, family: str, number: int) -> dict[str, Any]:
         **plain_mesh(family, friction, number), "number": number,
         "young": material.young, "poisson": material.poisson, "displacement": -float(gap), "friction": friction,
     }  # fmt: skip
-
-
-def answer_of(order: Mapping[str, Any], code: str) -> dict[str, Any]:
-    """What a code, a key of `CODES`, says in a process of its own, on one thread.
-
-    Another Python for GetFEM must not find the packages of this one.
-    """
-    other = os.environ.get(GETFEM) if code == "getfem" else None
-    interpreter, surroundings = other or sys.executable, {**os.environ, **dict.fromkeys(THREADS, "1")}
-    surroundings["PYTHONPATH"] = "" if other else os.pathsep.join(sys.path)
-    script = Path(__file__).with_name("codes") / "process.py"
-    done = subprocess.run(
-        [interpreter, str(script)], input=json.dumps(order).encode(), capture_output=True, env=surroundings, check=False
-    )
-    if done.returncode:
-        words = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
-        raise ProcessError(f"{Path(interpreter).name} ended with status {done.returncode}: {words[-1][-_LAST_WORDS:]}")
-    answer: dict[str, Any] = json.loads(done.stdout)
-    return answer

@@ -46,16 +46,7 @@ _ROUNDS: Final = 2  # solves of the first step, the second at the first one's an
 
 @dataclass(frozen=True)
 class Described:
-    """A problem before it is built.
-
-    Attributes
-    ----------
-    build : makes its algebra
-    feasible : whether it has a solution
-    small : whether sequences and outer loops are affordable in all unknowns
-    kind : "well conditioned", "ill conditioned", "open contact", "sticking", "redundant rows" or "no solution"
-
-    """
+    """A problem before it is built: its kind, whether it has a solution, whether all is affordable in all unknowns."""
 
     build: Callable[[], FrictionQVI]
     kind: str

@@ -11,8 +11,7 @@ __getattr__ = front(
             "stress_deviation", "value_at", "zone_ends",
         ),
         "report": (
-            "CHAPTERS", "HEADINGS", "POSED", "as_json", "as_record", "cells", "choose", "drawings", "number",
-            "overview", "run",
+            "CHAPTERS", "HEADINGS", "POSED", "cells", "choose", "drawings", "number", "overview", "run",
         ),
         "rows": (
             "Chapter", "Check", "Kind", "Proof", "both", "bounded", "by_hand", "certified", "certified_companion",

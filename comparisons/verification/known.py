@@ -74,16 +74,7 @@ def read_example(name: str) -> ProblemFile:
 
 
 class Answer:
-    """What the package finds for a problem file, each part computed when it is asked for.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file.
-    degree : int
-        Degree of the triangles; the file's other options hold.
-
-    """
+    """What the package finds for a problem file, each part when it is asked for, by triangles of this degree."""
 
     def __init__(self, name: str, degree: int) -> None:
         self.file = read_example(name)
@@ -130,15 +121,9 @@ Further: TypeAlias = Callable[[Answer, bool], Iterator[Row]]
 
 @dataclass(frozen=True)
 class Known:
-    """One line of the table, see above.
+    """One line of the table, see above; `measure` may be a quantity of `refine` by its name.
 
-    Attributes
-    ----------
-    measure : str or callable
-        A quantity of `refine` by its name, or what measures it.
-    compare : str, optional
-        The comparison of `Check` that it is; by default "relative", or "absolute" where the value is zero.
-
+    The comparison is one of `Check`, by default "relative", or "absolute" where the value is zero.
     """
 
     quantity: str
@@ -306,10 +291,6 @@ def _motions(answer: Answer, quick: bool, plate: str, axis: str, tolerance: floa
     yield rows.relative(f"motion of {plate} [mm]", ours, theirs)
 
 
-def _bounds(answer: Answer, quick: bool, contact: str, tolerance: float, apart: float) -> Iterator[Row]:
-    yield from two_models(quick, answer.result, contact, tolerance, apart)
-
-
 @dataclass(frozen=True)
 class Table:
     """What a problem file is about, in one sentence, the lines known of it, what else is compared, and the degree."""
@@ -407,7 +388,7 @@ KNOWN: Final[dict[str, Table]] = {
               "W - U"),
         Known("T [MN/m]", "base.tangential_force", _DAM[2], 1e-9, "H = γ h²/2"),
         *_both_sides("thrust", 0.75 * (_DAM[0] - _DAM[1]) / _DAM[2], "μ (W - U)/H, factor of sliding"),
-    ], [partial(_bounds, contact="base", tolerance=1e-9, apart=1e-4)]),
+    ], [lambda answer, quick: two_models(quick, answer.result, "base", 1e-9, 1e-4)]),
     "half_discs": Table("Two half discs with partial slip, against Hertz and Cattaneo.", [
         Known("peak pressure [MPa]", _ellipse("contact", 0), HALF_DISCS[0], 0.01, f"{_HERTZ}0.085"),
         Known("half-width [mm]", _ellipse("contact", 1), HALF_DISCS[1], 0.01, f"{_HERTZ}0.085"),

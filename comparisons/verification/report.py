@@ -1,12 +1,11 @@
 """The manual: its chapters, a run of them as plain data, the tables and pictures of its rows, and the report."""
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from comparisons.lab.drawing import drawn, grid
 from comparisons.lab.numbers import NOTHING
@@ -15,10 +14,9 @@ from comparisons.lab.studies import machine, versions
 from comparisons.verification.chapters import benchmarks, exact
 from comparisons.verification.chapters.limits import oblique, on_a_slope
 from comparisons.verification.measures import MM
-from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Kind, Problem, Row, crash
+from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Kind, Row, crash
 from qvi_contact import ContactProblem, gallery
 from qvi_contact.basics.terminal import Advance
-from qvi_contact.files.export import json_ready
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, problem_figure
 from qvi_contact.plots.style import new_figure
 from qvi_contact.units import Units
@@ -26,8 +24,6 @@ from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Document = dict[str, Any]
 
 _MODULES: Final = {
     "paper": "chapters.plate", "exact": "chapters.exact", "friction": "chapters.exact",
@@ -65,63 +61,38 @@ def choose(names: Sequence[str]) -> Chapters:
     return {chapter: problems for chapter, problems in chosen.items() if problems}
 
 
-def run(chapters: Chapters, quick: bool, advance: Advance, only: Sequence[str] = ()) -> Document:
-    """Compute all rows; `advance` is called after each problem; `only` are the names asked for.
+class Told(NamedTuple):
+    """A problem's name, the first paragraph of its docstring, and its rows."""
 
-    Returns
-    -------
-    dict
-        Plain data for JSON, without times: chapters → problems → rows, what passed, machine and versions. What is not
-        a finite number is None.
+    name: str
+    about: str
+    rows: Sequence[Row]
 
+    @property
+    def table(self) -> str:
+        """The name of its table."""
+        return self.name.replace("/", "-")
+
+
+def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[Told]]:
+    """Compute the rows of all problems, by chapter; `advance` is called after each problem.
+
+    A problem that breaks off, or has no rows, ends in a failed row with the reason.
     """
-    done: list[Document] = []
+    done = {}
     for chapter, problems in chapters.items():
-        found = []
+        done[chapter] = list[Told]()
         for name, problem in problems.items():
+            rows: list[Row] = []
+            try:
+                for row in problem(quick):
+                    rows.append(row)  # noqa: PERF402  # the rows before an error stay
+            except Exception as error:  # whatever it is, the other problems go on
+                rows.append(crash(f"{type(error).__name__}: {' '.join(str(error).split())}"))
             about = " ".join((problem.__doc__ or "").strip().split("\n\n")[0].split())
-            found.append({"name": name, "about": about, "rows": [as_record(row) for row in _rows_of(problem, quick)]})
+            done[chapter].append(Told(name, about, rows or [crash("it has no rows")]))
             advance(name)
-        done.append({"name": chapter, "problems": found})
-    rows = [row for chapter in done for problem in chapter["problems"] for row in problem["rows"]]
-    passed = sum(row["passed"] for row in rows)
-    return {
-        "schema": "qvi-contact/verify/2",
-        "quick": quick,
-        "only": list(only),
-        "passed": passed == len(rows) and passed > 0,
-        "counts": {"rows": len(rows), "passed": passed, "failed": len(rows) - passed},
-        "chapters": done,
-        "machine": machine(),
-        "versions": {name: version for name, version in versions().items() if version},
-    }
-
-
-def _rows_of(problem: Problem, quick: bool) -> list[Row]:
-    """The rows of a problem; one that breaks off, or has none, ends in a failed row with the reason."""
-    rows: list[Row] = []
-    try:
-        for row in problem(quick):
-            rows.append(row)  # noqa: PERF402  # the rows before an error stay
-    except Exception as error:  # whatever it is, the other problems go on
-        return [*rows, crash(f"{type(error).__name__}: {' '.join(str(error).split())}")]
-    return rows or [crash("it has no rows")]
-
-
-def as_record(row: Row) -> Document:
-    """A row as plain data."""
-    record = {
-        "quantity": row.quantity, "element": row.element, "reference": row.reference,
-        "kind": None if row.kind is None else row.kind.value, "source": row.source, "ours": row.ours,
-        "error": row.error, "measure": row.measure, "tolerance": row.tolerance, "ratio": row.ratio,
-        "proof": row.proof.text, "certified": row.proof.passed, "passed": row.passed,
-    }  # fmt: skip
-    return dict(json_ready(record))
-
-
-def as_json(document: Document) -> str:
-    """The document as text."""
-    return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
+    return done
 
 
 POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = {
@@ -157,24 +128,26 @@ def drawings(names: Sequence[str]) -> dict[str, str]:
     }
 
 
-def overview(problems: Sequence[dict[str, Any]]) -> "Figure":
+def overview(problems: Sequence[Told]) -> "Figure":
     """One line for each problem, one mark for each row; left of 1 is within the tolerance."""
     from pandas import DataFrame
 
-    rows = DataFrame([{**row, "line": line} for line, each in enumerate(problems) for row in each["rows"]])
-    rows["place"] = rows.ratio.astype(float).fillna(_MOST).clip(_LEAST, _MOST)
+    rows = DataFrame(
+        [(line, row.ratio, row.kind or _BROKEN, row.passed) for line, each in enumerate(problems) for row in each.rows],
+        columns=["line", "ratio", "kind", "passed"],
+    )
+    rows["place"] = rows.ratio.clip(_LEAST, _MOST)
     figure = new_figure(9.0, 1.4 + 0.17 * len(problems))
     axes = figure.subplots()
-    kinds = rows.kind.fillna(_BROKEN)
     for kind, (colour, marker) in _LOOKS.items():
-        if (chosen := rows[kinds == kind]).size:
+        if (chosen := rows[rows.kind == kind]).size:
             look: dict[str, Any] = {"marker": marker, "markerfacecolor": "none", "markersize": 5}
             axes.plot(chosen.place, chosen.line, color=colour, linestyle="none", label=str(kind), **look)
     if (failed := rows[~rows.passed]).size:
         axes.plot(failed.place, failed.line, "kx", markersize=9, label="failed")
     axes.axvline(1.0, color="black", linewidth=1.0)
     axes.set(xscale="log", xlim=(_LEAST / 1.5, _MOST * 1.5), ylim=(len(problems) - 0.5, -0.5))
-    axes.set_yticks(range(len(problems)), [each["name"] for each in problems])
+    axes.set_yticks(range(len(problems)), [each.name for each in problems])
     axes.set_xlabel("error / tolerance [-]; marks on the edges lie on or beyond them")
     grid(axes)
     axes.set_axisbelow(True)
@@ -182,70 +155,68 @@ def overview(problems: Sequence[dict[str, Any]]) -> "Figure":
     return figure
 
 
-def report(document: Document, drawn_before: Mapping[str, str]) -> Report:
-    """The manual, with `drawings`; the same document and pictures give the same one."""
+def report(
+    done: Mapping[str, Sequence[Told]], drawn_before: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
+) -> Report:
+    """The manual, with `drawings`; the same rows and pictures give the same one. `only` are the names asked for."""
     from pandas import DataFrame
 
-    problems = [problem for chapter in document["chapters"] for problem in chapter["problems"]]
-    tables, chapters, failed = {}, [], []
-    figures = {"overview": drawn("verification-overview", partial(overview, problems)), **drawn_before}
-    for problem in problems:
-        name = problem["name"].replace("/", "-")
-        tables[name] = DataFrame([cells(row) for row in problem["rows"]], columns=HEADINGS)
-        for row in problem["rows"]:
-            texts = dict(zip(HEADINGS, map(escaped, cells(row)), strict=True))
-            failed += [] if row["passed"] else [{**texts, "name": problem["name"], "table": name}]
-    for chapter in document["chapters"]:
-        rows = [row for problem in chapter["problems"] for row in problem["rows"]]
-        ratios = [row["ratio"] for row in rows]
-        largest = NOTHING if None in ratios else f"{max(ratios):.2g}"
-        counts = (len(chapter["problems"]), len(rows), sum(not row["passed"] for row in rows))
-        chapters.append((chapter["name"], *map(str, counts), largest))
+    problems = list(chain(*done.values()))
+    tables = {each.table: DataFrame([cells(row) for row in each.rows], columns=HEADINGS) for each in problems}
+    failed = [
+        {**dict(zip(HEADINGS, map(escaped, cells(row)), strict=True)), "name": each.name, "table": each.table}
+        for each in problems for row in each.rows if not row.passed
+    ]  # fmt: skip
+    chapters = []
+    for name, found in done.items():
+        rows = [row for each in found for row in each.rows]
+        largest = max(row.ratio for row in rows)
+        counts = (len(found), len(rows), sum(not row.passed for row in rows))
+        chapters.append((name, *map(str, counts), f"{largest:.2g}" if math.isfinite(largest) else NOTHING))
     headings = ("chapter", "problems", "rows", "failed", "largest error / tolerance")
-    tables["chapters"] = DataFrame(chapters, columns=headings)
-    told = {
-        chapter["name"]: [{**problem, "about": escaped(problem["about"]), "table": problem["name"].replace("/", "-")}
-                          for problem in chapter["problems"]]
-        for chapter in document["chapters"]
-    }  # fmt: skip
+    figures = {"overview": drawn("verification-overview", partial(overview, problems)), **drawn_before}
     values = {
-        **document, "rows": document["counts"]["rows"], "failed": failed, "chapters": told, "figures": figures,
+        "quick": quick, "only": only, "rows": sum(len(each.rows) for each in problems), "failed": failed,
+        "chapters": {chapter: [each._replace(about=escaped(each.about)) for each in found]
+                     for chapter, found in done.items()},
+        "figures": figures, "machine": machine(),
+        "versions": {name: version for name, version in versions().items() if version},
         "tolerances": {"exact": exact.TOLERANCE, "friction": exact.TOLERANCE_WITH_FRICTION, "touching": exact.TOUCHING,
                        "balance": benchmarks.BALANCE},
     }  # fmt: skip
-    bad = bool(failed) or not problems
-    return render("comparisons.verification", "verification", values, tables, figures, failed=bad)
+    return render("comparisons.verification", "verification", values,
+                  {**tables, "chapters": DataFrame(chapters, columns=headings)}, figures,
+                  failed=bool(failed) or not problems)  # fmt: skip
 
 
-def cells(row: Document) -> tuple[str, ...]:
+def cells(row: Row) -> tuple[str, ...]:
     """A row's texts, in the order of `HEADINGS`; inequalities have their sense, small errors a bound."""
-    measure, ours, tolerance = row["measure"], row["ours"], row["tolerance"]
-    resolution = 0.0  # a hundredth of the tolerance, in the unit of the quantity
-    if not isinstance(ours, str) and ours is not None:
-        scale = abs(row["reference"]) if measure == RELATIVE else 1.0
-        resolution = max(tolerance * scale / 100.0, _DIGITS_OF_BOUNDS * abs(ours) if measure in _SENSES else 0.0)
-    error, least = row["error"], max(_ROUNDING, 1e-3 * tolerance)
-    if measure == EQUAL:
-        missed = "equal" if error == 0.0 else "not equal"
-    elif error is None:
+    ours, tolerance, resolution = row.ours, row.tolerance, 0.0  # a hundredth of the tolerance, in the quantity's unit
+    if not isinstance(ours, str) and not isinstance(row.reference, str):
+        scale = abs(row.reference) if row.measure == RELATIVE else 1.0
+        bound = _DIGITS_OF_BOUNDS * abs(ours) if row.measure in _SENSES else 0.0
+        resolution = max(tolerance * scale / 100.0, bound)
+    least = max(_ROUNDING, 1e-3 * tolerance)
+    if row.measure == EQUAL:
+        missed = "equal" if row.error == 0.0 else "not equal"
+    elif not math.isfinite(row.error):
         missed = NOTHING
     else:
-        text = "0" if error == 0.0 else f"< {least:.0e}" if error < least else f"{error:.1e}"
-        missed = f"{text} ({measure})"
-    kind, source, element = (row[name] or "-" for name in ("kind", "source", "element"))
+        text = "0" if row.error == 0.0 else f"< {least:.0e}" if row.error < least else f"{row.error:.1e}"
+        missed = f"{text} ({row.measure})"
     return (
-        row["quantity"], element, _SENSES.get(measure, "") + number(row["reference"]), kind, source,
-        number(ours, resolution), missed, "-" if measure == EQUAL else f"{tolerance:.0e}", row["proof"],
-        "passed" if row["passed"] else "FAILED",
+        row.quantity, row.element or "-", _SENSES.get(row.measure, "") + number(row.reference),
+        "-" if row.kind is None else row.kind.value, row.source or "-", number(ours, resolution), missed,
+        "-" if row.measure == EQUAL else f"{tolerance:.0e}", row.proof.text, "passed" if row.passed else "FAILED",
     )  # fmt: skip
 
 
-def number(value: float | str | None, resolution: float = 0.0) -> str:
+def number(value: float | str, resolution: float = 0.0) -> str:
     """A number without the digits below a resolution; words as they are."""
-    if value is None:
-        return NOTHING
     if isinstance(value, str):
         return value
+    if not math.isfinite(value):
+        return NOTHING
     if abs(value) <= resolution or value == 0.0:
         return "0"
     digits = _DIGITS

@@ -34,14 +34,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Proof:
-    """Whether something certifies a number, and in a few words what; without it a row fails, however small its error.
-
-    Attributes
-    ----------
-    passed : bool
-    text : str
-
-    """
+    """Whether something certifies a number, and what, in a few words; without it a row fails."""
 
     passed: bool
     text: str
@@ -98,30 +91,12 @@ def by_hand(passed: bool, text: str) -> Proof:
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison.
+    """One comparison of a quantity, named with its unit: the known value and ours.
 
-    Attributes
-    ----------
-    quantity : str
-        What is compared, with its unit.
-    reference, ours : float or str
-        The known value and the computed one.
-    kind : Kind or None
-        Where the reference comes from; None where a problem did not get so far.
-    source : str
-        Equation, test case, uncertainty of the reference.
-    error : float
-        ≥ 0, measured as `measure` says; infinity or NaN where there is none.
-    measure : str
-        "relative" to the reference, "absolute" in the unit of the quantity, "excess" over a reference that must not be
-        exceeded, "shortfall" from one that must be reached, or "equal" for words.
-    tolerance : float
-        Largest error that passes.
-    proof : Proof
-        Whether the results behind the number are certified.
-    element : str
-        The element it was solved with; empty where there is none, or only the one that the problem is about.
-
+    The kind is None where a problem did not get so far; the source is an equation, a test case, an uncertainty. The
+    error ≥ 0, infinity or NaN where there is none, is "relative" to the reference, "absolute" in the unit of the
+    quantity, "excess" over a reference that must not be exceeded, "shortfall" from one that must be reached, or "equal"
+    for words, as `measure` says. The element is empty where there is none, or only the one the problem is about.
     """
 
     quantity: str
@@ -154,17 +129,7 @@ class Row:
 class Check:
     """Makes the rows of one result: what they share, unless a row says otherwise.
 
-    Attributes
-    ----------
-    proof : Proof
-        What certifies the result.
-    source : str
-        Where the references come from; what a row says of its own stands before it.
-    tolerance : float
-        Largest error that passes.
-    kind : Kind
-        Where the references come from.
-
+    What a row says of its own source stands before the one they share.
     """
 
     proof: Proof

@@ -129,17 +129,7 @@ _FREE: Final = 0.1
 
 @dataclass(frozen=True)
 class Maker:
-    """Conditions in the units of one body.
-
-    Attributes
-    ----------
-    dice : source of choices
-    mesh : the body
-    stress, displacement : what loads and gaps are like [stress], [length]
-    traits : what is wild about it, see `generator.FAMILIES`
-    wet : source of choices for fluids; None where there are none
-
-    """
+    """Conditions in the units of one body: what loads and gaps are like, and the dice of all and of fluids, if any."""
 
     dice: Dice
     mesh: TriangleMesh

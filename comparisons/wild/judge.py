@@ -87,14 +87,7 @@ class Samples:
     """Stresses as polynomials in each third of every triangle, less the body potential.
 
     With a and b the corners of the side s and c the barycentre, a third has the coordinates r, t of
-    x = c + r (a − c) + t (b − c).
-
-    Attributes
-    ----------
-    problem : the problem
-    degree : of the polynomials
-    coefficients : (cells, 3 thirds, monomials of r and t, 3 components) [stress]
-
+    x = c + r (a − c) + t (b − c). Coefficients are (cells, 3 thirds, monomials of r and t, 3 components) [stress].
     """
 
     problem: ContactProblem
@@ -332,15 +325,11 @@ def _fluids(samples: Samples, result: ContactResult) -> Iterator[tuple[str, floa
 
 @dataclass(frozen=True)
 class Comparison:
-    """A state beside that of another method with the same friction bounds.
+    """A state σ beside that of another method, τ, with the same friction bounds.
 
     With bounds held fixed there is one state of least complementary energy J, so the two agree or one of them is wrong.
-
-    Attributes
-    ----------
-    distance : √∫ c(σ − τ) : (σ − τ) dx over that of the larger state
-    gain : J(σ) − J(τ) over the strain energy of the larger one: positive if it is σ that is not the least
-
+    Over the strain energy of the larger one, distance² is ∫ c(σ − τ) : (σ − τ) dx, and gain J(σ) − J(τ): positive if it
+    is σ that is not the least.
     """
 
     distance: float

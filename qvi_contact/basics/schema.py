@@ -106,6 +106,11 @@ class Kind:
         return value
 
 
+def _check_range(value: float, least: float, most: float) -> None:
+    if not least <= value <= most:
+        raise InputError("", value, f"give at {'most' if value > most else 'least'} {most if value > most else least}")
+
+
 @dataclass(frozen=True)
 class Number(Kind):
     """A finite number, from `least` to `most`; `positive` ones are above zero."""
@@ -115,18 +120,14 @@ class Number(Kind):
     positive: bool = False
 
     def read(self, value: Any, reader: Reader) -> float:  # noqa: ARG002
-        """The number as a float."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError("", value, "give a number")
         if self.positive and 0.0 < value < 1.0 / LARGEST:
             raise InputError("", value, f"give at least {1.0 / LARGEST:g}: take other units if you need less")
-        if not self.least <= value <= self.most:
-            above = value > self.most
-            raise InputError("", value, f"give at {'most' if above else 'least'} {self.most if above else self.least}")
+        _check_range(value, self.least, self.most)
         return float(value)
 
     def check(self, name: str, value: Any) -> None:
-        """The same for Python."""
         from qvi_contact.basics.checks import finite_number, positive_number
 
         (positive_number if self.positive else finite_number)(name, value)
@@ -140,12 +141,9 @@ class Whole(Kind):
     most: int = 2**63 - 1
 
     def read(self, value: Any, reader: Reader) -> int:  # noqa: ARG002
-        """The number itself."""
         if isinstance(value, bool) or not isinstance(value, int):
             raise InputError("", value, "give a whole number")
-        if not self.least <= value <= self.most:
-            above = value > self.most
-            raise InputError("", value, f"give at {'most' if above else 'least'} {self.most if above else self.least}")
+        _check_range(value, self.least, self.most)
         return value
 
 
@@ -153,7 +151,6 @@ class Truth(Kind):
     """True or false."""
 
     def read(self, value: Any, reader: Reader) -> bool:  # noqa: ARG002
-        """The value itself."""
         if not isinstance(value, bool):
             raise InputError("", value, "give true or false")
         return value
@@ -166,7 +163,6 @@ class Text(Kind):
     name: bool = False
 
     def read(self, value: Any, reader: Reader) -> str:  # noqa: ARG002
-        """The text itself."""
         if not isinstance(value, str):
             raise InputError("", value, "give a text in quotes")
         if self.name and (not value.strip() or not value.isprintable() or len(value) > _LONGEST_NAME):
@@ -174,7 +170,6 @@ class Text(Kind):
         return value
 
     def check(self, name: str, value: Any) -> None:
-        """The same for Python, which may call a thing anything."""
         if not isinstance(value, str):
             raise InputError(name, value, "give a string")
 
@@ -186,12 +181,10 @@ class Choice(Kind):
     words: tuple[Any, ...]
 
     def read(self, value: Any, reader: Reader) -> Any:  # noqa: ARG002
-        """The word."""
         self.check("", value)
         return value
 
     def check(self, name: str, value: Any) -> None:
-        """The same for Python."""
         if isinstance(value, bool) or not isinstance(value, str | int) or value not in self.words:
             near = closest(value, map(str, self.words))
             listed = " or ".join(filter(None, [", ".join(map(repr, self.words[:-1])), repr(self.words[-1])]))
@@ -206,7 +199,6 @@ class Varying(Kind):
     positive: bool = False
 
     def read(self, value: Any, reader: Reader) -> Any:
-        """A number, an `Expression` or a `Polynomial`."""
         return reader.field(value)
 
     def check(self, name: str, value: Any) -> None:
@@ -218,7 +210,6 @@ class Varying(Kind):
             raise InputError(name, value, "give a positive number: leave the strength out if the body does not yield")
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
-        """A number, text or table."""
         return writer.field(path, value)
 
 
@@ -267,14 +258,12 @@ class Listed(Kind):
         return tuple(found)
 
     def check(self, name: str, value: Any) -> None:
-        """The same for Python."""
         if not isinstance(value, tuple | list) or (self.most is not None and len(value) != self.most):
             raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
         for item in value:
             self.kind.check(name, item)
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
-        """A list."""
         return [self.kind.written(f"{path}[{index}]", item, writer) for index, item in enumerate(value)]
 
 
@@ -285,7 +274,6 @@ class Named(Kind):
     kind: Kind
 
     def read(self, value: Any, reader: Reader) -> dict[str, Any]:
-        """Value by value."""
         if not isinstance(value, dict):
             raise InputError("", value, "give a table: keys and values")
         if len(value) > MOST:
@@ -304,16 +292,13 @@ class Table(Kind):
     of: type
 
     def read(self, value: Any, reader: Reader) -> Any:
-        """The object."""
         return read_table(self.of, value, reader)
 
     def check(self, name: str, value: Any) -> None:
-        """The object itself is wanted."""
         if not isinstance(value, self.of):
             raise InputError(name, value, f"give a {self.of.__name__}")
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
-        """The table of the object."""
         return write_table(path, value, writer)
 
 
@@ -321,7 +306,6 @@ class Options(Table):
     """The same, of which only what is given counts: a mapping."""
 
     def read(self, value: Any, reader: Reader) -> Any:
-        """The values given."""
         given = getattr(self.of, "given", None)
         return read_values(self.of, value if given is None else given(value), reader)
 
@@ -334,7 +318,6 @@ class Tables(Kind):
     most: int | None = MOST
 
     def read(self, value: Any, reader: Reader) -> tuple[Any, ...]:
-        """The objects."""
         if isinstance(value, dict):
             raise InputError("", value, "write its heading in double brackets, [[ ]]: there may be several")
         return Listed(Table(self.of), 0, self.most).read(value, reader)
@@ -365,13 +348,11 @@ class Tagged(Kind):
         return read_table(known[law], value, reader, also=("law",))
 
     def check(self, name: str, value: Any) -> None:
-        """One of the classes is wanted."""
         if not isinstance(value, self.classes):
             names = [each.__name__ for each in self.classes]
             raise InputError(name, value, f"give a {', '.join(names[:-1])} or {names[-1]}, or leave it out")
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
-        """The table of the object."""
         return {"law": value.kind, **write_table(path, value, writer)}
 
 

@@ -48,7 +48,7 @@ from qvi_contact.bracket.parts import (
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.solver import check_scope
-from qvi_contact.companion.space import degree_beside, triangle
+from qvi_contact.companion.space import DEGREES, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.errors import InputError
@@ -233,7 +233,8 @@ def bracket(
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     check_scope(result.problem)
-    degree = triangle(degree_beside(result.discretization.space.degree) if degree is None else degree).degree
+    beside = min(result.discretization.space.degree, DEGREES[-1])  # one less has the same order, but half of the gap
+    degree = triangle(beside if degree is None else degree).degree
     options: dict[str, Any] = {"callback": callback}
     if max_iterations is not None:
         options["max_iterations"] = max_iterations

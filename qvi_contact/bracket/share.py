@@ -283,35 +283,29 @@ def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str
         for end, vertices in enumerate((edges.first, edges.second)):
             for edge, vertex in enumerate(vertices.tolist()):
                 at.setdefault(vertex, []).append((name, edge, end))
-    values = {name: share.values.copy() for name, share in raw.items()}
-    slipping = {name: share.slipping.copy() for name, share in raw.items()}
-    kept, places = {name: np.ones_like(share.values) for name, share in raw.items()}, list[str]()
+    found, places = {name: replace(share, values=share.values.copy(), slipping=share.slipping.copy(),
+        room=np.ones_like(share.values)) for name, share in raw.items()}, list[str]()  # fmt: skip
     for vertex, ends in at.items():
-        wanted, vanishes = 0.0, any(vertex in zeros[name] for name, _, _ in ends)
-        if not vanishes:
-            wanted = _common([(raw[name], edge, end) for name, edge, end in ends])
+        vanishes = any(vertex in zeros[name] for name, _, _ in ends)
+        wanted = 0.0 if vanishes else _common([(raw[name], edge, end) for name, edge, end in ends])
         for name, edge, end in ends:
-            if raw[name].slipping[edge] == wanted != 0.0:
+            share, slips = found[name], raw[name].slipping[edge]
+            if slips == wanted != 0.0:
                 continue
-            slipping[name][edge] = 0.0
-            weights = raw[name].weights[edge]
-            counts = np.flatnonzero(weights > _BEARS * weights.max())
-            last = (counts[0], counts[-1])[end] if len(counts) > 1 else (0, len(weights) - 1)[end]
+            share.slipping[edge] = 0.0
+            counts = np.flatnonzero(share.weights[edge] > _BEARS * share.weights[edge].max())
+            last = (counts[0], counts[-1])[end] if len(counts) > 1 else (0, share.weights.shape[1] - 1)[end]
             near = (slice(None, last + 1), slice(last, None))[end]
-            values[name][edge, near] = wanted
-            kept[name][edge, near] *= not vanishes
-            if vanishes and raw[name].slipping[edge]:
+            share.values[edge, near] = wanted
+            share.room[edge, near] *= not vanishes
+            if vanishes and slips:
                 x, y = problem.mesh.vertices[vertex]
                 places.append(
                     f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
                     "may slip there, which makes the bound wide."
                 )
-    found = {
-        name: replace(
-            share, values=values[name], slipping=slipping[name], room=kept[name] * (1.0 - np.abs(values[name]))
-        )
-        for name, share in raw.items()
-    }
+    for share in found.values():
+        share.room[:] *= 1.0 - np.abs(share.values)
     return found, tuple(dict.fromkeys(places))
 
 

@@ -22,13 +22,7 @@ _NOISE: Final = 1e-12  # share of all that acts below which a resultant is round
 def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem, dict[str, Any]]:
     """The problem at its first time, and that in words and numbers that JSON can hold; discretises, does not solve.
 
-    Parameters
-    ----------
-    file : ProblemFile
-        The problem.
-    given : mapping
-        Arguments for `discretize` that override the file's.
-
+    `given` are arguments for `discretize` that override the file's.
     """
     options = {**file.solve_options, **given}
     with file.named_errors(), np.errstate(all="ignore"):  # what is not finite is refused

@@ -41,11 +41,7 @@ _SUFFIXES = {"vtk": ".vtu", "npz": ".npz", "report": ".html", "proof": ".json"}
 def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
     """The files asked for, by option.
 
-    Raises
-    ------
-    InputError
-        If one cannot be written, is the problem file or another option's, or needs a package that is missing.
-
+    `InputError` if one cannot be written, is the problem file or another option's, or needs a package that is missing.
     """
     given = {option: path for option, path in targets.items() if path is not None}
     taken = {identity(source): "the problem file"}
@@ -74,13 +70,7 @@ def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
 class SecondModel:
     """The bracket of a result and its displacement, computed when first asked for, in at most so many seconds.
 
-    Attributes
-    ----------
-    result : ContactResult
-        The stress model's result.
-    missing : str
-        Why there is no bracket, or no displacement in it, once one of them was asked for.
-
+    `missing` says why there is no bracket, or no displacement in it, once one of them was asked for.
     """
 
     def __init__(self, result: ContactResult, time_limit: float | None = None, known: Bracket | None = None) -> None:
@@ -125,14 +115,7 @@ class SecondModel:
 
 
 def asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
-    """The contacts that --panels names, none for "none"; None for those that pictures choose.
-
-    Raises
-    ------
-    InputError
-        If there is no such contact.
-
-    """
+    """The contacts that --panels names, none for "none"; None for those that pictures choose."""
     names = [contact.name for contact in file.problem.contacts]
     if panels is None or panels in names:
         return None if panels is None else [panels]

@@ -28,18 +28,7 @@ _OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and k
 
 @dataclass(frozen=True)
 class Series:
-    """What tells several results of one file apart.
-
-    Attributes
-    ----------
-    label : str
-        "t", or the parameter of a sweep.
-    values : tuple of float
-        Its values, also of results that are missing.
-    results : History or Sweep
-        The results.
-
-    """
+    """Several results of one file: "t" or the parameter, and its values, also of results that are missing."""
 
     label: str
     values: tuple[float, ...]

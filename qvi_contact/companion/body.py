@@ -88,9 +88,10 @@ class Elasticity:
         """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
         cell, local = self.space.cell, v[: self.space.size].reshape(-1, 2)[self.space.table[cells]]
         values = cell.derivative_values(t)
-        along = np.stack([values @ (each @ local) for each in cell.differences], axis=1)
-        (xx, xy), (yx, yy) = np.einsum("kqab,kaqc->cbkq", self.space.inverse_jacobians(cells, t), along)
-        return np.stack([xx, yy, xy + yx], axis=-1)
+        first, second = (values @ (each @ local) for each in cell.differences)  # ∂u/∂t_a, (cells, k, 2)
+        slopes = self.space.inverse_jacobians(cells, t)
+        x, y = (slopes[..., 0, b, None] * first + slopes[..., 1, b, None] * second for b in (0, 1))
+        return np.stack([x[..., 0], y[..., 1], x[..., 1] + y[..., 0]], axis=-1)
 
     def initial_stress(self, cells: IntArray | slice, t: FloatArray) -> FloatArray | float:
         """σ⁰ at such points, (cells, k, 3); 0 without an initial strain."""
@@ -141,11 +142,10 @@ class Elasticity:
     def virtual_work(self, stress: FloatArray, t: FloatArray) -> FloatArray:
         """Σ_q stress_q : ε_q(v) as a vector (size,), for weighted stresses (cells, q, 3) at points t (q, 2)."""
         space, cell = self.space, self.space.cell
-        xx, yy, xy = np.moveaxis(stress, -1, 0)
-        tensor = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=1)
-        along = np.einsum("kqab,kbqc->kaqc", space.inverse_jacobians(slice(None), t), tensor)
+        x, y, slopes = stress[..., [0, 2]], stress[..., [2, 1]], space.inverse_jacobians(slice(None), t)
+        along = (slopes[..., a, 0, None] * x + slopes[..., a, 1, None] * y for a in (0, 1))
         values = cell.derivative_values(t).T
-        local = sum(cell.differences[axis].T @ (values @ along[:, axis]) for axis in (0, 1))
+        local = sum(each.T @ (values @ part) for each, part in zip(cell.differences, along, strict=True))
         found = np.bincount(space.dofs.ravel(), np.ravel(local), minlength=self.size)
         return np.asarray(found, dtype=np.float64)
 

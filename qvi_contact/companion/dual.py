@@ -93,10 +93,6 @@ class Contacts:
         found[self.sprung] = v[len(v) - len(self.sprung) :]
         return found
 
-    def plates(self, driven: FloatArray) -> FloatArray:
-        """What c of the plates themselves is (2 n,) under motions (q,) that forces drive, and under those given."""
-        return np.asarray(self.motions @ driven + self.moved)
-
     @property
     def count(self) -> int:
         """Number of coefficients n."""
@@ -242,26 +238,18 @@ def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
     return np.array(kept, dtype=np.int64)
 
 
-def targets(
-    contacts: Contacts, c: FloatArray, tractions: FloatArray, bound: FloatArray, stress: float
-) -> tuple[FloatArray, BoolArray]:
-    """Displacements (2 n,) that coefficients should have, and which of them (2 n,) are to be moved there.
+def _held(contacts: Contacts, c: FloatArray, tractions: FloatArray, bound: FloatArray, stress: float) -> BoolArray:
+    """Which displacements (2 n,) are to be moved to the obstacle's.
 
     c are the displacements found, `tractions` τ, `bound` (n,) that of |τ_T|, and `stress` the unit of τ that a unit
     displacement is compared with.
     """
-    n = contacts.count
-    bilateral, tied = contacts.gathered("bilateral").astype(bool), contacts.gathered("tied").astype(bool)
-    gap, offset = contacts.obstacle[:n], contacts.obstacle[n:]
-    opening = gap - c[:n]
-    pressed = -tractions[:n] / stress > np.maximum(opening, 0.0)
-    held = bilateral | pressed | (opening < 0.0)
-    rest = bound - np.abs(tractions[n:])
-    sticks = tied | ((rest / stress > np.abs(c[n:] - offset)) & (np.abs(c[n:] - offset) < 1e-6))
-    slipping = contacts.gathered("slipping")
-    sticks |= (slipping == 0.0) | (slipping * (c[n:] - offset) < 0.0)
-    held &= bilateral | (np.abs(opening) < 1e-6)
-    return np.concatenate([gap, offset]), np.concatenate([held, sticks])
+    n, bilateral, slipping = contacts.count, contacts.gathered("bilateral").astype(bool), contacts.gathered("slipping")
+    opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
+    held = (-tractions[:n] / stress > np.maximum(opening, 0.0)) | (opening < 0.0)
+    sticks = ((bound - np.abs(tractions[n:])) / stress > np.abs(slip)) & (np.abs(slip) < 1e-6)
+    sticks |= contacts.gathered("tied").astype(bool) | (slipping == 0.0) | (slipping * slip < 0.0)
+    return np.concatenate([bilateral | (held & (np.abs(opening) < 1e-6)), sticks])
 
 
 def moved(rows: sparse.csr_array, values: FloatArray, change: FloatArray) -> FloatArray:
@@ -290,19 +278,18 @@ def admissible(
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
     beyond = problem.constant + contacts.motions @ (-plates)
     stress = max(1e-300, float(np.abs(tractions).max(initial=0.0)), 1.0)
-    wanted, held = targets(contacts, rows @ values + beyond, tractions, bound, stress)
-    held &= problem.movable
+    held = _held(contacts, rows @ values + beyond, tractions, bound, stress) & problem.movable
     held[contacts.count :] &= problem.live[contacts.count :] | contacts.gathered("tied").astype(bool)
     for _ in range(3):  # a correction in a corner may push another contact line over its gap
         c = rows @ values + beyond
-        values = moved(sparse.csr_array(rows[np.flatnonzero(held)]), values, (wanted - c)[held])
+        values = moved(sparse.csr_array(rows[np.flatnonzero(held)]), values, (contacts.obstacle - c)[held])
         over = np.flatnonzero(_excess(problem, rows @ values + beyond) > 0.0)
         over = over[problem.movable[over] & ~held[over]]
         if not len(over):
             break
         held[over] = True
     v = problem.body.expand(values)
-    c = contacts.rows @ v - contacts.plates(plates)
+    c = contacts.rows @ v - contacts.motions @ plates - contacts.moved
     excess = _excess(problem, c)
     worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
     if worst <= _VIOLATED:

@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
@@ -46,7 +45,6 @@ _DEPENDENT = 1e-9  # singular value of rows, relative, that counts as zero
 def solve_companion(
     problem: ContactProblem,
     *,
-    bounds: Mapping[str, ArrayLike] | None = None,
     degree: int | None = None,
     tolerance: float = 1e-8,
     time_limit: float | None = None,
@@ -63,16 +61,13 @@ def solve_companion(
 
     with q the motions of plates under F, relative to which v_N and v_T count on their contacts; a fluid in a contact
     adds ∫ p_w v_N; ε⁰ is an initial strain. Springs along a contact add ½ ∫ k d² for their stretches d, and v − d takes
-    the place of v in the conditions of the contact. J(v) is an upper bound of the exact minimum for the same s.
+    the place of v in the conditions of the contact. Contacts have their own laws, with the pressure of this model's
+    contact forces. J(v) is an upper bound of the exact minimum for the same s.
 
     Parameters
     ----------
     problem : ContactProblem
         The problem.
-    bounds : mapping, optional
-        For every contact that is not tied the friction bound s ≥ 0 [stress] as Bernstein coefficients (edges, q) of
-        any degree, edges in the order of ``problem.mesh.edges(contact.edges)``, coefficients along the tangent
-        (Tresca's law). By default the contacts' own laws, with the pressure of this model's contact forces.
     degree : int, optional
         p: 1 to 5, 3 by default.
     tolerance : float
@@ -96,10 +91,8 @@ def solve_companion(
 
     Notes
     -----
-    In the minimisation ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i. With `bounds` the energy of the
-    result has the integral itself; with the contacts' own laws it has that sum, in which s is bounded from above by the
-    smaller of the means of c and t_max: an upper bound too, but a higher one. The laws hold for the coefficients'
-    forces ∫ σ B_i, not for stresses at points.
+    ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i, in which s is bounded from above by the smaller of the
+    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points.
 
     Data given as functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of
     two quadratures. `CompanionResult.reasons` names those that are no polynomials there; what happens between these
@@ -112,7 +105,7 @@ def solve_companion(
         options["max_iterations"] = max_iterations
     with Log(f"qvi_contact {__version__}: solve_companion", verbose) as log:
         log.begin({"cells": problem.mesh.cell_count, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
-        found = solve_companions(problem, [bounds], degree=degree, tolerance=tolerance, **options)[0]
+        found = solve_companions(problem, [None], degree=degree, tolerance=tolerance, **options)[0]
         timings = {} if found.solution is None else found.solution.timings
         log.end(str(found.status), found.message, timings, found.status is Status.SOLVED)
     return found
@@ -120,17 +113,19 @@ def solve_companion(
 
 def solve_companions(
     problem: ContactProblem,
-    laws: Sequence[Mapping[str, ArrayLike] | None],
+    laws: Sequence[Mapping[str, FloatArray] | None],
     *,
     degree: int | None = None,
     tolerance: float = 1e-8,
     slip_directions: Sequence[Mapping[str, FloatArray]] = (),
     **options: Any,
 ) -> tuple[CompanionResult, ...]:
-    """The same under several friction laws, each like `bounds` of `solve_companion`, with one factorisation.
+    """The same under several friction laws with one factorisation: None for the contacts' own, or given bounds s ≥ 0.
 
-    Options are those of `solve_qvi`, for each of them. On contacts named in the law's entry of `slip_directions`
-    displacements slip along the tangent of an edge where that says 1, against it where −1, and not at all where 0.
+    These are Bernstein coefficients (edges, q) [stress] for every contact that is not tied, along the tangents of edges
+    in the order of the mesh; the energy then has ∫ s |v_T − w| itself. Options are those of `solve_qvi`. On contacts
+    named in the law's entry of `slip_directions` displacements slip along the tangent of an edge where that says 1,
+    against it where −1, and not at all where 0.
     """
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
@@ -201,7 +196,7 @@ class _Model:
         return cls(problem, scales, body, held, *load_vector(problem, body, scales))
 
     def traces(
-        self, bounds: Mapping[str, ArrayLike] | None, slip_direction: Mapping[str, FloatArray]
+        self, bounds: Mapping[str, FloatArray] | None, slip_direction: Mapping[str, FloatArray]
     ) -> tuple[tuple[DisplacementContact, ...], tuple[str, ...]]:
         """Contacts under a law, with the directions of their slip, and why the energy is not exact."""
         problem = self.problem
@@ -262,7 +257,7 @@ class BodyAtRest:
     live: BoolArray  # (2 n,): where c can change
 
     @classmethod
-    def of(cls, problem: ContactProblem, degree: int | None = None) -> BodyAtRest:
+    def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
         """Displacements of a degree on the mesh of a problem.
 
         Raises

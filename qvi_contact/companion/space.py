@@ -52,14 +52,6 @@ _TERMS: Final = 12  # of q beside the coefficients of bends: its digits on an ar
 _STEPS: Final = 8  # of Newton's method for the inverse of the map; each doubles the digits
 
 
-def degree_beside(airy: int) -> int:
-    """The degree that goes with Airy functions of a degree, for bounds of the energy: the same.
-
-    Displacements of one degree less are of the same order, but hold half of the gap.
-    """
-    return min(airy, DEGREES[-1])
-
-
 def triangle(degree: int | None = None) -> "Triangle":
     """The triangle with displacements of a degree, the same again for the same degree; see `DEGREES`.
 
@@ -239,11 +231,6 @@ class CurvedCells:
         """Places in `which` of the cells whose side of this number is an arc: mostly one of three is."""
         return np.flatnonzero(self.bends[which, side].any(axis=1))
 
-    def own(self, mesh: TriangleMesh, which: IntArray, t: FloatArray) -> FloatArray:
-        """Reference points t (k, q, 2) of this map from those (k, q, 2) of the mesh."""
-        placed = mesh.placed(self.numbers[which], _barycentric(t, len(which)))
-        return self.reference(which, placed @ self.corners[which])
-
     def reference(self, which: IntArray, points: FloatArray) -> FloatArray:
         """Reference points t (k, q, 2) of points (k, q, 2) in some of the cells (k,)."""
         corners = self.corners[which]
@@ -343,7 +330,8 @@ class DisplacementSpace:
         if not len(at):
             return t
         found = np.array(np.broadcast_to(t, (len(np.arange(len(self.table))[cells]), *np.shape(t)[-2:])))
-        found[at] = self.curved.own(self.mesh, which, found[at])
+        placed = self.mesh.placed(self.curved.numbers[which], barycentric(found[at]))
+        found[at] = self.curved.reference(which, placed @ self.curved.corners[which])
         return found
 
     def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:

@@ -21,24 +21,18 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, edge_moments, load_points
 from qvi_contact.companion.space import DisplacementSpace
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.problem.conditions import DRIVES, Contact, Law, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.names import known_name
-
-_PLACES: FloatArray = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
-
 
 _OnEdges: TypeAlias = tuple[FloatArray, FloatArray]
 """Normal and tangential coefficients on edges."""
@@ -118,58 +112,17 @@ class DisplacementContact:
 
 
 def traces(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, bounds: Mapping[str, ArrayLike] | None
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, bounds: Mapping[str, FloatArray] | None
 ) -> tuple[tuple[DisplacementContact, ...], tuple[str, ...]]:
     """The traces of all contacts in the order of the problem, and why their laws are not met exactly."""
-    given = checked_bounds(problem, bounds)
     found, reasons, start = [], list[str](), 0
     for contact in problem.contacts:
-        bound = given.get(contact.name)
-        bound = None if bound is None else bound / scales.stress
+        bound = None if bounds is None or contact.law == "tied" else bounds[contact.name] / scales.stress
         trace, remarks = _trace(problem, space, scales, contact, bound, start)
         start += trace.count
         found.append(trace)
         reasons += remarks
     return tuple(found), tuple(reasons)
-
-
-def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:
-    """Given friction bounds (edges, q) by contact [stress]; those of tied contacts are left out.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown or missing, a shape is another one, or a bound is not a number or negative somewhere.
-
-    """
-    if bounds is None:
-        return {}
-    if not isinstance(bounds, Mapping):
-        raise InputError(
-            "bounds", bounds, "give a mapping from names of contacts to arrays (edges, coefficients), or nothing"
-        )
-    known = [contact.name for contact in problem.contacts]
-    for name in bounds:
-        known_name("bounds", name, {"contacts": known})
-    found = {}
-    for contact in problem.contacts:
-        if contact.law == "tied":
-            continue
-        if contact.name not in bounds:
-            raise InputError("bounds", contact.name, "give a bound for every contact that is not tied")
-        field, count = f"bounds[{contact.name!r}]", len(problem.mesh.edges(contact.edges))
-        values = real_array(field, bounds[contact.name], "give an array of real numbers")
-        if values.ndim != 2 or values.shape[0] != count or not values.shape[1]:
-            remedy = f"give Bernstein coefficients, one row for each of the {count} edges"
-            raise InputError(field, f"shape {values.shape}", remedy)
-        if not np.isfinite(values).all():
-            raise InputError(field, "NaN or infinity", "give finite numbers")
-        quadratic, least = values.shape[1] == 3, (values @ bernstein.basis(values.shape[1] - 1, _PLACES).T).min(axis=1)
-        least = -bernstein.largest_quadratic(-values) if quadratic else least
-        if least.min(initial=0.0) < -1e-12 * np.abs(values).max(initial=0.0):
-            raise InputError(field, float(values.min()), "give a bound that is ≥ 0 all along each edge")
-        found[contact.name] = values
-    return found
 
 
 def _trace(

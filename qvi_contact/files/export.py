@@ -135,14 +135,9 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
 
     contacts, plates = {}, {}
     for name, line in result.contacts.items():
-        found = {
-            "normal_force": _quantity(line.normal_force, units.force),
-            "tangential_force": _quantity(line.tangential_force, units.force),
-        }
-        if line.has_fluid:
-            found["effective_normal_force"] = _quantity(line.effective_normal_force, units.force)
+        forces = ["normal_force", "tangential_force", *(["effective_normal_force"] if line.has_fluid else [])]
         contacts[name] = {
-            **found,
+            **{force: _quantity(getattr(line, force), units.force) for force in forces},
             "length": {state: _quantity(length, units.length) for state, length in line.lengths.items()},
             "largest_pressure": _quantity((-line.normal_stress).max(), units.stress),
             "largest_shear": _quantity(np.abs(line.tangential_stress).max(), units.stress),
@@ -158,14 +153,14 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
             **pair(pushed, "force_", units.force),
             "moment": _quantity(pushed.moment, units.moment),
         }
-    forces = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
+    resultants = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
     return {
         "contacts": contacts,
         "plates": plates,
         "energies": {field.name: _quantity(getattr(energies, field.name), units.energy) for field in fields(energies)},
         "resultants": {
             name: {**pair(force, "", units.force), "moment": _quantity(force.moment, units.moment)}
-            for name, force in forces.items()
+            for name, force in resultants.items()
         },
         "traction_misfit": _quantity(result.traction_misfit, units.stress),
     }

@@ -332,8 +332,7 @@ class MeshTable:
     """A grid whose cells are cut into triangles; or triangles: in this file, in a mesh file, or of an outline."""
 
     x: Annotated[FloatArray, Axis()] | None = None
-    """Grid lines across x: all of them, a piece, or a list of pieces: `x = { start = 0.0, stop = 2.0, cells = 8
-    }`."""
+    """Grid lines across x: all of them, a piece, or a list of pieces: `x = { start = 0.0, stop = 2.0, cells = 8 }`."""
     y: Annotated[FloatArray, Axis()] | None = None
     """Grid lines across y: `y = [0.0, 0.5, 1.0]`."""
     remove: Annotated[tuple[Rectangle, ...], Tables(Rectangle, None)] = ()
@@ -357,8 +356,7 @@ class MeshTable:
     regions: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """Named triangles: `regions = { core = [0] }`."""
     arcs: tuple[ArcTable, ...] = ()
-    """Edges of triangles that are arcs, not chords: `arcs = [{ name = "bore", centre = [0.0, 0.0], radius = 0.5
-    }]`."""
+    """Edges of triangles that are arcs, not chords: `arcs = [{ name = "bore", centre = [0.0, 0.0], radius = 0.5 }]`."""
 
     def __post_init__(self) -> None:
         grid, triangles = ("remove", "refine"), ("edges", "regions")

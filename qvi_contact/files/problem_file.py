@@ -136,8 +136,7 @@ class HistoryTable:
     """Load steps: the values that t takes."""
 
     times: Annotated[tuple[float, ...], Values("time")]
-    """Values that t takes, a list or a range; friction remembers from one to the next: `times = { start = 0.0, stop
-    = 6.3, steps = 20 }`."""
+    """Values that t takes, a list or a range; friction remembers from step to step: `times = [0.0, 0.5, 1.0]`."""
 
 
 @dataclass(frozen=True)
@@ -166,11 +165,9 @@ class Document:
     body_potential: Field = 0.0
     """Field φ with the body force −∇φ; ρ g y under gravity: `body_potential = "0.024 * y"`."""
     body_forces: dict[str, Field] | None = None
-    """Several such fields by name instead, each of which `limit` and sweeps can multiply: `body_forces = { weight =
-    "24.0 * y", earthquake = "-24.0 * x" }`."""
+    """Several by name instead, which `limit` and sweeps can multiply: `body_forces = { weight = "24.0 * y" }`."""
     temperature: Field = 0.0
-    """Rise of temperature since the body was free of stress; materials have their `expansion`: `temperature = "40.0 *
-    y"`."""
+    """Rise of temperature since the body was free of stress, see `expansion` in materials: `temperature = 40.0`."""
     units: Units = field(default_factory=Units)
     """Labels of units, see `[units]`: `units = { length = "mm", stress = "MPa" }`."""
     constants: dict[str, float] | None = None
@@ -180,18 +177,15 @@ class Document:
     edges: tuple[EdgesTable, ...] = ()
     """Named parts of the boundary, see `[[edges]]`: `edges = [{ name = "base", side = "bottom", stop = 0.5 }]`."""
     joints: tuple[JointTable, ...] = ()
-    """Lines inside the body, see `[[joints]]`; each needs a contact: `joints = [{ name = "joint", direction =
-    "horizontal", at = 1.0 }]`."""
+    """Lines inside, see `[[joints]]`; each needs a contact: `joints = [{ name = "a", segment = [[0, 1], [2, 1]] }]`."""
     material: Material
     """The body's material, see `[material]`: `material = { young = 2.1e5, poisson = 0.3 }`."""
     regions: Annotated[tuple[RegionTable, ...], Tables(RegionTable, None)] = ()
-    """Parts of another material, see `[[regions]]`: `regions = [{ y = [0.0, 0.5], young = 7e4, poisson = 0.3
-    }]`."""
+    """Parts of another material, see `[[regions]]`: `regions = [{ y = [0.0, 0.5], young = 7e4, poisson = 0.3 }]`."""
     symmetry: Annotated[tuple[Symmetry, ...], Tables(Symmetry, None)] = ()
     """Lines of symmetry, see `[[symmetry]]`: `symmetry = [{ edges = "left" }]`."""
     displacements: Annotated[tuple[Displacement, ...], Tables(Displacement, None)] = ()
-    """Prescribed displacements, see `[[displacements]]`: `displacements = [{ edges = "top", x = 0.0, y = -1e-3
-    }]`."""
+    """Prescribed displacements, see `[[displacements]]`: `displacements = [{ edges = "top", x = 0.0, y = -1e-3 }]`."""
     tractions: Annotated[tuple[Traction, ...], Tables(Traction, None)] = ()
     """Prescribed tractions, see `[[tractions]]`: `tractions = [{ edges = "right", x = 0.0, y = 0.0 }]`."""
     contacts: Annotated[tuple[Contact, ...], Tables(Contact, None)] = ()

@@ -92,6 +92,10 @@ class Line:
         first, second = (np.full(len(points), body) for body in self.bodies)
         return bodies.rows(first, points, along) - bodies.rows(second, points, along)
 
+    def _samples(self, bodies: Bodies, vector: FloatArray) -> FloatArray:
+        """Rows of d·[v] where it vanishes only if it does everywhere."""
+        return self._relative(bodies, self.places[[0, -1]], vector)
+
     def opening(self, bodies: Bodies) -> FloatArray:
         """Rows (p, 3 k) of w at the places."""
         return -self._relative(bodies, self.places, self.normal)
@@ -107,7 +111,7 @@ class Line:
     def fixed_rows(self, bodies: Bodies) -> FloatArray:
         """Rows (e, 3 k) of the velocities that a line whose bodies do not part, or do not slip either, rules out."""
         vectors = [self.normal] * self.fixed + [self.tangent] * self.held
-        rows = [self._relative(bodies, self.places[[0, -1]], vector) for vector in vectors]
+        rows = [self._samples(bodies, vector) for vector in vectors]
         return np.concatenate([np.zeros((0, 3 * len(bodies))), *rows])
 
     def divided(self, s: float) -> "Line":
@@ -199,16 +203,11 @@ class ArcPiece(Line):
 
     def opening(self, bodies: Bodies) -> FloatArray:
         """Rows (p, 3 k) of the coefficients of w."""
-        return np.asarray(-bernstein.from_values(_DEGREE) @ self._at_nodes(bodies, self.normal))
+        return np.asarray(-bernstein.from_values(_DEGREE) @ self._samples(bodies, self.normal))
 
     def slips(self, bodies: Bodies) -> FloatArray:
         """Rows (p, 3 k) of the coefficients of [v]_T."""
-        return np.asarray(bernstein.from_values(_DEGREE) @ self._at_nodes(bodies, self.tangent))
-
-    def fixed_rows(self, bodies: Bodies) -> FloatArray:
-        """Rows (e, 3 k) of the velocities that it rules out, see `Line.fixed_rows`."""
-        vectors = [self.normal] * self.fixed + [self.tangent] * self.held
-        return np.concatenate([np.zeros((0, 3 * len(bodies))), *(self._at_nodes(bodies, each) for each in vectors)])
+        return np.asarray(bernstein.from_values(_DEGREE) @ self._samples(bodies, self.tangent))
 
     def divided(self, s: float) -> "ArcPiece":
         """The piece as it is: it is small."""
@@ -223,7 +222,7 @@ class ArcPiece(Line):
     def _shares(self, s: FloatArray) -> FloatArray:
         return np.asarray((self.begin + s) / self.edge.length[0])
 
-    def _at_nodes(self, bodies: Bodies, vector: FloatArray) -> FloatArray:
+    def _samples(self, bodies: Bodies, vector: FloatArray) -> FloatArray:
         return self._relative(bodies, bernstein.nodes(_DEGREE) * self.length, vector)
 
 

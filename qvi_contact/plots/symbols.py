@@ -33,16 +33,7 @@ _STRAIGHT: Final = 1e-12  # 1 − cosine of the angle of edges that lie on one s
 
 
 class Places(NamedTuple):
-    """Points along a run.
-
-    Attributes
-    ----------
-    points : (n, 2) array
-        Coordinates [length].
-    normals, tangents : (n, 2) arrays
-        Outward unit normal and unit tangent there; halfway between those of two edges where these meet.
-
-    """
+    """Points (n, 2) along a run [length], and outward unit normals and tangents, where two edges meet halfway."""
 
     points: FloatArray
     normals: FloatArray
@@ -53,15 +44,8 @@ class Places(NamedTuple):
 class Run:
     """Adjoining edges without a corner between them: a straight side, or an arc as short pieces.
 
-    Attributes
-    ----------
-    line : (n + 1, 2) array
-        Ends of the edges one behind the other, in the direction of their tangents [length].
-    normals : (n, 2) array
-        Outward unit normals of the edges.
-    turns : (n,) array
-        Angles by which the edges turn [rad]; 0 where they are straight. They are drawn as arcs of circles.
-
+    The line has the ends of the edges (n + 1, 2) in the direction of their tangents [length]; normals (n, 2) point
+    outwards. Edges turn by the angles (n,) [rad], 0 where they are straight, and are drawn as arcs of circles.
     """
 
     line: FloatArray

@@ -77,18 +77,7 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A line of a contact that hangs together.
-
-    Attributes
-    ----------
-    points : (k,) int array
-        Numbers of its points, one behind the other.
-    s : (k,) array
-        Their places [length].
-    ends : (2,) array
-        Places of its ends [length].
-
-    """
+    """A line of a contact that hangs together: numbers of its points in order, places of these and of its ends."""
 
     points: IntArray
     s: FloatArray

@@ -51,19 +51,22 @@ def components(condition: Traction | Displacement) -> dict[str, Field]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _check_components(condition: Traction | Displacement) -> None:
-    check_keys(condition)
-    kind, given = type(condition).__name__, components(condition)
-    if not given:
-        raise InputError(f"{kind}.x", None, "give at least one of the components x and y, or normal and tangential")
-    if given.keys() & set(CARTESIAN) and given.keys() & set(LOCAL):
-        mixed = " and ".join(given)
-        remedy = "give x and y, or normal and tangential, not one of each"
-        raise InputError(f"{kind}.{next(iter(given))}", mixed, remedy)
+class _ByComponents:
+    """A condition that gives components of one kind, at least one."""
+
+    def __post_init__(self) -> None:
+        check_keys(self)
+        stated: Any = self
+        kind, given = type(self).__name__, components(stated)
+        if not given:
+            raise InputError(f"{kind}.x", None, "give at least one of the components x and y, or normal and tangential")
+        if given.keys() & set(CARTESIAN) and given.keys() & set(LOCAL):
+            remedy = "give x and y, or normal and tangential, not one of each"
+            raise InputError(f"{kind}.{next(iter(given))}", " and ".join(given), remedy)
 
 
 @dataclass(frozen=True)
-class Traction:
+class Traction(_ByComponents):
     """Prescribed traction σn (1.5).
 
     Exact, on elements of degree p, if both components are polynomials of degree p − 2 along each edge. Anything else is
@@ -92,12 +95,9 @@ class Traction:
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
-        _check_components(self)
-
 
 @dataclass(frozen=True)
-class Displacement:
+class Displacement(_ByComponents):
     """Prescribed displacement (1.4).
 
     Parameters
@@ -106,8 +106,7 @@ class Displacement:
         Name of an edge set of the mesh: `edges = "top"`.
     x, y : float or function of (x, y), optional
         Cartesian component of the displacement [length]; without it another condition has to give the component:
-        `x = "-1e-3 *
-        t"`.
+        `x = "-1e-3 * t"`.
     normal, tangential : float or function of (x, y), optional
         Component u_N or u_T instead [length]: `normal = 0.0`.
 
@@ -118,9 +117,6 @@ class Displacement:
     y: Field | None = None
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        _check_components(self)
 
 
 @dataclass(frozen=True)

@@ -43,20 +43,9 @@ Outcomes = Callable[[deque[Order]], Generator[tuple[Order, Outcome], None, None]
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the work.
+    """Who does the work: so many processes of this machine, or each thread of a Dask cluster with this scheduler.
 
-    Attributes
-    ----------
-    count : int
-        Processes of this machine.
-    dask : str, optional
-        Address of the scheduler of a Dask cluster to take instead, each thread of its workers.
-
-    Raises
-    ------
-    InputError
-        If one of them cannot be: by its name "workers" or "dask".
-
+    `InputError` by the name "workers" or "dask" if one of them cannot be.
     """
 
     count: int = 1
@@ -69,22 +58,9 @@ class Workers:
 
     @contextmanager
     def ready(self, job: bytes, limits: Limits) -> Iterator[tuple[int, Outcomes[Any]]]:
-        """How many orders are done at a time, and what does a deque of orders, see `processes.done_here`.
+        """How many orders of a pickled job are done at a time, and what does them, see `processes.done_here`.
 
-        Parameters
-        ----------
-        job : bytes
-            A `Job`, pickled.
-        limits : Limits
-            What an order may take.
-
-        Raises
-        ------
-        InputError
-            If the cluster cannot be reached, has no workers, cannot load this package, or is lost.
-        NotLoadedError
-            If the job cannot be loaded in a process.
-
+        `InputError` if the cluster cannot be reached, has no workers, cannot load this package, or is lost.
         """
         if self.dask is None:
             yield self.count, lambda orders: done_here(job, limits, self.count, orders)

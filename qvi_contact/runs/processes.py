@@ -45,19 +45,9 @@ _LOADING: Final = 300.0  # seconds for what a job imports; network folders are s
 
 @dataclass(frozen=True)
 class Limits:
-    """What an order may take.
+    """What an order may take: seconds, without those for loading the job, and MiB of address space (not on Windows).
 
-    Attributes
-    ----------
-    seconds : float, optional
-        Time of one order, without that for loading the job.
-    memory : int, optional
-        Address space of a process [MiB], where the system has such a limit (not on Windows).
-    threads : int
-        Threads of the libraries in each process.
-    fresh : bool
-        Whether each order gets a process of its own, as where peak memory is measured.
-
+    Libraries have so many threads. `fresh` gives each order a process of its own, as where peak memory is measured.
     """
 
     seconds: float | None = None
@@ -68,25 +58,10 @@ class Limits:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an order.
+    """What became of an order: "done", or a key of `FAILURES` with the reason in one line, and its error.
 
-    Attributes
-    ----------
-    status : str
-        "done", or a key of `FAILURES`.
-    value : object
-        What was found, None without.
-    reason : str
-        Why nothing was found, in one line; empty if something was.
-    seconds : float
-        Wall time of the work alone, or until it was ended.
-    load_average : float, optional
-        Processes that wanted to run on the machine in the minute before.
-    about : object
-        What the job told of its process.
-    error : BaseException, optional
-        The exception of the work, if there was one that can be sent.
-
+    `seconds` is the wall time of the work alone, or until it was ended, `load_average` the processes that wanted to run
+    in the minute before, `about` what the job told of its process.
     """
 
     status: str
@@ -99,16 +74,7 @@ class Outcome:
 
 
 class NotLoadedError(QVIError):
-    """A job cannot be loaded in a process: why, and whether it could with more memory.
-
-    Parameters
-    ----------
-    reason : str
-        One line.
-    cramped : bool
-        Whether it can be loaded without the limit of memory.
-
-    """
+    """A job cannot be loaded in a process: why, in one line, and whether it could without the limit of memory."""
 
     def __init__(self, reason: str, cramped: bool) -> None:
         super().__init__(reason, cramped)
@@ -119,18 +85,10 @@ class NotLoadedError(QVIError):
 
 
 class Process:
-    """A worker process, started when it is needed and replaced when it was lost; used by one thread.
+    """A worker process for a pickled job, started when it is needed and replaced when it was lost; used by one thread.
 
     It leads a process group, and ends with all that its orders have started. It ends with the process that started it
     too, however that one ends.
-
-    Parameters
-    ----------
-    job : bytes
-        The job, pickled.
-    limits : Limits
-        What an order may take.
-
     """
 
     def __init__(self, job: bytes, limits: Limits) -> None:
@@ -162,14 +120,7 @@ class Process:
         return None if limit is None else max(0.0, limit - (time.perf_counter() - self._began))
 
     def hear(self) -> Outcome | None:
-        """What became of the order, whatever that is; None as long as it is under way.
-
-        Raises
-        ------
-        NotLoadedError
-            If the job cannot be loaded.
-
-        """
+        """What became of the order; None as long as it is under way, `NotLoadedError` if the job cannot be loaded."""
         seconds = time.perf_counter() - self._began
         try:
             if self.link.poll():
@@ -273,24 +224,10 @@ class Process:
 def done_here(
     job: bytes, limits: Limits, workers: int, orders: deque[Order]
 ) -> Generator[tuple[Order, Outcome], None, None]:
-    """Orders and what became of each, as it comes; closing the iterator ends what is under way.
+    """Orders and what became of each, as it comes, by so many processes; closing the iterator ends what is under way.
 
-    Parameters
-    ----------
-    job : bytes
-        The job, pickled.
-    limits : Limits
-        What an order may take.
-    workers : int
-        Number of processes.
-    orders : deque
-        The orders, taken from the left; more may be added while others are done.
-
-    Raises
-    ------
-    NotLoadedError
-        If the job cannot be loaded.
-
+    Orders are taken from the left; more may be added while others are done. `NotLoadedError` if the pickled job cannot
+    be loaded.
     """
     idle, busy = [Process(job, limits) for _ in range(min(workers, len(orders)))], dict[Process, Order]()
     processes = list(idle)

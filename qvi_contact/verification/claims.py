@@ -38,14 +38,10 @@ _VECTORS: Final = ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilatera
 
 @dataclass(frozen=True, eq=False)
 class Recomputed:
-    """A result made again from its problem, unknowns and multipliers.
+    """A result made again from its problem, unknowns and multipliers, with the certificate computed anew.
 
-    Attributes
-    ----------
-    result : with the certificate computed anew, on the problem discretised anew
-    stress, displacement, energy : units of what is compared [stress], [length], [stress × length²]
-    rounding : what the rounding of the unknowns may change in a traction [stress]
-
+    Units of what is compared [stress], [length], [stress × length²]; `rounding` is what the rounding of the unknowns
+    may change in a traction [stress].
     """
 
     result: ContactResult

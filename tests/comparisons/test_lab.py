@@ -12,15 +12,12 @@ from enum import Enum
 from importlib.metadata import version
 from pathlib import Path
 
-import click
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pandas import DataFrame
 
-from comparisons.lab.commands import Plan, experiment
-from comparisons.lab.reports import render
 from comparisons.lab.studies import (
     Study,
     frame_of,
@@ -35,29 +32,11 @@ from comparisons.lab.studies import (
 from qvi_contact import InputError
 from qvi_contact.runs import FAILURES, Outcome, database
 from tests.comparisons.conftest import row
+from tests.comparisons.demo import DEMO, demo, ways
 from tests.run_tasks import eventually, marked, started
 
-PLACES = [(mesh, mu, 7) for mesh in (8, 16) for mu in (0.1, 0.2, 0.5)]
-DEMO = Study(
-    "demo", 1, "tests.run_tasks:measured",
-    [{"mesh": mesh, "friction": mu, "method": method, "seed": seed}
-     for mesh, mu, seed in PLACES for method in ("plain", "raise", *(["crash"] if (mesh, mu) == (8, 0.2) else []))],
-    packages=("click", "no-such-package"),
-)  # fmt: skip
 SMALL = Study("small", 1, "package.module:function", [{"mesh": mesh, "at": [mu]} for mesh in (4, 8) for mu in (0.1, 2)])
 ENVIRONMENT = {"machine": None, "versions": {"numpy": "2"}, "threads": 1, "timeout_seconds": 2.0, "memory_mib": None}
-
-
-def ways(*names):
-    """The study of some ways to fail."""
-    return Study("ways", 1, "tests.run_tasks:failing", [{"way": name} for name in names], packages=())
-
-
-@experiment(short_help="The demo study.")
-@click.option("--way", "names", multiple=True)
-def demo(names):
-    """The demo study, or some ways to fail."""
-    return Plan([ways(*names) if names else DEMO], lambda rows: render("", "demo", {}, {}, {}, rows, template="# A\n"))
 
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
@@ -325,7 +304,7 @@ class TestRuns:
         assert list(tmp_path.iterdir()) == []
 
 
-COMMAND = "from qvi_contact.basics import run\nfrom tests.comparisons.test_lab import demo\nrun(demo, 'demo')"
+COMMAND = "from qvi_contact.basics import run\nfrom tests.comparisons.demo import demo\nrun(demo, 'demo')"
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")

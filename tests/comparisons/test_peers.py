@@ -24,9 +24,6 @@ from tests.comparisons.conftest import committed, row
 CODES_FOLDER = Path(import_module("comparisons.peers.codes").__file__).parent
 LIMIT = {friction: value for friction, (value, _) in LIMITS.items()}
 CHOSEN = ("triangles, p = 3, bisected", "NGSolve, p = 2, symmetric, uniform")
-MOVED = {0.0: 0.758518, 0.1: 0.738677}
-"""u_x [mm] of the sheet on the axis, by NGSolve with degree 4 on twice as many edges."""
-
 with_ngsolve = pytest.mark.skipif(find_spec("ngsolve") is None, reason="NGSolve is not installed")
 posix = pytest.mark.skipif(os.name != "posix", reason="the other Python is a shell script here")
 
@@ -233,48 +230,6 @@ class TestStudy:
         )
         words = [sys.executable, "-I", "-c", look, str(CODES_FOLDER)]
         assert subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip() == "[]"
-
-    def test_the_committed_rows_of_the_pin_are_those_of_the_study(self):
-        study = room.pin_study((0.0, 0.1), (6, 12), ())
-        assert [dict(row.case) for row in committed("peers-pin")] == [dict(case) for case in study.cases]
-
-
-class TestPin:
-    """The loaded pin: the same data for every code, and the same displacement."""
-
-    def test_plain_data_are_the_gallerys_pin(self):
-        """Areas and sides of half an eye with its pin; the load's traction times its length is the force."""
-        plain = room.plain_pin(0.1, 4)
-        places = {name: np.array(plain["vertices"])[pairs] for name, pairs in plain["sides"].items()}
-        assert np.hypot(*places["hole"].T) == pytest.approx(50.0)
-        assert np.hypot(*places["eye"].T) == pytest.approx(100.0)
-        assert np.abs(places["axis"][..., 1]).max() < 1e-12
-        load = np.linalg.norm(np.diff(places["load"], axis=1), axis=-1).sum()
-        assert plain["traction"] * load == pytest.approx(plain["force"])
-        a, b, c = np.array(plain["vertices"])[np.array(plain["cells"]).T]
-        assert np.all(np.linalg.det(np.stack([b - a, c - a], axis=-1)) > 0.0)
-
-    def test_triangles_move_as_far_as_on_finer_meshes(self):
-        """Half a thousandth on four edges in a quarter; the force is carried to rounding."""
-        own = import_module("comparisons.peers.codes.own")
-        found = own.pin(room.plain_pin(0.1, 4), degree=4)()
-        assert found["moved"] == pytest.approx(MOVED[0.1], rel=5e-4)
-        assert found["carried"] == pytest.approx(1e4, rel=1e-9)
-
-    @with_ngsolve
-    def test_ngsolve_moves_as_far_on_the_same_triangles(self):
-        """In a process of its own, as the study runs it."""
-        found = room.run_pin({"friction": 0.1, "sectors": 4, "model": "NGSolve, p = 3"})
-        assert found["moved"] == pytest.approx(MOVED[0.1], rel=2e-3)
-        assert found["carried"] == pytest.approx(1e4, rel=1e-6)
-
-    def test_committed_codes_agree(self):
-        """On twelve edges in a quarter this package and NGSolve of degree 4 differ by a hundred-thousandth."""
-        rows = [row for row in committed("peers-pin") if row.case["sectors"] == 12]
-        found = {(row.case["model"], row.case["friction"]): row.result["moved"] for row in rows}
-        for friction, moved in MOVED.items():
-            assert found["NGSolve, p = 4", friction] == pytest.approx(moved, rel=3e-6)
-            assert found[room.OWN, friction] == pytest.approx(found["NGSolve, p = 4", friction], rel=1.1e-5)
 
 
 def least(rows, friction, value, uncertainty, code):

@@ -1,6 +1,5 @@
 """Reports as files, in a browser and on a terminal: the same bytes for the same data, nothing loaded, no harm."""
 
-import math
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -12,7 +11,7 @@ from pandas import DataFrame
 
 from comparisons.lab import numbers
 from comparisons.lab.drawing import drawn
-from comparisons.lab.reports import Report, crossed, markdown_table, render
+from comparisons.lab.reports import Report, markdown_table, render
 from qvi_contact import InputError
 from qvi_contact.plots import new_figure
 from tests.comparisons.conftest import row
@@ -271,31 +270,11 @@ def test_a_page_opens_in_a_browser_without_an_error_and_its_tables_sort(browser,
 class TestTables:
     """Frames as Markdown."""
 
-    @pytest.mark.parametrize(
-        ("cells", "numeric"),
-        [
-            (("12", None, "3.5 ms", "−12", "> 99 %", "n/a", "< 1e-9", "-", "", "32²", "3 of 5", "+.5", "-∞"), True),
-            (("none", "n/a", ""), False), (("1", "stalled"), False), (("1.2.3", "0.9.1"), False), (("info",), False),
-            (("12:30",), False), (("2026-01-02",), False), (("3d-model2",), False),
-            (("1 of a sentence that is long",), False),
-        ],
-    )  # fmt: skip
-    def test_columns_of_numbers_stand_to_the_right(self, cells, numeric):
-        lines = markdown_table(DataFrame({"name": "x", "value": cells})).splitlines()
-        assert lines[1] == f"| --- | {'---:' if numeric else '---'} |"
-
     def test_a_table_is_declared_by_its_columns(self):
         frame = DataFrame({"time": [0.5, None], "|name|": ["a", None], "other": [1, 2]})
         text = markdown_table(frame, {"|name|": "|σ|", "time": "time [s]"}, {"time": numbers.fixed(".2f")})
         assert text.splitlines() == [r"| \|σ\| | time [s] |", "| --- | ---: |", "| a | 0.50 |", "| none | none |"]
         assert markdown_table(frame[:0]) == "No rows.\n"
-
-    def test_groups_are_crossed_and_empty_ones_say_so(self):
-        frame = DataFrame({"solver": list("bbaa"), "level": ["low", "high", "low", "low"], "time": [1, 2, 3, 4]})
-        found = crossed(frame, "solver", "level", lambda each: str(each.time.sum()))
-        assert found.to_dict("list") == {"solver": ["b", "a"], "low": ["1", "7"], "high": ["2", "none"]}
-        ordered = crossed(frame, "solver", "level", lambda each: str(len(each)), ("high", "mid"))
-        assert ordered.to_numpy().tolist() == [["b", "1", "none"], ["a", "none", "none"]]
 
     def test_several_machines_and_versions_are_said(self):
         mixed = {"machine": MACHINE | {"processor": "P2"}, "versions": {"numpy": "2.1.0", "osqp": None}}
@@ -317,30 +296,6 @@ class TestTables:
 
 class TestNumbers:
     """Formats."""
-
-    @pytest.mark.parametrize(
-        ("text", "expected"),
-        [
-            (numbers.scientific(1.234e-5), "1.2e-5"), (numbers.scientific(9.99e9, 1), "1e10"),
-            (numbers.scientific(-2e-12, 3), "-2.00e-12"), (numbers.scientific(0.0), "0"),
-            (numbers.significant(0.0012345), "0.00123"), (numbers.significant(1234567.0), "1230000"),
-            (numbers.significant(-0.0), "0"), (numbers.seconds(3.4e-4), "340 µs"), (numbers.seconds(0.99999), "1 s"),
-            (numbers.seconds(119.0), "119 s"), (numbers.seconds(150.0), "2.5 min"), (numbers.seconds(9000.0), "2.5 h"),
-            (numbers.seconds(0.0), "0 s"), (numbers.memory(2**34), "16 GiB"), (numbers.memory(12), "12 bytes"),
-            (numbers.percent(0.123), "12 %"), (numbers.percent(0.005), "< 1 %"), (numbers.percent(0.9999), "> 99 %"),
-            (numbers.percent(0.99961, 1), "> 99.9 %"), (numbers.percent(1.5), "150 %"),
-            (numbers.listing([]), "none"), (numbers.listing(["a", "b", "c"]), "a, b and c"),
-            (numbers.span([2.0, None, 0.5]), "0.5 to 2"), (numbers.count(3.0), "3"),
-            (numbers.spread([1.0, 2.0, 4.0]), 1.5), (numbers.spread([1.0]), None), (numbers.spread([0.0, 0.0]), None),
-        ],
-    )  # fmt: skip
-    def test_texts(self, text, expected):
-        assert text == expected
-
-    @pytest.mark.parametrize("value", [None, math.nan, math.inf, -math.inf])
-    def test_what_is_no_number_is_none(self, value):
-        forms = (numbers.scientific, numbers.significant, numbers.seconds, numbers.memory, numbers.percent)
-        assert {form(value) for form in forms} == {"none"}
 
     @settings(max_examples=50)
     @given(st.floats(0.0, 1.0), st.integers(0, 4))

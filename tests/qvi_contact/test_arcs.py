@@ -8,20 +8,11 @@ from scipy import integrate
 
 from comparisons.verification import stress_deviation
 from comparisons.verification.chapters import lame, lame_energy
-from qvi_contact import Corner, InputError, TriangleMesh, solve, verify_result
-from qvi_contact.companion import solve_companion
+from qvi_contact import Corner, Expression, InputError, TriangleMesh, solve, verify_result
+from qvi_contact.companion import solve_companion, solve_companions
 from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import Rigid, find_mechanism
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
-)
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import places
 from qvi_contact.solution import turning_senses
 from tests.qvi_contact.builders import INNER, NU, OUTER, WIDENED, A, polygon, quarter
@@ -399,7 +390,7 @@ def test_a_shaft_turns_in_a_rough_bore(angle):
     """Slip is the same all around, also where the tangents of the bore turn back: work is friction times slip."""
     bound, rotation = 0.02, 0.1
     problem = held_ring(Contact("hole", 0.3, law="bilateral", plate=RigidPlate(rotation=rotation)), angle)
-    companion = solve_companion(problem, degree=4, bounds={"hole": np.full((8, 1), bound)})
+    companion = solve_companions(problem, [{"hole": np.full((8, 1), bound)}], degree=4)[0]
     senses = turning_senses(problem.mesh.vertices, problem.mesh.edges("hole"))
     assert set(senses) == {-1.0, 1.0}
     slip = bound * 0.75 * (1.0 + NU) - rotation  # held outside, twisted by friction

@@ -184,12 +184,6 @@ class TestCheck:
             assert words in out
         assert (tmp_path / "rich.png").exists()
 
-    def test_forces_of_zero_that_let_an_obstacle_move(self, shell):
-        """Without a force it would stand still in that direction."""
-        status, out, err = shell("check", EXAMPLES / "lug.toml")
-        assert (status, err) == (0, "")
-        assert {"force_y = 0.0", "rotation = 0.0"} <= set(re.findall(r"\w+ = [\d.]+", out))
-
     def test_loads_are_added_up(self, shell):
         document = answered(shell("check", EXAMPLES / "gravity_column.toml", "--json"))
         (body,) = document["loads"]

@@ -116,17 +116,6 @@ class TestSummary:
         assert moved["rotation"]["unit"] == "rad"
 
 
-def test_an_archive_has_contacts_by_name(notched, tmp_path):
-    write_npz(tmp_path / "a.npz", notched)
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as archive:
-        loaded = dict(archive)
-    line = notched.contacts["ground / rough"]
-    assert loaded["ground / rough.gap"].max() > 1e-3
-    names = "x y weights normal_stress tangential_stress gap slip state friction_bound"
-    for name in names.split():
-        assert np.array_equal(loaded[f"ground / rough.{name}"], getattr(line, name))
-
-
 class TestVtu:
     """VTU files, read back by meshio."""
 
@@ -196,15 +185,6 @@ def test_what_all_binary_files_refuse(write, right, wrong, notched, lifted, tmp_
         write(path, lifted)
     assert path.read_text() == "earlier"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_body_without_contact_has_none_to_write(tmp_path):
-    free = [Traction(side, x=0.0, y=0.0) for side in ("right", "top", "left")]
-    problem = ContactProblem(
-        TriangleMesh.rectangle((1, 1)), Material(1.0, 0.3), [Displacement("bottom", 0.0, 0.0), *free]
-    )
-    with pytest.raises(InputError, match="no contact"):
-        write_contacts_vtu(tmp_path / "a.vtu", solve(problem))
 
 
 def test_fields_say_where_they_are(notched):
@@ -281,13 +261,6 @@ def test_a_limit_load_is_a_row(dragged):
     assert (row["lower"], row["upper"], row["slides"]) == (limit.lower, limit.upper, "base")
     rounds = refine(dragged, quantity=LimitFactor(loads)).to_frame()
     assert rounds["value"].iloc[-1] == pytest.approx(limit.lower)
-
-
-def test_without_pandas_each_names_the_extra(plate_result, without):
-    without("pandas")
-    for table in (plate_result.to_frame, plate_result.forces_frame):
-        with pytest.raises(InputError, match="pip install"):
-            table()
 
 
 def test_each_entry_by_its_own_size():

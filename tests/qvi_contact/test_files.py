@@ -90,13 +90,6 @@ def test_folders_that_cannot_be_written_or_made_are_named_with_their_option(earl
     assert_untouched(earlier)
 
 
-def test_a_folder_is_made_with_its_parents_and_stays_empty(tmp_path):
-    folder = writable_folder(tmp_path / "results" / "paper")
-    assert folder.is_dir()
-    assert list(folder.iterdir()) == []
-    assert writable_folder(str(folder)) == folder
-
-
 @pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o000, 0o666)])
 def test_permissions_are_those_of_any_new_file(tmp_path, mask, mode):
     before = os.umask(mask)

@@ -7,20 +7,11 @@ from weakref import ref
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, discretize, solve
+from qvi_contact import InputError, Polynomial, TriangleMesh, discretize, solve
 from qvi_contact.basics import Kept
 from qvi_contact.discretization import Elimination, Rows, walk
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Polynomial,
-    Region,
-    RigidPlate,
-    Traction,
-)
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
 from qvi_contact.solution import discretized
 
 

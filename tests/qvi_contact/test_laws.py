@@ -5,19 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, discretize, exact, solve, verify_result
+from qvi_contact import Expression, InputError, discretize, exact, solve, verify_result
 from qvi_contact.gallery import stick_slip_block
 from qvi_contact.mesh import TriangleMesh, graded_lines
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
-)
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.cases import every_pair, thinned
 from tests.qvi_contact.builders import difference, solved

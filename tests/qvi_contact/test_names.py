@@ -1,6 +1,5 @@
 """Names that nothing has are one kind of error, with the closest one; those there are may be anything."""
 
-import pickle
 import re
 from dataclasses import dataclass, replace
 from xml.etree import ElementTree
@@ -9,16 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from qvi_contact import (
-    History,
-    InputError,
-    TriangleMesh,
-    UnknownNameError,
-    limit_load_factor,
-    solve,
-    solve_history,
-    solve_sweep,
-)
+from qvi_contact import History, InputError, TriangleMesh, UnknownNameError, limit_load_factor, solve, solve_sweep
 from qvi_contact.export import write_contacts_vtu, write_vtu
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import history_figure, problem_figure, result_figure
@@ -43,11 +33,6 @@ def posed(contact="fit", base="bottom"):
 @pytest.fixture(scope="module")
 def result():
     return solve(posed(), degree=3)
-
-
-@pytest.fixture(scope="module")
-def history():
-    return solve_history([posed()], degree=3)
 
 
 def refused(function):
@@ -90,24 +75,6 @@ def test_contacts_and_plates_of_a_result_are_mappings_as_others(result):
     assert "fitt" not in result.contacts
     assert refused(lambda: result.contacts["fitt"]).field == "contacts"
     assert refused(lambda: result.plates["seam"]).field == "plates"
-
-
-def test_names_in_histories(history):
-    assert "did you mean 'fit'?" in refused(lambda: history.slip("fitt")).remedy
-    assert "did you mean 'top'?" in refused(lambda: history.loop("topp")).remedy
-    assert refused(lambda: history.loop("left")).field == "name"  # nothing is prescribed there
-    assert np.shape(history.loop("top")) == (2, 1)
-
-
-def test_all_names_are_listed_and_the_message_is_a_sentence(result):
-    error = refused(lambda: result.contacts["c"])
-    assert str(error).startswith("contacts: 'c': ")
-    assert "did you mean" not in error.remedy
-    assert all(word in error.remedy for word in ("fit", "seam"))
-    again = pickle.loads(pickle.dumps(error))
-    assert (type(again), str(again)) == (type(error), str(error))
-    for odd in (3, None, ("fit",)):
-        assert refused(lambda odd=odd: result.contacts[odd]).value == odd
 
 
 FORMULA = r"$\foo$"

@@ -14,17 +14,15 @@ import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, solve, solve_history
 from qvi_contact.basics import Rounding
-from qvi_contact.bracket import bracket, document
 from qvi_contact.command import (
     Request,
-    contact_rows,
     history_lines,
     result_lines,
     result_page,
-    resultant_rows,
+    result_tables,
     series_tables,
 )
-from qvi_contact.files import problem_from_toml, summary
+from qvi_contact.files import problem_from_toml
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from qvi_contact.solution import ContactPath
 from qvi_contact.units import Units
@@ -339,14 +337,11 @@ def test_tables_of_a_result(squeezed):
     assert squeezed.contacts["wall"].shown_forces == ("0", "0")
     report = "\n".join(line for line in result_lines(squeezed, UNITS) if "certificate" not in line)
     assert "normal [N/mm]" in report
-    rows = [
-        cell
-        for row in (*contact_rows(squeezed.contacts.values(), ["open", "stick", "slip"]), *resultant_rows(squeezed))
-        for cell in row[1:]
-    ]
+    tables = result_tables(squeezed, UNITS)
+    rows = [cell for *_, found in tables for row in found for cell in row[1:]]
     for text in (report, " ".join(rows), html(squeezed.contacts["wall"]), repr(squeezed.contacts["ground"])):
         assert not tiny(text)
-    ground = contact_rows([squeezed.contacts["ground"]], ["open", "stick", "slip"])[0]
+    (ground,) = (row for row in tables[0][2] if row[0] == "ground")
     assert ground[2] == "0"
     assert float(ground[1]) == pytest.approx(squeezed.contacts["ground"].normal_force, rel=1e-4)
 
@@ -361,23 +356,7 @@ def test_tables_of_load_steps(squeezed):
 
 
 def test_sentences_carry_the_unit():
-    """A load that jumps inside an edge is not met at points: remarks and reasons say by how many MPa."""
-    mesh = TriangleMesh.rectangle((3, 2), 3.0, 2.0)
-    conditions = [
-        Contact("bottom", friction=0.0),
-        Displacement("left", x=0.0),
-        Displacement("left", y=0.0),
-        Traction("right", x=0.0, y=0.0),
-        Traction("top", x=0.0, y=lambda x, y: np.where(x < 0.4, -1.0, 0.0 * y)),
-    ]
-    result = solve(ContactProblem(mesh, Material(2.1e5, 0.3), conditions))
-    found = bracket(result)
-    told = document(found, UNITS)
-    sentences = [*summary(result, UNITS)["remarks"], *told["reasons"], told["message"], *result_lines(result, UNITS)]
-    assert sum(re.search(r"\d MPa\b", sentence) is not None for sentence in sentences) >= 4
-    assert not any(re.search(r"\[(stress|length)\]", sentence) for sentence in sentences)
-    nameless = summary(result)["remarks"]
-    assert any("[stress]" in sentence for sentence in nameless)  # what the user has not named keeps its dimension
+    """What the user has not named keeps its dimension."""
     assert UNITS.filled("[stress] of 'a' is 2 [stress], 3 [length]") == "[stress] of 'a' is 2 MPa, 3 mm"
     assert UNITS.filled("from 2 to 3 [stress × length] on 'a'") == "from 2 to 3 N/mm on 'a'"
     assert Units(stress="MPa").filled("2 [stress × length]") == "2 [stress × length]"
@@ -405,9 +384,9 @@ def test_what_an_overlap_alone_loads_has_the_pressure_as_its_unit(overlapping):
     assert overlapping.rounding.stress >= 1e-10 * np.abs(line.normal_stress).max()
     assert overlapping.rounding.force < 1e-6 * line.normal_force
     report = [line for line in result_lines(overlapping, UNITS) if "certificate" not in line]
-    rows = [*contact_rows([line], ["open", "closed"]), *resultant_rows(overlapping)]
+    _, (_, _, rows) = result_tables(overlapping, UNITS)
     zero = [overlapping.rounding.force] * 2 + [overlapping.rounding.moment]
-    for name, *cells in rows[1:]:
+    for name, *cells in rows:
         resultant = overlapping.resultant(name)
         for cell, value, least in zip(cells, (resultant.x, resultant.y, resultant.moment), zero, strict=True):
             assert (cell == "0") == (abs(value) <= least)

@@ -149,12 +149,6 @@ class TestOtherContacts:
 
     EDGES, STATES = ((0.0, 1.0),), ([STICK] * 4,)
 
-    def test_other_laws_are_not_labelled_as_coulomb(self):
-        for bound, label in ((0.5, "friction bound"), (None, "bound $\\mu|\\sigma_N|$")):
-            axes = new_axes()
-            contact_tractions(axes, contact(self.EDGES, self.STATES, bound=bound))
-            assert axes.lines[1].get_label() == label
-
     def test_a_tied_contact_has_no_bound_to_draw(self):
         line = contact(self.EDGES, self.STATES, bound=np.inf)
         axes = new_axes()
@@ -539,12 +533,6 @@ def test_pictures_are_files_of_the_kind_their_name_says(tmp_path, suffix, start)
     assert contents[0].startswith(start)
     assert contents[0] == contents[-1]
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
-
-
-def test_other_kinds_of_pictures_are_refused_with_the_choices(tmp_path):
-    with pytest.raises(InputError, match=r"\.png, \.svg, \.pdf"):
-        save_figure(tmp_path / "picture.jpeg", Figure())
-    assert not list(tmp_path.iterdir())
 
 
 def lifted():

@@ -7,20 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.quiver import Quiver
 
-from qvi_contact import (
-    InputError,
-    TriangleMesh,
-    discretize,
-    limit_load_factor,
-    load_problem,
-    load_result,
-    solve,
-    solve_history,
-)
+from qvi_contact import InputError, TriangleMesh, discretize, limit_load_factor, load_problem, load_result, solve
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.plots import problem_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 
 MESH = TriangleMesh.rectangle((2, 2))
@@ -134,19 +123,6 @@ def test_both_ways_of_stating_are_one_problem():
     assert second.energies.load == pytest.approx(first.energies.load, rel=1e-10)
 
 
-def test_one_component_of_each_kind_makes_a_guided_edge():
-    guided = [
-        problem(Contact("bottom", 0.0), Traction("top", x=0.0, y=-5.0), *left, Symmetry("right"))
-        for left in (
-            [Displacement("left", normal=0.001), Traction("left", tangential=0.0)],
-            [Displacement("left", x=-0.001), Traction("left", y=0.0)],
-        )
-    ]
-    first, second = (solve(stated) for stated in guided)
-    assert first.resultant("left").x == pytest.approx(second.resultant("left").x, rel=1e-10)
-    assert (guided[0].owners == guided[1].owners).all()
-
-
 def test_a_component_that_two_rule_is_refused_whatever_it_is_called():
     with pytest.raises(InputError, match=r"x of .*\(1, -0.8\d+\) already has"):
         problem(Traction("left", normal=0.0), Displacement("left", x=0.0))
@@ -173,28 +149,6 @@ def test_a_limit_load_multiplies_them():
     factors = [limit_load_factor(stated, ["pull"]) for stated in pulled]
     assert factors[0] == pytest.approx(6.0, rel=1e-9)  # μ × 10 × 2 over 1 × 1
     assert factors[1] == pytest.approx(factors[0], rel=1e-9)
-
-
-def test_a_tangential_displacement_drives_the_loop():
-    rest = [Contact("bottom", 0.3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-    steps = [
-        [problem(*rest, Displacement("top", **{normal: 0.01, tangential: shift})) for shift in (0.0, 0.005)]
-        for normal, tangential in (("normal", "tangential"), ("y", "x"))
-    ]
-    first, second = (solve_history(each).loop("top") for each in steps)
-    assert first[0] == pytest.approx([0.0, 0.005])
-    assert np.allclose(first[1], second[1], rtol=1e-9, atol=1e-9)
-
-
-def test_pictures_and_bounds_see_them():
-    figures = [problem_figure(stated) for stated in LOADED]
-    drawn = [[c for c in figure.axes[0].collections if isinstance(c, Quiver)] for figure in figures]
-    first, second = (np.concatenate([np.column_stack([q.XY, q.U, q.V]) for q in arrows]) for arrows in drawn)
-    assert len(first)
-    assert first[np.lexsort(first.T)] == pytest.approx(second[np.lexsort(second.T)], abs=1e-12)
-    brackets = [solve(stated).bracket for stated in LOADED]
-    assert brackets[1].upper == pytest.approx(brackets[0].upper, rel=1e-9)
-    assert brackets[1].lower == pytest.approx(brackets[0].lower, rel=1e-9)
 
 
 OLD = Path(__file__).parent / "old"

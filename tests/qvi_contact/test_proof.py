@@ -12,19 +12,9 @@ import numpy as np
 import pytest
 
 import qvi_contact.limit
-from qvi_contact import InputError, SolveError, TriangleMesh, limit_load_factor, limit_proof, save_problem
+from qvi_contact import InputError, SolveError, Tresca, TriangleMesh, limit_load_factor, limit_proof, save_problem
 from qvi_contact.limit import check
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Material,
-    Mises,
-    MohrCoulomb,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    Tresca,
-)
+from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, RigidPlate, Symmetry, Traction
 from tests.qvi_contact.test_limit_yielding import random_body
 
 

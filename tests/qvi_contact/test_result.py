@@ -289,16 +289,6 @@ def test_a_problem_gives_the_same_inequality(copied):
         problem.mesh.edge_sets["new"] = problem.mesh.edge_sets["joint"]
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy])
-def test_functions_without_a_name_are_told(copied):
-    problem = blocks(lambda x, y: half(x, y))
-    for value in (problem, solve(problem)):
-        with pytest.raises(InputError, match="cannot be pickled") as caught:
-            pickle.dumps(value)
-        assert caught.value.field == "Contact.friction"
-    assert discretize(copied(problem)).qvi.m == discretize(problem).qvi.m
-
-
 def test_limit_loads_displacements_and_bounds(pytestconfig):
     block = load_problem(pytestconfig.rootpath / "examples" / "dragged_block_slides.toml").problem
     limit, plate = limit_load_factor(block, ["drag"]), compressed_plate(0.2, (2, 2))

@@ -3,19 +3,10 @@
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, refine, solve
+from qvi_contact import Expression, InputError, TriangleMesh, refine, solve
 from qvi_contact.bracket import computed_norm
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
-)
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 
 E, NU = 1000.0, 0.0
 FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]

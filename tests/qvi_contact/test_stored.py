@@ -217,11 +217,6 @@ class TestWrong:
             assert "status" in failed(changed(plate, status=status, message=status.value.replace("_", " ")))
         assert failed(changed(plate, message="infeasible")) == {"status"}
 
-    def test_something_else_than_a_result(self, history):
-        for other in (None, history):
-            with pytest.raises(InputError):
-                verify_result(other)
-
 
 class TestOutcome:
     """What a verification tells."""
@@ -238,14 +233,6 @@ class TestOutcome:
         facts = {row.name: row for row in found.rows if row.passed is None}
         assert facts["uniqueness"].value == plate.solution.uniqueness.sharper
         assert "iterations" in facts["not checked"].meaning
-
-    def test_failures_are_marked_and_named(self, plate):
-        line, state = plate.contacts["plate"], plate.contacts["plate"].state.copy()
-        state[0] = 3 - state[0]  # stick for slip at one point
-        found = verify_result(claiming(plate, contacts={"plate": replace(line, state=state)}))
-        assert found.summary() == "not verified: plate: states"
-        marked = [line.split("  ")[0] for line in found.table().splitlines() if line.endswith("FAILED")]
-        assert marked == found.document()["failures"] == ["plate: states"]
 
     def test_infinite_values_are_none_in_the_document(self, plate):
         missing = changed(plate, z=np.full_like(plate.solution.z, np.nan))

@@ -188,10 +188,6 @@ def test_off_a_terminal_it_is_silent(capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_short_solve_is_not_shown_on_a_terminal(environ):
-    assert "iteration" not in shown(environ, "plate")
-
-
 SIGNALS = """
 import ctypes, faulthandler, os, signal, threading
 from solvers.basics import handlers_kept

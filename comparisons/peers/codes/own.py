@@ -62,32 +62,6 @@ def _plate(friction: float) -> "ContactProblem":
     return compressed_plate(friction)
 
 
-def pin(case: dict[str, Any], degree: int = 4) -> Callable[[], dict[str, Any]]:
-    """What solves the pin of a case (see `comparisons.peers.pin.plain_pin`): it assembles each time.
-
-    It tells what `comparisons.peers.pin.MEASURED` names, unknowns, the certificate's residual, status.
-    """
-    from qvi_contact import solve
-    from qvi_contact.gallery import loaded_pin
-
-    problem = loaded_pin(case["sectors"], case["friction"])
-
-    def solved() -> dict[str, Any]:
-        found = solve(problem, degree=degree, tolerance=TOLERANCE)
-        answer = _ended(found, unknowns=int(found.solution.problem.n), iterations=int(found.solution.iterations))
-        if not found.has_state:
-            return answer
-        hole = found.contacts["pin"]
-        return answer | {
-            "moved": float(found.displacement(case["radius"], 0.0)[0]),
-            "normal": -float(hole.weights @ hole.normal_stress),
-            "shear": -float(hole.weights @ hole.tangential_stress),
-            "carried": -float(found.resultant("wall").x),
-        }
-
-    return solved
-
-
 def _ended(found: Any, **numbers: Any) -> dict[str, Any]:
     """How a solve ended, with these numbers of it, and the certificate's residual."""
     message = "" if found.certificate.passed else found.message

@@ -1,4 +1,4 @@
-"""A problem built and solved several times by one code, in a process of its own: times, and the memory it takes.
+"""The plate built and solved several times by one code, in a process of its own: times, and the memory it takes.
 
     python process.py < order.json
 
@@ -31,7 +31,7 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     order = json.load(sys.stdin)
-    build = getattr(import_module(order.pop("module")), order.pop("problem"))
+    build = import_module(order.pop("module")).plate
     answers.write(json.dumps(repeated(build, **order)) + "\n")
     answers.close()
 

@@ -1,6 +1,6 @@
-"""NGSolve: the plate by Nitsche's method, the loaded pin with contact tractions as multipliers.
+"""NGSolve: the plate by Nitsche's method.
 
-**The plate**, displacements of degree p. Find u with u_x = 0 on x = 0, u_y = 0 on y = 0 and for all such v
+Displacements have degree p. Find u with u_x = 0 on x = 0, u_y = 0 on y = 0 and for all such v
 
     ∫ σ(u):ε(v) dx − ∫ θ/γ σ_n(u)·σ_n(v) ds
         + ∫ [p_N (θ σ_yy(v)/γ − v_y) + p_T (θ σ_xy(v)/γ − v_x)] ds = 0,      ds on the top only,
@@ -16,18 +16,6 @@ inside cells are condensed; the smaller matrix is factorised by UMFPACK or PARDI
 
 Source: Chouly, Fabre, Hild, Mlika, Pousin, Renard, *An overview of recent results on Nitsche's method for contact
 problems*, 2017. Stresses in MPa, lengths in units of the plate.
-
-**The pin**, displacements of degree p on arcs of degree p. Find u in both bodies and tractions (λ_n, λ_t) of degree
-p − 1, continuous along the hole, so that for all v and μ
-
-    ∫ σ(u):ε(v) dx − ∫ t v_x ds − ∫ λ_n [v_n] + λ_t [v_t] ds = 0,
-    ∫ (λ_n − p_n) μ_n + (λ_t − p_t) μ_t ds = 0,       p_n = min(λ_n − ρ [u_n], 0),
-                                                      p_t = λ_t − ρ [u_t] cut off at ±μ |p_n|,
-
-where [·] is pin minus sheet along the normal of the hole and its tangent: the augmented Lagrangian of Alart and Curnier
-in its non-symmetric form, by Newton's method with a line search. Plane strain; strains small, or, "finite", those of
-Green and Lagrange with the same law (Saint Venant and Kirchhoff), the contact being between the same points still.
-Stresses in MPa, lengths in mm.
 
 NGSolve is loaded by what builds a problem, not before.
 """
@@ -68,7 +56,7 @@ class NitschePlate:
         self._np: Any = import_module("numpy")
         self._ng.SetNumThreads(1)
         vertices, cells = self._np.asarray(case["vertices"]), self._np.asarray(case["cells"])
-        mesh = _mesh(vertices, {"body": cells}, case["sides"])
+        mesh = _mesh(vertices, cells, case["sides"])
         self._space = self._ng.VectorH1(mesh, order=order, dirichletx="left", dirichlety="bottom")
         self._theta_target, self._theta = theta, self._ng.Parameter(theta)
         self._share = self._ng.Parameter(1.0)  # of γ
@@ -182,7 +170,8 @@ class NitschePlate:
         for number, found in enumerate(on_top):
             below[number], away[number] = bool(found), not found
         (txu, tyu), (txv, tyv) = ((stress(w)[0, 1], stress(w)[1, 1]) for w in (u, v))
-        pressure = _cut(ng, tyu - gamma * (u[1] + case["displacement"]), None)
+        pull = tyu - gamma * (u[1] + case["displacement"])
+        pressure = ng.IfPos(pull, 0.0, pull)
         friction = _cut(ng, txu - gamma * u[0], -case["friction"] * pressure)
         nitsche = (
             pressure * (theta / gamma * tyv - v[1]) + friction * (theta / gamma * txv - v[0])
@@ -235,141 +224,17 @@ class _Sum:
 
 
 def _cut(ng: Any, value: Any, bound: Any) -> Any:
-    """A value cut off at ± bound; without bound the negative part."""
-    if bound is None:
-        return ng.IfPos(value, 0.0, value)
+    """A value cut off at ± bound."""
     return ng.IfPos(value - bound, bound, ng.IfPos(-value - bound, -bound, value))
 
 
-def _mesh(vertices: Any, regions: dict[str, Any], sides: dict[str, Any]) -> Any:
-    """The mesh of a case, with straight edges: cells by region, edges by named side."""
+def _mesh(vertices: Any, cells: Any, sides: dict[str, Any]) -> Any:
+    """The mesh of a case, with straight edges by named side."""
     np: Any = import_module("numpy")
     meshing: Any = import_module("netgen.meshing")
     mesh = meshing.Mesh(dim=2)
     mesh.AddPoints(np.column_stack([vertices, np.zeros(len(vertices))]))
-    for name, cells in regions.items():
-        mesh.AddElements(dim=2, index=mesh.AddRegion(name, dim=2), data=cells.astype(np.int32), base=0)
+    mesh.AddElements(dim=2, index=mesh.AddRegion("body", dim=2), data=cells.astype(np.int32), base=0)
     for name, edges in sides.items():
         mesh.AddElements(dim=1, index=mesh.AddRegion(name, dim=1), data=np.array(edges, dtype=np.int32), base=0)
     return import_module("ngsolve").Mesh(mesh)
-
-
-ACCEPTED_PIN: Final = 1e-11
-"""Largest residual of the pin's solution: norm at the free unknowns over the force; contact equations are lengths."""
-
-_NEWTON_STEPS_PIN: Final = 50
-_SHORTEST_STEP_PIN: Final = 1.0 / 16.0  # of the line search
-_FIRST: Final = 0.1  # mm that the pin is moved by before the first step, so that it touches
-_STIFF: Final = 10.0  # ρ over E of the sheet by the radius
-
-
-def _pin_space(ng: Any, mesh: Any, order: int) -> tuple[Any, Any]:
-    """(u_x, u_y) of the sheet, (u_x, u_y) of the pin, (λ_n, λ_t), and which of these unknowns are free."""
-    hole = mesh.Boundaries("hole")
-    held = (("sheet", "wall"), ("sheet", "wall|axis"), ("pin", ""), ("pin", "axis|load"))
-    parts = [ng.H1(mesh, order=order, definedon=mesh.Materials(body), dirichlet=sides) for body, sides in held]
-    parts += [ng.H1(mesh, order=order - 1, definedon=hole) for _ in range(2)]
-    space = ng.FESpace(parts)
-    free = ng.BitArray(space.ndof)  # a part also counts unknowns of edges of the other body
-    free.Clear()
-    for number, part in enumerate(parts):
-        for element in (mesh.Materials(held[number][0]) if number < len(held) else hole).Elements():
-            for unknown in part.GetDofNrs(element):
-                free[space.Range(number).start + unknown] = True
-    return space, free & space.FreeDofs()
-
-
-def pin(case: dict[str, Any], order: int = 3, finite: bool = False) -> Callable[[], dict[str, Any]]:
-    """What solves the pin of a case (see `comparisons.peers.pin.plain_pin`), from zero each time.
-
-    It tells what `comparisons.peers.pin.MEASURED` names, unknowns, Newton steps, residual, status.
-    """
-    ng: Any = import_module("ngsolve")
-    np: Any = import_module("numpy")
-    ng.SetNumThreads(1)
-    vertices, cells, inside = (np.asarray(case[name]) for name in ("vertices", "cells", "pin"))
-    mesh = _mesh(vertices, {"sheet": cells[~inside], "pin": cells[inside]}, case["sides"])
-    hole, distance = mesh.Boundaries("hole"), ng.sqrt(ng.x**2 + ng.y**2)
-    # the chords of arcs are moved out to their circles
-    moves = ng.GridFunction(ng.VectorH1(mesh, order=order))
-    away = (mesh.BoundaryCF(case["arcs"], default=1.0) / distance - 1.0) * ng.CF((ng.x, ng.y))
-    moves.Set(away, definedon=mesh.Boundaries("|".join(case["arcs"])))
-    mesh.SetDeformation(moves)
-
-    space, free = _pin_space(ng, mesh, order)
-
-    def work(young: float, here: Any, test: Any) -> Any:
-        """Virtual work of the stresses of a body."""
-        poisson = case["poisson"]
-        shear, lame = young / (2.0 * (1.0 + poisson)), young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
-        gradient, of_test = (ng.CF(tuple(ng.grad(each) for each in pair), dims=(2, 2)) for pair in (here, test))
-        strain, turned = (gradient + gradient.trans) / 2.0, ng.Id(2)
-        if finite:
-            strain, turned = strain + gradient.trans * gradient / 2.0, ng.Id(2) + gradient
-        stress = 2.0 * shear * strain + lame * ng.Trace(strain) * ng.Id(2)
-        return ng.InnerProduct(turned * stress, of_test)
-
-    (ax, ay, bx, by, pressure, shear), (avx, avy, bvx, bvy, of_pressure, of_shear) = space.TnT()
-    form = ng.BilinearForm(space)
-    for body, here, test in (("sheet", (ax, ay), (avx, avy)), ("pin", (bx, by), (bvx, bvy))):
-        form += work(case["young"][body], here, test).Compile() * ng.dx(body, bonus_intorder=2)
-    form += -ng.CF(case["traction"]) * bvx.Trace() * ng.ds("load")
-    normal, along = ng.CF((ng.x / distance, ng.y / distance)), ng.CF((-ng.y / distance, ng.x / distance))
-    apart, test = (
-        ng.CF((there_x.Trace() - here_x.Trace(), there_y.Trace() - here_y.Trace()))
-        for here_x, here_y, there_x, there_y in ((ax, ay, bx, by), (avx, avy, bvx, bvy))
-    )
-    rho = _STIFF * case["young"]["sheet"] / case["radius"]
-    pushed = _cut(ng, pressure - rho * apart * normal, None)
-    rubbed = _cut(ng, shear - rho * apart * along, -case["friction"] * pushed)
-    contact = pressure * (test * normal) + shear * (test * along)
-    contact += ((pressure - pushed) * of_pressure + (shear - rubbed) * of_shear) / rho
-    form += (-contact).Compile() * ng.ds("hole", bonus_intorder=6)
-
-    found = ng.GridFunction(space)
-    residual, step, old = (found.vec.CreateVector() for _ in range(3))
-
-    def missed() -> float:
-        """Norm of the residual at the free unknowns, over the force; the residual is left in place."""
-        form.Apply(found.vec, residual)
-        ng.Projector(free, True).Project(residual)
-        return float(residual.Norm()) / float(case["force"])
-
-    def solve() -> dict[str, Any]:
-        _ = moves  # the mesh does not keep it
-        found.vec[:] = 0.0
-        found.components[2].Set(_FIRST, definedon=mesh.Materials("pin"))
-        norm, steps = missed(), 0
-        while norm > ACCEPTED_PIN and steps < _NEWTON_STEPS_PIN:
-            form.AssembleLinearization(found.vec)
-            step.data = form.mat.Inverse(free, inverse="umfpack") * residual
-            old.data, length, steps = found.vec, 1.0, steps + 1
-            while True:  # as far along the step as the residual falls
-                found.vec.data = old - length * step
-                after = missed()
-                if after <= (1.0 - _DECREASE * length) * norm or length <= _SHORTEST_STEP_PIN:
-                    break
-                length /= 2.0
-            norm = after
-        solved = norm <= ACCEPTED_PIN
-        lambda_n, lambda_t = found.components[4:]
-        (vertex,) = (each.nr for each in mesh.vertices if each.point == (case["radius"], 0.0))
-        (unknown,) = space.components[0].GetDofNrs(ng.NodeId(ng.VERTEX, vertex))
-
-        def along_hole(value: Any) -> float:
-            return float(ng.Integrate(value, mesh, definedon=hole, order=2 * order + 4))
-
-        return {
-            "status": "solved" if solved else "not converged",
-            "message": "" if solved else f"residual {norm:.1e} after {steps} Newton steps",
-            "moved": float(found.components[0].vec[unknown]),
-            "normal": -along_hole(lambda_n),
-            "shear": along_hole(lambda_t),
-            "carried": -along_hole(lambda_n * normal[0] - lambda_t * normal[1]),
-            "unknowns": sum(free),
-            "iterations": steps,
-            "residual": norm,
-            "version": ng.__version__,
-        }
-
-    return solve

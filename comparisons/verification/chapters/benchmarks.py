@@ -21,8 +21,7 @@ from comparisons.verification.measures import (
     zone_ends,
 )
 from comparisons.verification.rows import Chapter, Check, Kind, Row, both, by_hand, certified, certified_companion
-from qvi_contact import ContactLine, ContactProblem, ContactResult, ContactState, History, solve, solve_history
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact import ContactProblem, ContactResult, ContactState, solve, solve_history
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import (
     CORNER_EXPONENTS,
@@ -115,7 +114,7 @@ _FIT: Final = 61.8  # pressure of `press_fit` by Lamé [MPa]
 _RINGS: Final = (9.2592593e6, 1.3571791e5)  # pressure between them, mean and amplitude of cos 2θ [Pa]
 
 _BY_NGSOLVE: Final = {0.0: 0.758518, 0.1: 0.738677}
-"""μ → u_x [mm] on the axis at the hole of `loaded_pin`, by NGSolve."""
+"""μ → u_x [mm] on the axis at the hole of `loaded_pin`, by NGSolve: reports/peers/peers-pin.md of commit e714f877."""
 
 _STICK: Final = 4e-4  # of c on triangles of degree 4, on the mesh of `cattaneo`: the shear has a kink there
 _DEPTH: Final = 20  # how often triangles at a corner are halved
@@ -211,18 +210,13 @@ def sliding_corner(p: int, quick: bool) -> Iterator[Row]:
     """The same block sliding: the pressure near the leading corner, on triangles halved towards it."""
     for friction in (0.0, 0.5) if quick else (0.0, 0.1, 0.3, 0.5):
         result = solve(block_corner(friction, 1, _DEPTH), degree=p)
-        r, pressure = _near_corner(result.contacts["base"], _NEAR)
+        line = result.contacts["base"]
+        near = (1.0 - line.x > _NEAR[0]) & (1.0 - line.x < _NEAR[1])
+        r, pressure = 1.0 - line.x[near], -line.normal_stress[near]
         rows = Check(certified(result), "four digits of the eigenvalue problem; the slope of ln p over ln r", 1e-3)
         exponent = 1.0 + float(np.polyfit(np.log(r), np.log(pressure), 1)[0])
         yield rows.absolute(f"λ from the pressure, μ = {friction:g}", exponent, CORNER_EXPONENTS[friction])
         yield from two_models(quick, result, "base", 1e-2, 1e-2)
-
-
-def _near_corner(line: ContactLine, within: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """Distances from x = 1, and the pressure there."""
-    away = 1.0 - line.x
-    near = (away > within[0]) & (away < within[1])
-    return away[near], -line.normal_stress[near]
 
 
 @BENCHMARKS("cylinder-on-block", 4, 5)
@@ -302,7 +296,8 @@ def klang(p: int, quick: bool) -> Iterator[Row]:
     say how its load grew, has 17.8 MPa and slip from 33°, both in between.
     """
     for count in (1,) if quick else (1, 10):
-        history, steps = _klang(p, count), f"load in {count} step{'s' if count > 1 else ''}"
+        shares, steps = np.linspace(0.0, 1.0, count + 1)[1:], f"load in {count} step{'s' if count > 1 else ''}"
+        history = solve_history([cylinder_in_bore(8, 0.4, share=float(share)) for share in shares], degree=p)
         line, theta = history.steps[-1].contacts["bore"], degrees(history.steps[-1].contacts["bore"])
         rows = Check(both(*map(certified, history.steps)), kind=Kind.PUBLISHED)
         near = np.where(np.abs(theta) < 15.0, line.weights, 0.0)
@@ -317,12 +312,6 @@ def klang(p: int, quick: bool) -> Iterator[Row]:
         yield between(f"angle up to which the bore sticks, {steps} [°]", sticks, 33.0, source)
         if count == 1:
             yield from two_models(quick, history.steps[-1], "bore", 1e-3, 1e-2)
-
-
-def _klang(p: int, count: int, sectors: int = 8) -> History:
-    """Klang's problem with its load in so many equal steps."""
-    shares = np.linspace(0.0, 1.0, count + 1)[1:].tolist()
-    return solve_history([cylinder_in_bore(sectors, 0.4, share=share) for share in shares], degree=p)
 
 
 @BENCHMARKS("conservation", 4)

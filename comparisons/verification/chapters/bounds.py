@@ -44,10 +44,6 @@ def _free(*names: str) -> list[Condition]:
     return [Traction(name, x=0.0, y=0.0) for name in names]
 
 
-def _tresca(cells: int, grading: float) -> ContactProblem:
-    return plate_under(Contact.tresca("top", 40.0, gap=-_PUSH, name="plate"), cells, grading)
-
-
 def _sticking(cells: int, grading: float) -> ContactProblem:
     return plate_under(Contact.tied("top", gap=-_PUSH, name="plate"), cells, grading)
 
@@ -62,7 +58,11 @@ def _curved(cells: int, grading: float) -> ContactProblem:
     return ContactProblem(mesh, Material(2.09e5, 0.3), [*conditions, *_free("right")])
 
 
-_PROBLEMS: Final = {"Tresca": _tresca, "full stick": _sticking, "frictionless, curved ground": _curved}
+_PROBLEMS: Final[dict[str, Callable[[int, float], ContactProblem]]] = {
+    "Tresca": partial(plate_under, Contact.tresca("top", 40.0, gap=-_PUSH, name="plate")),
+    "full stick": _sticking,
+    "frictionless, curved ground": _curved,
+}
 """Name → problem by cells a side and grading."""
 
 
@@ -219,7 +219,8 @@ def errors_under_slip(p: int, quick: bool) -> Iterator[Row]:
             for result in results:
                 fine, bounds = solve(result.problem, degree=_FINE), _coulomb(result)
                 ratios.append(bounds.error / energy_apart(result, fine))
-                proofs.append(both(certified(result, fine), _holds(bounds)))
+                holds = by_hand(bounds.guaranteed, " ".join(bounds.reasons) or "guaranteed bound")
+                proofs.append(both(certified(result, fine), holds))
             rows, where = Check(both(*proofs), _TRUTH, kind=Kind.METHODS), f"{_ERROR}, μ = {friction:g}, {name}"
             yield rows.at_least(f"least {where}", min(ratios), 1.0)
             yield rows.at_most(f"largest {where}", max(ratios), 4.0)
@@ -317,7 +318,3 @@ def _coulomb(result: ContactResult) -> CoulombBounds:
     found = result.bracket.coulomb
     assert found is not None, result.bracket.coulomb_reason
     return found
-
-
-def _holds(bounds: CoulombBounds) -> Proof:
-    return by_hand(bounds.guaranteed, " ".join(bounds.reasons) or "guaranteed bound")

@@ -9,7 +9,7 @@ import io
 import platform
 import sys
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -204,22 +204,15 @@ def _shown(
     result: ContactResult, bracket: "Bracket | None", units: Units, panels: Sequence[str] | None
 ) -> dict[str, Any]:
     """Tables and pictures of a stress state."""
-    lines = list(result.contacts.values())
-    states = [state for state in STATES if any(state in line.shares for line in lines)]
     companion = bracket.companion if bracket is not None and bracket.companion is not None else None
-    tables = [("Resultants of the tractions on the body", resultant_headings(units), resultant_rows(result))]
-    if lines:
-        tables.insert(0, ("Contacts", contact_headings(units, states), contact_rows(lines, states)))
-    if result.plates:
-        tables.append(("Rigid plates and pins", ["contact", *plate_headings(units)], plate_rows(result)))
     return {
         "field": field_data(result, companion if companion is not None and companion.has_state else None, units),
         "contacts": [
             _contact(line, f"contact-{number}", units)
-            for number, line in enumerate(lines, 1)
+            for number, line in enumerate(result.contacts.values(), 1)
             if panels is None or line.name in panels
         ],
-        "tables": tables,
+        "tables": result_tables(result, units),
     }
 
 
@@ -269,58 +262,41 @@ def number(value: float, digits: int = 5, least: float = 0.0) -> str:
     return shown(value, least, digits).replace("-", "−")
 
 
-def contact_rows(lines: Iterable[ContactLine], states: Sequence[str]) -> list[list[str]]:
-    """Forces, largest tractions and motions, and shares of the length, a row for each contact."""
-    return [
-        [
-            line.name,
-            *_numbers(line.rounding.force, line.normal_force, line.tangential_force),
-            *_numbers(line.rounding.stress, (-line.normal_stress).max(), np.abs(line.tangential_stress).max()),
-            *_numbers(line.rounding.displacement, line.gap.max(), np.abs(line.slip).max()),
-            *shares(line.shares, states),
-        ]
-        for line in lines
-    ]
+def result_tables(result: ContactResult, units: Units) -> list[Titled]:
+    """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
 
+    def row(name: str, *numbers: tuple[float, float]) -> list[str]:
+        return [name, *(number(float(value), least=least) for value, least in numbers)]
 
-def contact_headings(units: Units, states: Sequence[str]) -> list[str]:
-    """Headings of `contact_rows`."""
     force, stress, length = units.engineering_force, units.stress, units.displacement
-    return [
+    lines, least = list(result.contacts.values()), result.rounding
+    states = [state for state in STATES if any(state in line.shares for line in lines)]
+    contacts = [
+        row(
+            line.name,
+            *((value, line.rounding.force) for value in (line.normal_force, line.tangential_force)),
+            ((-line.normal_stress).max(), line.rounding.stress),
+            (np.abs(line.tangential_stress).max(), line.rounding.stress),
+            *((value, line.rounding.displacement) for value in (line.gap.max(), np.abs(line.slip).max())),
+        ) + shares(line.shares, states)
+        for line in lines
+    ]  # fmt: skip
+    headings = [
         "contact", f"N [{force}]", f"T [{force}]", f"largest pressure [{stress}]", f"largest |σ_T| [{stress}]",
         f"largest gap [{length}]", f"largest |slip| [{length}]", *states,
     ]  # fmt: skip
-
-
-def resultant_rows(result: ContactResult) -> list[list[str]]:
-    """Force and moment on each edge set that a condition names."""
-    names = list(dict.fromkeys(condition.edges for condition in result.problem.conditions))
-    least = result.rounding
-    found = [result.resultant(name) for name in names]
-    return [
-        [name, *_numbers(least.force, force.x, force.y), *_numbers(least.moment, force.moment)]
-        for name, force in zip(names, found, strict=True)
+    loaded = {name: result.resultant(name) for name in dict.fromkeys(each.edges for each in result.problem.conditions)}
+    resultants = [
+        row(name, (each.x, least.force), (each.y, least.force), (each.moment, least.moment))
+        for name, each in loaded.items()
     ]
-
-
-def resultant_headings(units: Units) -> list[str]:
-    """Headings of `resultant_rows`."""
-    force = units.engineering_force
-    return ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
-
-
-def plate_rows(result: ContactResult) -> list[list[str]]:
-    """Motion, force and moment of each plate or pin."""
-    limits = plate_limits(result.rounding)
-    return [
-        [name, *(number(value, least=limit) for value, limit in zip(plate_numbers(result, name), limits, strict=True))]
-        for name in result.plates
-    ]
-
-
-def _numbers(least: float, *values: Any) -> list[str]:
-    """Numbers of one kind."""
-    return [number(float(value), least=least) for value in values]
+    about = ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
+    plates = [row(name, *zip(plate_numbers(result, name), plate_limits(least), strict=True)) for name in result.plates]
+    tables = [
+        ("Contacts", headings, contacts), ("Resultants of the tractions on the body", about, resultants),
+        ("Rigid plates and pins", ["contact", *plate_headings(units)], plates),
+    ]  # fmt: skip
+    return [table for table in tables if table[2]]
 
 
 _PARTS: Final = (64, 48, 32, 24, 16, 8, 1)  # along the body's length: the first with few enough points is taken

@@ -7,7 +7,15 @@ import pytest
 from scipy.special import factorial
 
 from qvi_contact import InputError, TriangleMesh, exact
-from qvi_contact.companion import DisplacementSpace, Elasticity, Triangle, moduli, reference_matrices, solve_companion
+from qvi_contact.companion import (
+    DisplacementSpace,
+    Elasticity,
+    Triangle,
+    moduli,
+    reference_matrices,
+    solve_companion,
+    solve_companions,
+)
 from qvi_contact.discretization import Scales
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
@@ -162,7 +170,7 @@ def plate(place=lambda points: points, length=1.0, stress=1.0, bounds=None):
     mesh = TriangleMesh(length * place(problem.mesh.vertices), problem.mesh.cells, problem.mesh.edge_sets)
     normal = [Traction("right", normal=0.0, tangential=0.0)]
     conditions = [normal[0] if isinstance(each, Traction) else each for each in problem.conditions]
-    companion = solve_companion(replace(problem, mesh=mesh, conditions=conditions), degree=3, bounds=bounds)
+    (companion,) = solve_companions(replace(problem, mesh=mesh, conditions=conditions), [bounds], degree=3)
     assert companion.status is Status.SOLVED
     return companion
 
@@ -207,9 +215,9 @@ LEAST = {"compression": 1, "shear": 1, "bending": 2, "cantilever": 3, "column": 
 ANGLE = 30.0
 
 
-def companion_of(problem, **options):
+def companion_of(problem, bounds=None, **options):
     """A companion that must be solved."""
-    found = solve_companion(problem, **options)
+    (found,) = solve_companions(problem, [bounds], **options)
     assert found.status is Status.SOLVED, found.message
     return found
 
