@@ -228,9 +228,10 @@ def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repe
 
 
 @experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")
-@click.option("--count", type=COUNT, metavar="NUMBER", default=95, show_default=True, help="Problems of each family.")
+@click.option("--count", type=COUNT, metavar="NUMBER", default=140, show_default=True,
+              help="Problems of each family, and as many more with springs.")  # fmt: skip
 def bounds(count: int) -> Plan:
-    """Bound the errors of generated problems with friction and temperature, and compare with NGSolve.
+    """Bound the errors of generated problems with friction, temperature and springs, and compare with NGSolve.
 
     Displacements of degree 5 on graded meshes, with a frictional contact iteration of their own, stand for the exact
     solution. The report says whether they are within the bounds of stress, displacement and forces, and how far the

@@ -30,6 +30,7 @@ FAMILIES: Final = {
     "polygons": "polygons of 5 to 8 corners, turned by any angle, one side on an obstacle",
     "joints": "two blocks, one on the other",
     "strains": "the same three with a rise of temperature, a polynomial of degree 0 to 2",
+    "springs": "those of *strains* on springs across the contact, often along it too, some as a bed that ties",
 }
 """Family → what it has. All but a tenth have friction."""
 
@@ -41,9 +42,10 @@ _FEW: Final = 28
 def stated(family: str, number: int) -> tuple[ContactProblem, int]:
     """Problem `number` of a family, and the degree to solve it with."""
     dice = Dice("bounds", family, number)
-    body = family if family != "strains" else dice.pick(("grids", "polygons", "joints"))
+    warm = family in {"strains", "springs"}
+    body = dice.pick(("grids", "polygons", "joints")) if warm else family
     strain, young, poisson = dice.magnitude(-4.0, -2.0), dice.pick((1.0, 2.1e5)), dice.pick((0.0, 0.2, 0.3, 0.45))
-    warm, size = family == "strains", strain * young
+    size = strain * young
     expansion = 1.2e-5 if warm else 0.0
     material = Material(young, poisson, dice.pick(("stress", "strain")), expansion=expansion)
     mesh, conditions = (_polygon if body == "polygons" else _block)(dice, strain, size, body == "joints")
@@ -57,8 +59,31 @@ def stated(family: str, number: int) -> tuple[ContactProblem, int]:
     potential: Field = Polynomial([[0.0, weight]]) if weight else 0.0
     stiffer = replace(material, young=young * dice.pick((0.1, 10.0)))
     regions = [Region(stiffer, name="upper")] if "upper" in mesh.region_names else []
-    problem = ContactProblem(mesh, material, conditions, potential, regions, temperature)
-    return problem, dice.pick((3, 4, 4, 5))
+    degree = dice.pick((3, 4, 4, 5))
+    if family == "springs":
+        conditions = _on_springs(dice, conditions, young)
+    return ContactProblem(mesh, material, conditions, potential, regions, temperature), degree
+
+
+def _on_springs(dice: Dice, conditions: list[Condition], young: float) -> list[Condition]:
+    """The same, the contact compliant or, for one in four, tied; and some lower blocks on a bed."""
+
+    def on_springs(contact: Contact) -> Contact:
+        """With a stiffness across, and for most along; for bodies about as large as 1."""
+        across = young * dice.magnitude(-1.0, 2.0)
+        along = across * dice.pick((0.1, 0.4, 1.0)) if dice.chance(0.7) else None
+        return replace(contact, normal_stiffness=across, tangential_stiffness=along)
+
+    found: list[Condition] = []
+    for each in conditions:
+        if isinstance(each, Contact):
+            tied = Contact.tied(each.edges, each.gap, each.offset, each.name)
+            found.append(on_springs(tied if dice.chance(0.25) else each))
+        elif isinstance(each, Displacement) and each.edges == "bottom" and dice.chance(0.5):
+            found.append(on_springs(Contact.tied("bottom", name="bed")))
+        else:
+            found.append(each)
+    return found
 
 
 def _block(dice: Dice, strain: float, size: float, joint: bool) -> tuple[TriangleMesh, list[Condition]]:

@@ -4,7 +4,7 @@ Nothing of `solvers`, of the Airy functions or of the package's displacement mod
 problem and the handling of meshes. NGSolve assembles displacements u of degree p. They are condensed on the nodes of
 Gauss and Lobatto along the contacts. With the nodal forces r = Su − f the law holds node by node, |r_T| ≤ μ|r_N|,
 and is solved by a semismooth Newton method (Alart and Curnier), which in a cycle changes the state of half of the nodes
-that are wrong.
+that are wrong. Where springs of nodal compliances C are between, it holds for y = u + Cr, r = (1 + SC)⁻¹(Sy − f).
 
 The mesh is that of the problem, each triangle cut in three at its centre as Hsieh, Clough and Tocher do, so that the
 package's stress is one polynomial on each cell; then graded to corners, ends of conditions and joints, and, in two
@@ -131,8 +131,13 @@ class _Nodes(NamedTuple):
     where: IntArray
 
     def values(self, name: str) -> FloatArray:
-        """A field at the nodes, the cohesion as a force."""
-        values = evaluate(name, getattr(self.contact, name), *self.at.T)
+        """A field at the nodes, the cohesion as a force and stiffnesses as compliances."""
+        value = getattr(self.contact, name)
+        if value is None:
+            return np.zeros(len(self.at))
+        values = evaluate(name, value, *self.at.T)
+        if name.endswith("_stiffness"):
+            return 1.0 / (values * self.length)
         return values * self.length if name == "cohesion" else values
 
 
@@ -169,7 +174,7 @@ class _Model:
             elif isinstance(each, Symmetry):
                 axis = int(np.abs(self._fine.edges(each.edges).normal[0]).argmax())
                 given[axis][each.edges] = ng.CF(0.0)
-            elif each.law != "unilateral" or each.plate is not None or each.has_springs:
+            elif each.law == "bilateral" or each.plate is not None or each.has_fluid or each.shear_limit is not None:
                 raise NoReferenceError("a contact of another kind")
         return given, loads
 
@@ -350,10 +355,17 @@ class _Model:
             raise NoReferenceError("a slanted contact that is held along an axis at its end")
         N = np.concatenate([np.zeros(0, dtype=int), *where])
         T = np.concatenate([np.zeros(0, dtype=int), *(each + len(each) for each in where)])
-        gap, offset, friction, cohesion = (
+        gap, offset, friction, cohesion, across, along = (
             np.concatenate([np.zeros(0), *(each.values(name) for each in self._contacts)])
-            for name in ("gap", "offset", "friction", "cohesion")
+            for name in ("gap", "offset", "friction", "cohesion", "normal_stiffness", "tangential_stiffness")
         )
+        tied = [np.full(len(each.where), each.contact.law == "tied") for each in self._contacts]
+        kept = np.concatenate([np.zeros(0, dtype=bool), *tied])
+        C = np.zeros(len(f))
+        C[N], C[T] = across, along
+        C[held] = 0.0
+        if C.any():
+            S, f = (np.asarray(np.linalg.solve(np.eye(len(f)) + S * C, each), np.float64) for each in (S, f))
         closed, sense = np.ones(len(N), dtype=bool), np.zeros(len(N))
         stiff, dice = S.diagonal(), np.random.default_rng(0)
         for step in range(_STEPS):
@@ -375,8 +387,9 @@ class _Model:
             y: FloatArray = np.asarray(np.linalg.solve(M, b), np.float64)
             r = S @ y - f
             pressure = np.where(held[N], 0.0, np.maximum(-r[N], 0.0))
-            bound, pushed = cohesion + friction * pressure, -r[T] + stiff[T] * (y[T] - offset)
-            lifted = -r[N] + stiff[N] * (y[N] - gap)
+            bound = np.where(kept, np.inf, cohesion + friction * pressure)
+            pushed = -r[T] + stiff[T] * (y[T] - offset)
+            lifted = np.where(kept, 1.0, -r[N] + stiff[N] * (y[N] - gap))
             state = np.where(np.abs(pushed) < bound, 0.0, np.where(pushed < 0.0, -1.0, 1.0))
             state[(state == -sense) & (bound > 0.0)] = 0.0  # from one sense to the other by way of stick
             wrong = np.flatnonzero((closed != (lifted > 0.0)) | (sense != state))
@@ -392,11 +405,12 @@ class _Model:
             chosen = np.isin(N, each.where)
             normal, shear = (np.where(held[rows], 0.0, r[rows])[chosen] for rows in (N, T))
             self.forces[each.contact.name] = float(-normal.sum()), float(shear.sum())
-            state = np.where(closed, np.where((friction > 0.0) | (cohesion > 0.0), 2.0 + sense, 4.0), 0.0)[chosen]
+            rough = kept | (friction > 0.0) | (cohesion > 0.0)
+            state = np.where(closed, np.where(rough, 2.0 + sense, 4.0), 0.0)[chosen]
             states |= {_STATES[value] for value in np.unique(state).tolist()}
             state[held[N][chosen] | held[T][chosen]] = np.nan
             changed = np.flatnonzero(np.abs(np.diff(state)) > 0.0)
             changes.append((each.at[changed] + each.at[changed + 1]) / 2.0)
         self.states = ", ".join(name for name in _STATES.values() if name in states)
         self._changes = np.concatenate([np.zeros((0, 2)), *changes])
-        return y
+        return y - C * r

@@ -70,10 +70,11 @@ def forces_of(runs: DataFrame) -> DataFrame:
 def values_of(runs: DataFrame, forces: DataFrame) -> dict[str, Any]:
     """The numbers in sentences."""
     bounded, judged, measured = runs[runs.status == "bounded"], runs[runs.judged], forces[forces.judged]
-    strained = judged.family == "strains"
+    families = judged.family.value_counts()
+    strained, sprung = (int(families.get(name, 0)) for name in ("strains", "springs"))
     return {
         "runs": len(runs), "bounded": len(bounded), "judged": len(judged), "families": FAMILIES,
-        "friction": int((~strained).sum()), "strained": int(strained.sum()),
+        "friction": len(judged) - strained - sprung, "strained": strained, "sprung": sprung,
         "outside": int(judged.outside.sum()), "inside": int(judged.inside.sum()),
         "undecided": int((~judged.inside & ~judged.outside).sum()), "unjudged": len(bounded) - len(judged),
         "guaranteed": int((judged.guaranteed == True).sum()),  # noqa: E712

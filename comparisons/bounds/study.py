@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
 
 def declared(count: int) -> Study:
-    """The study of the first problems of each family, which take turns."""
+    """The study of the first problems of each family, which take turns, and of as many more with springs."""
     cases = [{"family": family, "number": number} for number in range(count) for family in FAMILIES]
+    cases += [{"family": "springs", "number": number} for number in range(count, 2 * count)]
     return Study("bounds", 1, "comparisons.bounds.study:solve_case", cases, packages=(*PACKAGES, "ngsolve"))
 
 

@@ -29,7 +29,8 @@ _MODULES: Final = {
     "paper": "chapters.plate", "exact": "chapters.exact", "friction": "chapters.exact",
     "ssnv128": "chapters.benchmarks", "benchmarks": "chapters.benchmarks", "curves": "chapters.curves",
     "limits": "chapters.limits", "invariance": "chapters.exact",
-    "plate": "chapters.plate", "energies": "chapters.plate", "bounds": "chapters.bounds", "examples": "known",
+    "plate": "chapters.plate", "energies": "chapters.plate", "bounds": "chapters.bounds", "numbers": "chapters.numbers",
+    "examples": "known",
 }  # fmt: skip
 
 CHAPTERS: Final[Chapters] = {

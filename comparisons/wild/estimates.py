@@ -125,7 +125,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     measure, problem, result, values = Measure.of(found.problem, found.quantity), found.problem, found.result, []
     try:  # on meshes bisected once and twice
         for more in (2, 3):
-            problem = reference_problem(problem, problem.mesh, places(problem, problem.mesh, result))
+            problem = reference_problem(problem, places(result))
             result = solve(problem, degree=given.degree + more)
             if result.status not in (Status.SOLVED, Status.INACCURATE):  # the latter has digits enough
                 raise SolveError(result.message)

@@ -11,8 +11,9 @@ import numpy as np
 from qvi_contact.basics.checks import positive_number, whole_number
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.limits import limit_strategy
+from qvi_contact.refinement.limits import LimitStrategy
 from qvi_contact.refinement.measure import Measure, Quantity
 from qvi_contact.refinement.outcome import (
     LimitFactor,
@@ -21,8 +22,8 @@ from qvi_contact.refinement.outcome import (
     RefinementRound,
     RefinementStatus,
 )
-from qvi_contact.refinement.rounds import Round, Settings, StopError, in_rounds
-from qvi_contact.refinement.triangles import HistoryRefinement, TriangleRefinement
+from qvi_contact.refinement.rounds import Settings, in_rounds
+from qvi_contact.refinement.triangles import TriangleRefinement, steps_of
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import Settings as SolveSettings
@@ -207,18 +208,13 @@ def refine(
             if callback is not None:
                 callback(record)
 
-        found: Refinement | LimitRefinement
+        strategy: LimitStrategy | TriangleRefinement
         if isinstance(quantity, LimitFactor):
-            strategy = limit_strategy(problem, settings, checked_loads(problem, quantity.loads))
-            _, limits, stop = in_rounds(strategy, problem, result, told)
-            if not limits:
-                raise SolveError(f"limit load: {stop.reason}: use a coarser or less graded mesh")
-            limit = limits[-1].answer.limit
-            name = f"limit load factor of {', '.join(strategy.names)}"
-            found = LimitRefinement(limit=limit, problem=limits[-1].problem, **_said(name, settings, limits, stop))
+            strategy = LimitStrategy(problem, settings, checked_loads(problem, quantity.loads))
         else:
             _ = SolveSettings.of(None, options)
-            found = _refined(steps, settings, Measure.of(problem, quantity), result, told)
+            strategy = TriangleRefinement(settings, Measure.of(problem, quantity), steps)
+        found = _refined(strategy, problem.mesh if result is None else result.problem.mesh, told)
         log.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
         return found
 
@@ -232,35 +228,19 @@ def _steps_of(problem: object) -> tuple[ContactProblem, ...]:
 
 
 def _refined(
-    steps: tuple[ContactProblem, ...],
-    settings: Settings,
-    measure: Measure,
-    result: ContactResult | None,
-    callback: RoundCallback,
-) -> Refinement:
-    """The refinement of one problem, or of all load steps."""
-    several = len(steps) > 1
-    strategy = HistoryRefinement(settings, measure, steps) if several else TriangleRefinement(settings, measure)
-    first, rounds, stop = in_rounds(strategy, steps[0], result, callback)
-    history = rounds[-1].history if rounds else first if isinstance(first, History) else None
-    last = rounds[-1].answer if rounds else first.steps[-1] if isinstance(first, History) else first
-    said = _said(measure.name, settings, rounds, stop, last.problem.mesh.cell_count)
-    return Refinement(result=last, history=history, **said)
-
-
-def _said(
-    name: str, settings: Settings, rounds: Sequence[Round[Any]], stop: StopError, cells: int = 0
-) -> dict[str, Any]:
-    """What every `Outcome` says."""
-    last = rounds[-1] if rounds else None
-    return {
-        "status": stop.status,
-        "quantity": name,
-        "target": settings.target,
-        "value": np.nan if last is None else last.value,
-        "estimate": np.inf if last is None else last.estimate,
-        "unit": np.nan if last is None else last.unit,
-        "indicator": np.zeros(cells) if last is None else last.indicator,
-        "rounds": tuple(each.record for each in rounds),
-        "reason": stop.reason,
-    }
+    strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
+) -> Refinement | LimitRefinement:
+    first, rounds, stop = in_rounds(strategy, strategy.settings, mesh, callback)
+    answer, last = (rounds[-1].answer, rounds[-1]) if rounds else (first, None)
+    said: dict[str, Any] = {
+        "status": stop.status, "target": strategy.settings.target, "reason": stop.reason,
+        "rounds": tuple(each.record for each in rounds), "unit": np.nan if last is None else last.unit,
+        "indicator": np.zeros(mesh.cell_count) if last is None else last.indicator,
+    }  # fmt: skip
+    if isinstance(strategy, TriangleRefinement):
+        history = answer if isinstance(answer, History) else None
+        return Refinement(quantity=strategy.measure.name, result=steps_of(answer)[-1], history=history, **said)
+    if last is None:
+        raise SolveError(f"limit load: {stop.reason}: use a coarser or less graded mesh")
+    name = f"limit load factor of {', '.join(strategy.names)}"
+    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.posed.problem, **said)

@@ -16,6 +16,7 @@ In `docs/theory.md`: (D25).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -70,128 +71,86 @@ def law_gap(
     return np.asarray(np.maximum(work - normal * opening - shear * slip, 0.0))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LimitRound(Round[LimitAnalysis]):
-    """A limit load on one mesh.
-
-    Attributes
-    ----------
-    parts : tuple of (n,) arrays
-        What each edge of each contact that limits tractions falls short of, or each triangle of a body that yields.
-
-    """
-
-    parts: tuple[FloatArray, ...]
-
-
-def limit_strategy(problem: ContactProblem, settings: Settings, names: tuple[str, ...]) -> "LimitStrategy":
-    """How meshes are refined; `InputError` for options that a limit load does not have."""
-    for name, value in settings.options.items():
-        if name not in _SPACE:
-            raise InputError(name, value, "is not for limit loads: give degree or law_on")
-    return (LimitOfYielding if problem.yields else LimitStrategy)(settings, names)
-
-
 @dataclass(frozen=True)
 class LimitStrategy:
-    """Triangles beside the edges that have most of the distance bisected twice; see `rounds.Strategy`."""
+    """Both sides of a limit load, see `rounds.Strategy`."""
 
+    problem: ContactProblem
     settings: Settings
     names: tuple[str, ...]
 
-    def answer(self, problem: ContactProblem) -> LimitAnalysis:
+    def __post_init__(self) -> None:
+        for name, value in self.settings.options.items():
+            if name not in _SPACE:
+                raise InputError(name, value, "is not for limit loads: give degree or law_on")
+
+    def answer(self, mesh: TriangleMesh) -> LimitAnalysis:
         """Both sides on the mesh."""
+        problem = self.problem if self.problem.mesh is mesh else replace(self.problem, mesh=mesh)
         posed = LimitProblem.of(problem, self.names, **self.settings.options)
         if posed.unknowns > self.settings.max_unknowns:
             raise TooLargeError(posed.unknowns)
         return posed.solved()
 
-    def assessed(self, problem: ContactProblem, answer: LimitAnalysis, _earlier: Sequence[LimitRound], /) -> LimitRound:
-        """How far apart both sides are, and on which edges."""
-        limit, mesh = answer.limit, problem.mesh
+    def assessed(self, mesh: TriangleMesh, answer: LimitAnalysis, _earlier: Sequence[Round], /) -> Round:
+        """How far apart both sides are; and on which edges, or of a body that yields in which triangles."""
+        limit = answer.limit
         if limit.violation > _VIOLATED:
             text = f"the stresses of the mesh violate the contact laws by {limit.violation:.1e}"
             raise StopError(RefinementStatus.THIN_CELLS, text)
         same = limit.lower == limit.upper  # both may be infinite
         unit = max(abs(limit.upper), _SMALL) if np.isfinite(limit.upper) else 1.0
         estimate = 0.0 if same else max(limit.upper - limit.lower, 0.0) / unit
-        parts = tuple(_edge_gaps(answer))
-        shares = np.zeros(mesh.cell_count)
-        for edges, part in zip(_limited_edges(problem), parts, strict=True):
-            inside = edges.cells >= 0
-            for side in (0, 1):  # in equal shares for the cells beside an edge
-                np.add.at(shares, edges.cells[inside[:, side], side], (part / inside.sum(axis=1))[inside[:, side]])
-        total = float(shares.sum())
-        known = total > 0.0 and np.isfinite(estimate)
-        indicator = shares * (estimate / total) if known else np.zeros(mesh.cell_count)
         exact = np.isfinite(estimate) and loads_followed(answer.posed.low) and loads_followed(answer.posed.high)
-        return LimitRound(
-            problem=problem,
-            unknowns=answer.posed.unknowns,
-            answer=answer,
-            value=limit.lower,
-            unit=unit,
-            estimate=estimate,
-            certainty=Certainty.GUARANTEED if exact else Certainty.ESTIMATE,
-            indicator=indicator,
-            parts=parts,
-        )
+        if self.problem.yields:
+            parts = np.ones(mesh.cell_count) if limit.collapse is None else limit.collapse.gap
+            finer = partial(self._finer_where_it_yields, mesh, parts)
+            exact &= not mesh.curved.any()  # strengths hold on the straight triangles
+        else:
+            on_edges, parts = list(_edge_gaps(answer)), np.zeros(mesh.cell_count)
+            for edges, part in zip(_limited_edges(answer.posed.problem), on_edges, strict=True):
+                inside = edges.cells >= 0
+                for side in (0, 1):  # in equal shares for the cells beside an edge
+                    np.add.at(parts, edges.cells[inside[:, side], side], (part / inside.sum(axis=1))[inside[:, side]])
+            finer = partial(self._finer_at_contacts, mesh, on_edges)
+        return Round(
+            answer=answer, unknowns=answer.posed.unknowns, value=limit.lower, unit=unit, estimate=estimate,
+            certainty=Certainty.GUARANTEED if exact else Certainty.ESTIMATE, parts=parts, finer=finer,
+        )  # fmt: skip
 
-    def next(self, rounds: Sequence[LimitRound]) -> ContactProblem:
-        """The problem with the edges bisected that have most of the distance."""
-        last = rounds[-1]
-        joined = np.concatenate([np.empty(0), *last.parts])
+    def _finer_at_contacts(self, mesh: TriangleMesh, parts: Sequence[FloatArray]) -> TriangleMesh | None:
+        """Triangles beside the edges that have most of the distance bisected twice."""
+        joined = np.concatenate([np.empty(0), *parts])
         if not joined.size:
             raise StopError(RefinementStatus.UNSOLVED, "there is no contact that limits tractions")
-        marked, start, beside = bulk(joined), 0, []
-        problem = last.problem
-        for edges, parts in zip(_limited_edges(problem), last.parts, strict=True):
-            chosen = marked[start : start + len(parts)] & (edges.length >= 2.0 * self.settings.thinnest)
-            beside.append(edges.cells[chosen].ravel())
-            start += len(parts)
-        cells = np.unique(np.concatenate(beside))
+        problem = replace(self.problem, mesh=mesh)
+        long = np.concatenate([edges.length for edges in _limited_edges(problem)]) >= 2.0 * self.settings.thinnest
+        beside = np.concatenate([edges.cells for edges in _limited_edges(problem)])
+        cells = np.unique(beside[bulk(joined) & long])
         cells = cells[cells >= 0]
         if not len(cells):
-            raise StopError(RefinementStatus.THIN_CELLS)
-        fine = mesh = problem.mesh
+            return None
+        fine = mesh
         for _ in range(_TWICE):
             fine = fine.refined(at_contacts(problem, mesh, fine, cells))
-        return replace(problem, mesh=fine)
+        return fine
 
-
-class LimitOfYielding(LimitStrategy):
-    """Triangles with most of the gap bisected, and fans where loads change or outlines turn inwards."""
-
-    def assessed(self, problem: ContactProblem, answer: LimitAnalysis, earlier: Sequence[LimitRound], /) -> LimitRound:
-        """How far apart both sides are, and in which triangles."""
-        found = super().assessed(problem, answer, earlier)
-        collapse, mesh = answer.limit.collapse, problem.mesh
-        parts = np.ones(mesh.cell_count) if collapse is None else collapse.gap
-        estimate, certainty = found.estimate, found.certainty
-        shares = parts * (estimate / parts.sum()) if np.isfinite(estimate) and parts.sum() > 0.0 else 0.0 * parts
-        if mesh.curved.any():  # strengths hold on the straight triangles
-            certainty = Certainty.ESTIMATE
-        return replace(found, indicator=shares, parts=(parts,), certainty=certainty)
-
-    def next(self, rounds: Sequence[LimitRound]) -> ContactProblem:
+    def _finer_where_it_yields(self, mesh: TriangleMesh, parts: FloatArray) -> TriangleMesh | None:
         """Triangles with most of the gap divided; where they meet a singular vertex its fan becomes finer."""
-        last = rounds[-1]
-        mesh, parts = last.problem.mesh, last.parts[0]
         marked = bulk(parts, _SHARE)
-        singular = singular_vertices(last.problem)
+        singular = singular_vertices(replace(self.problem, mesh=mesh))
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
         around = np.isin(mesh.cells, at).any(axis=1)
         one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
         areas = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) / 2.0
-        long = np.sqrt(areas) >= 2.0 * self.settings.thinnest
-        chosen = np.flatnonzero(marked & ~around & long)
+        chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * self.settings.thinnest))
         if not len(chosen) and not len(at):
-            raise StopError(RefinementStatus.THIN_CELLS)
+            return None
         fine = mesh.refined(chosen) if len(chosen) else mesh
         for vertex in at.tolist():
             widest = float(_angles(fine)[fine.cells == vertex].max())
             fine = fine.fanned(np.array([vertex]), max(widest / 2.0, _SECTOR))
-        return replace(last.problem, mesh=fine)
+        return fine
 
 
 def singular_vertices(problem: ContactProblem) -> IntArray:

@@ -65,8 +65,8 @@ class Measure:
     kind: str = ""
     point: bool = False
 
-    def unit(self, result: ContactResult) -> float:
-        """What its error is relative to."""
+    def unit(self, result: ContactResult, value: float) -> float:
+        """What the error of its value is relative to."""
         if self.kind == "energy":
             return result.energies.strain
         scales = result.discretization.scales
@@ -79,7 +79,7 @@ class Measure:
             "stress": scales.stress,
         }
         size = sizes.get(_UNITS.get(self.kind, ""), force) if self.kind else 0.0
-        return max(abs(self.value(result)), _SMALL * size)
+        return max(abs(value), _SMALL * size)
 
     @property
     def bounded(self) -> bool:

@@ -158,12 +158,8 @@ class Outcome:
         Name of the quantity.
     target : float
         Relative error asked for.
-    value : float
-        The quantity on the last mesh; NaN if that failed.
-    estimate : float
-        Estimated relative error of the value, or its bound if `guaranteed`; infinity if there is none.
     unit : float
-        What it is relative to, see `refine`.
+        What errors are relative to, see `refine`; NaN if no mesh was solved.
     indicator : (cells,) array
         Contribution of each cell of the last mesh; they are ≥ 0 and add up to the estimate.
     rounds : tuple of RefinementRound
@@ -176,8 +172,6 @@ class Outcome:
     status: RefinementStatus
     quantity: str
     target: float
-    value: float
-    estimate: float
     unit: float
     indicator: FloatArray
     rounds: tuple[RefinementRound, ...]
@@ -199,6 +193,16 @@ class Outcome:
         """
         rows = [{"round": number, **asdict(record)} for number, record in enumerate(self.rounds, 1)]
         return frame(columns_of(rows))
+
+    @property
+    def value(self) -> float:
+        """The quantity on the last mesh; NaN if that failed."""
+        return self.rounds[-1].value if self.rounds else float("nan")
+
+    @property
+    def estimate(self) -> float:
+        """Estimated relative error of the value, or its bound if `guaranteed`; infinity if there is none."""
+        return self.rounds[-1].estimate if self.rounds else float("inf")
 
     @property
     def error(self) -> float:

@@ -97,14 +97,15 @@ class Places:
     corners: IntArray
 
 
-def places(problem: ContactProblem, mesh: TriangleMesh, result: ContactResult) -> Places:
-    """Where a reference solution for an answer on a mesh is refined.
+def places(result: ContactResult) -> Places:
+    """Where a reference solution for an answer is refined.
 
     Slip to either side is a state of its own. Corners are vertices where conditions change or the boundary turns
     inwards, and where joints end or meet.
     """
-    cells, unit = [np.empty(0, dtype=np.int64)], result.discretization.scales.stress
-    for contact in result.problem.contacts:
+    problem, mesh, unit = result.problem, result.problem.mesh, result.discretization.scales.stress
+    cells = [np.empty(0, dtype=np.int64)]
+    for contact in problem.contacts:
         edges, line = mesh.edges(contact.edges), result.contacts[contact.name]
         leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
         state = np.where(leftward, _LEFTWARD, line.state).reshape(len(edges), -1)
@@ -116,12 +117,12 @@ def places(problem: ContactProblem, mesh: TriangleMesh, result: ContactResult) -
         meets = (lowest != highest)[inverse].reshape(2, -1).any(axis=0)
         chosen = edges.cells[(state != state[:, :1]).any(axis=1) | meets]
         cells.append(chosen[chosen >= 0])
-    boundary, owners = problem.mesh.boundary, problem.owners
+    boundary, owners = mesh.boundary, problem.owners
     vertex = np.concatenate([boundary.first, boundary.second])
     order = np.argsort(vertex, kind="stable")
     here = vertex[order][::2]
     one, other = np.tile(np.arange(len(boundary)), 2)[order].reshape(-1, 2).T  # a body of one piece: two edges a vertex
-    middles = np.stack(problem.mesh.points_along(boundary, np.array([0.5])), axis=-1)[:, 0]
+    middles = np.stack(mesh.points_along(boundary, np.array([0.5])), axis=-1)[:, 0]
     differ = (owners[:, one] != owners[:, other]).any(axis=0)
     inwards = ((middles[other] - middles[one]) * boundary.normal[one]).sum(axis=1) > 0.0
     normals = frames_along(boundary, np.array([0.0, 1.0]))[0]
@@ -129,16 +130,16 @@ def places(problem: ContactProblem, mesh: TriangleMesh, result: ContactResult) -
     turn = np.arccos(np.clip((first * second).sum(axis=1), -1.0, 1.0))
     corners = [here[differ | (inwards & (turn > _TURN))]]
     if problem.joints:
-        lines = [problem.mesh.edges(contact.edges) for contact in problem.joints]
+        lines = [mesh.edges(contact.edges) for contact in problem.joints]
         ends = np.concatenate([np.concatenate([each.first, each.second]) for each in lines])
         vertex, times = np.unique(ends, return_counts=True)
         corners.append(vertex[times != 2])
     return Places(np.unique(np.concatenate(cells)), np.unique(np.concatenate(corners)))
 
 
-def reference_problem(problem: ContactProblem, mesh: TriangleMesh, at: Places) -> ContactProblem:
-    """The problem on the mesh bisected for a reference solution."""
-    fine = mesh
+def reference_problem(problem: ContactProblem, at: Places) -> ContactProblem:
+    """The problem on its mesh bisected for a reference solution."""
+    fine = mesh = problem.mesh
     for level in range(_IN_CORNERS):
         chosen = at_contacts(problem, mesh, fine, at.cells if level < _AT_CHANGES else at.cells[:0])
         near = np.isin(fine.cells, at.corners).any(axis=1)  # old vertices keep their numbers
@@ -159,14 +160,14 @@ def at_contacts(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh,
     return found
 
 
-def energies_between(
-    answer: ContactResult, reference: ContactResult, mesh: TriangleMesh, fine: TriangleMesh
-) -> FloatArray:
+def energies_between(answer: ContactResult, reference: ContactResult) -> FloatArray:
     """½ ∫ c(σ − τ):(σ − τ) over each triangle of the answer's mesh, τ of the reference solution [stress × length²].
 
     Those at contacts with springs have ½ ∫ (σ_N − τ_N)²/k_N + (σ_T − τ_T)²/k_T ds, too.
     """
-    space, problem, parents = reference.discretization.space, reference.problem, fine.parents(mesh)
+    space, problem, mesh = reference.discretization.space, reference.problem, answer.problem.mesh
+    fine = problem.mesh
+    parents = fine.parents(mesh)
 
     def located(within: TriangleMesh, numbers: IntArray, points: FloatArray) -> FloatArray:
         flat = within.reference(np.repeat(numbers, points.shape[1]), points.reshape(-1, 2))

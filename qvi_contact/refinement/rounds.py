@@ -1,22 +1,19 @@
 """The rounds of one refinement, whatever is refined: answer, assess, refine, until the target or a limit is reached."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final, Generic, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Certainty
 from qvi_contact.errors import InputError, QVIError
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
-from qvi_contact.solution.result import ContactResult
 from solvers.basics.progress import deadline
 
 _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
-
-A = TypeVar("A")
 
 
 def bulk(parts: FloatArray, share: float = _BULK) -> BoolArray:
@@ -48,14 +45,12 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Round(Generic[A]):
+class Round:
     """An answer and how far it is off.
 
     Attributes
     ----------
-    problem : ContactProblem
-        What the next round's mesh is made from.
-    answer : A
+    answer : ContactResult, History or LimitAnalysis
         The answer.
     unknowns : int
         Its unknowns.
@@ -65,49 +60,49 @@ class Round(Generic[A]):
         Relative error; infinity if there is none.
     certainty : Certainty
         Whether the estimate is a bound.
-    indicator : (cells,) array
-        Contribution of each cell to the estimate.
+    parts : (cells,) array
+        In which proportion cells have a share in it.
+    finer : function
+        Makes the mesh of the next round; None if there is none.
+    reference : float
+        The quantity of the reference solution; NaN where there was none.
+    hopeless : bool
+        Whether bounds need not be tried again.
 
     """
 
-    problem: ContactProblem
-    answer: A
+    answer: Any
     unknowns: int
     value: float
     unit: float
     estimate: float
     certainty: Certainty
-    indicator: FloatArray
+    parts: FloatArray
+    finer: Callable[[], TriangleMesh | None]
+    reference: float = np.nan
+    hopeless: bool = False
+
+    @property
+    def indicator(self) -> FloatArray:
+        """Contribution (cells,) of each cell to the estimate; zero where there is none."""
+        total = float(self.parts.sum())
+        known = total > 0.0 and np.isfinite(self.estimate)
+        return self.parts * (self.estimate / total) if known else np.zeros_like(self.parts)
 
     @property
     def record(self) -> RefinementRound:
         """What is kept of the round."""
-        cells = self.problem.mesh.cell_count
-        return RefinementRound(cells, self.unknowns, self.value, self.estimate, self.certainty)
+        return RefinementRound(len(self.parts), self.unknowns, self.value, self.estimate, self.certainty)
 
 
-R = TypeVar("R", bound=Round[Any])
-
-
-class Strategy(Protocol[A, R]):
+class Strategy(Protocol):
     """How meshes are refined for one kind of answer."""
 
-    @property
-    def settings(self) -> Settings:
-        """What is asked for."""
-        ...
+    def answer(self, mesh: TriangleMesh) -> Any:
+        """The answer on a mesh; `TooLargeError` if it would have more unknowns than allowed, else as `solve`."""
 
-    def answer(self, problem: ContactProblem) -> A:
-        """The answer of a round; `TooLargeError` if it would have more unknowns than allowed, else as `solve`."""
-        ...
-
-    def assessed(self, problem: ContactProblem, answer: A, earlier: Sequence[R], /) -> R:
+    def assessed(self, mesh: TriangleMesh, answer: Any, earlier: Sequence[Round], /) -> Round:
         """How far off an answer is; `StopError` if it was not solved, or the time is over before that is known."""
-        ...
-
-    def next(self, rounds: Sequence[R]) -> ContactProblem:
-        """The problem on the mesh of the next round; `StopError` if there is none."""
-        ...
 
 
 class StopError(Exception):
@@ -127,23 +122,18 @@ class TooLargeError(Exception):
 
 
 def in_rounds(
-    strategy: Strategy[A, R],
-    problem: ContactProblem,
-    earlier: ContactResult | None,
-    callback: Callable[[RefinementRound], object],
-) -> tuple[A, list[R], StopError]:
+    strategy: Strategy, settings: Settings, mesh: TriangleMesh, callback: Callable[[RefinementRound], object]
+) -> tuple[Any, list[Round], StopError]:
     """The first answer, all rounds that were assessed, and why they ended; what the first mesh raises is raised."""
-    settings, rounds = strategy.settings, list[R]()
-    if earlier is not None:
-        problem = replace(problem, mesh=earlier.problem.mesh)
+    rounds = list[Round]()
     try:
-        first = answer = strategy.answer(problem)
+        first = answer = strategy.answer(mesh)
     except TooLargeError as error:
         remedy = f"the first mesh has {error.unknowns} unknowns: allow more, or start coarser"
         raise InputError("max_unknowns", settings.max_unknowns, remedy) from error
     try:
         while True:
-            last = strategy.assessed(problem, answer, rounds)
+            last = strategy.assessed(mesh, answer, rounds)
             rounds.append(last)
             callback(last.record)
             if last.estimate <= settings.target:
@@ -153,9 +143,12 @@ def in_rounds(
                 raise StopError(RefinementStatus.TIME_LIMIT)
             if len(rounds) >= settings.max_rounds:
                 raise StopError(RefinementStatus.ROUNDS)
-            problem = strategy.next(rounds)
+            finer = last.finer()
+            if finer is None:
+                raise StopError(RefinementStatus.THIN_CELLS)
+            mesh = finer
             try:
-                answer = strategy.answer(problem)
+                answer = strategy.answer(mesh)
             except TooLargeError as error:
                 raise StopError(RefinementStatus.UNKNOWNS) from error
             except QVIError as error:  # the same data were taken on the mesh before

@@ -5,6 +5,7 @@ In `docs/theory.md`: (D22).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -56,38 +57,16 @@ _STOPS: Final = {
 _POSING: Final = ("degree", "law_on")  # options of the discretisation, not of its solve
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TriangleRound(Round[ContactResult]):
-    """A round of a contact problem.
-
-    Attributes
-    ----------
-    marked : (m,) bool array
-        Triangles to bisect next.
-    deeper : tuple of int arrays
-        Vertices at which triangles are then bisected once more, twice more and so on.
-    hopeless : bool
-        Whether bounds were asked for in vain.
-    reference : float
-        The quantity of the reference solution; NaN where there was none.
-    history : History or None
-        All load steps, if there are several.
-
-    """
-
-    marked: BoolArray
-    deeper: tuple[IntArray, ...]
-    hopeless: bool
-    reference: float
-    history: History | None = None
-
-
 @dataclass(frozen=True)
 class TriangleRefinement:
-    """Triangles bisected where the answer is off; see `rounds.Strategy`."""
+    """Triangles bisected where the answer is off; see `rounds.Strategy`.
+
+    Of several load steps all are solved anew on one mesh, which is bisected by the sum of what they are off.
+    """
 
     settings: Settings
     measure: Measure
+    steps: tuple[ContactProblem, ...]
 
     @property
     def degree(self) -> int:
@@ -100,178 +79,111 @@ class TriangleRefinement:
             raise InputError("degree", degree, remedy)
         return int(degree)
 
-    def answer(self, problem: ContactProblem) -> ContactResult:
+    def answer(self, mesh: TriangleMesh) -> ContactResult | History:
         """The result on the mesh."""
-        return self._solved(problem, self.degree, self.settings.max_unknowns)
+        return self._solved(mesh, self.degree, self.settings.max_unknowns)
 
-    def assessed(
-        self, problem: ContactProblem, result: ContactResult, earlier: Sequence[TriangleRound]
-    ) -> TriangleRound:
+    def assessed(self, mesh: TriangleMesh, answer: ContactResult | History, earlier: Sequence[Round]) -> Round:
         """What bounds say about an answer, where there are any, else a reference solution."""
-        unknowns = result.discretization.qvi.n
-        if result.status is not Status.SOLVED:
-            status = _STOPS.get(result.status, RefinementStatus.UNSOLVED)
-            if result.status is Status.INACCURATE and result.has_state:
-                unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
-                if result.stress_rounding > result.certificate.tolerance * unit:  # rounding alone is more than allowed
+        results, measure = steps_of(answer), self.measure
+        last = results[-1]
+        unknowns = last.discretization.qvi.n
+        if answer.status is not Status.SOLVED:
+            status = _STOPS.get(answer.status, RefinementStatus.UNSOLVED)
+            if answer.status is Status.INACCURATE and last.has_state:
+                unit = last.certificate.scales.get("stress", 1.0) * last.discretization.scales.stress
+                if last.stress_rounding > last.certificate.tolerance * unit:  # rounding alone is more than allowed
                     status = RefinementStatus.THIN_CELLS
-            raise StopError(status, f"the mesh with {unknowns} unknowns: {result.message}")
-        mesh, measure, target = problem.mesh, self.measure, self.settings.target
-        value, unit = measure.value(result), measure.unit(result)
-        at = places(problem, mesh, result)
-        hopeless = any(each.hopeless for each in earlier)
-        rough = any(map(has_coulomb, problem.contacts))
+            raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
+        value = self._value(answer)
+        unit, there = measure.unit(last, value), [places(each) for each in results]
+        at = Places(*(np.unique(np.concatenate([getattr(one, of) for one in there])) for of in ("cells", "corners")))
+        hopeless = len(results) > 1 or any(each.hopeless for each in earlier)
+        rough = any(map(has_coulomb, last.problem.contacts))
         tried = measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.of_a_force))
-        bounds = found = bounded(measure, value, result) if tried else None
+        bounds = found = bounded(measure, value, last) if tried else None
         if found is None:
-            found = self._compared(problem, result, value, at)
+            found = self._compared(answer, value, unit, at)
         if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
             late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
             raise StopError(late, f"the accuracy of the answer with {unknowns} unknowns could not be determined")
         if found is None:
-            found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(len(mesh.cells)))
+            found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(mesh.cell_count))
         if earlier and found.certainty is Certainty.ESTIMATE:
             step = abs(found.reference - earlier[-1].reference)  # while that moves the error is no less
             found = replace(found, error=float(np.fmax(found.error, _SAFETY * step)))
-        estimate = found.error / unit if unit > 0.0 else 0.0
-        parts, total = found.parts, float(found.parts.sum())
-        known = np.isfinite(estimate)
-        marked, deeper = bulk(parts) if known else np.ones(len(mesh.cells), dtype=bool), tuple[IntArray, ...]()
-        if known and bounds is None and len(at.cells):
-            marked[at.cells] = True  # changes of state matter more for a force than their share says
-        elif known:
-            deeper = _deeper(mesh, at.corners, parts, target / (estimate or 1.0))
-        return TriangleRound(
-            problem=problem,
-            answer=result,
-            unknowns=unknowns,
-            value=value,
-            unit=unit,
-            estimate=estimate,
-            certainty=found.certainty,
-            indicator=parts * (estimate / total) if total > 0.0 and known else np.zeros_like(parts),
-            marked=marked,
-            deeper=deeper,
+        estimate, parts = found.error / unit if unit > 0.0 else 0.0, found.parts
+        marked, deeper = np.ones(mesh.cell_count, dtype=bool), tuple[IntArray, ...]()
+        if np.isfinite(estimate):
+            marked = bulk(parts)
+            if bounds is None and len(at.cells):
+                marked[at.cells] = True  # changes of state matter more for a force than their share says
+            else:
+                deeper = _deeper(mesh, at.corners, parts, self.settings.target / (estimate or 1.0))
+        return Round(
+            answer=answer, unknowns=unknowns, value=value, unit=unit, estimate=estimate, certainty=found.certainty,
+            parts=parts, finer=partial(self._finer, mesh, marked, deeper), reference=found.reference,
             hopeless=hopeless or (tried and bounds is None),
-            reference=found.reference,
-        )
+        )  # fmt: skip
 
-    def next(self, rounds: Sequence[TriangleRound]) -> ContactProblem:
-        """The problem with marked triangles bisected, but for those that are as small as allowed."""
-        last = rounds[-1]
-        mesh = self._bisected(last.problem.mesh, last.marked)
-        if mesh is None:
-            raise StopError(RefinementStatus.THIN_CELLS)
-        for vertices in last.deeper:  # old vertices keep their numbers
-            mesh = self._bisected(mesh, np.asarray(np.isin(mesh.cells, vertices).any(axis=1))) or mesh
-        return replace(last.problem, mesh=mesh)
+    def _finer(self, mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) -> TriangleMesh | None:
+        """Marked triangles bisected, but for those that are as small as allowed, then those at vertices once more."""
+        fine = self._bisected(mesh, marked)
+        if fine is not None:
+            for vertices in deeper:  # old vertices keep their numbers
+                fine = self._bisected(fine, np.asarray(np.isin(fine.cells, vertices).any(axis=1))) or fine
+        return fine
 
     def _bisected(self, mesh: TriangleMesh, marked: BoolArray) -> TriangleMesh | None:
         """The mesh with those marked triangles bisected that may be; None if there are none."""
         chosen = marked & (mesh.finest[mesh.cells].min(axis=1) >= 2.0 * self.settings.thinnest)
         return mesh.refined(chosen) if chosen.any() else None
 
-    def _compared(self, problem: ContactProblem, result: ContactResult, value: float, at: Places) -> Comparison | None:
+    def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer beside a reference solution; where that fails, beside one degree more on the same mesh."""
-        measure, options, unit = self.measure, self.settings.options, self.measure.unit(result)
-        by_default = options.get("method") is None and options.get("inner") is None
-        for finer, more in (
-            (reference_problem(problem, problem.mesh, at), _QUICK if by_default else {}),
-            (problem, {}),
-        ):
+        results, options = steps_of(answer), self.settings.options
+        posed = results[-1].problem
+        quick = len(results) == 1 and options.get("method") is None and options.get("inner") is None
+        for finer, more in ((reference_problem(posed, at).mesh, _QUICK if quick else {}), (posed.mesh, {})):
             try:
                 found = self._solved(finer, self.degree + 1, np.inf, more)
             except QVIError:
                 continue
-            reference = measure.value(found) if found.has_state else np.nan
-            apart = abs(reference - value)
-            near = found.status is Status.INACCURATE and found.certificate.accuracy * unit <= _NEAR * apart
+            better = steps_of(found)
+            if len(better) < len(results) or not better[-1].has_state:
+                continue
+            reference = self._value(found)
+            apart, accuracy = abs(reference - value), max(each.certificate.accuracy for each in better)
+            near = found.status is Status.INACCURATE and accuracy * unit <= _NEAR * apart
             if np.isfinite(apart) and (found.status is Status.SOLVED or near):
-                error = max(_SAFETY * apart, result.certificate.accuracy * unit)  # no less than solves are accurate
-                parts = energies_between(result, found, problem.mesh, finer.mesh)
-                return Comparison(error, Certainty.ESTIMATE, parts, reference)
+                least = max(each.certificate.accuracy for each in results) * unit  # solves are no more accurate
+                parts = np.sum([energies_between(*pair) for pair in zip(results, better, strict=True)], axis=0)
+                return Comparison(max(_SAFETY * apart, least), Certainty.ESTIMATE, parts, reference)
         return None
 
     def _solved(
-        self, problem: ContactProblem, degree: int, most: float, more: Mapping[str, Any] = MappingProxyType({})
-    ) -> ContactResult:
+        self, mesh: TriangleMesh, degree: int, most: float, more: Mapping[str, Any] = MappingProxyType({})
+    ) -> ContactResult | History:
         """The result with a degree and more options; `TooLargeError` if it would have more unknowns than that."""
         options: dict[str, Any] = {**self.settings.options, **more, "degree": degree}
-        discretization = discretized(problem, **options)
+        steps = [each if each.mesh is mesh else replace(each, mesh=mesh) for each in self.steps]
+        discretization = discretized(steps[0], **options)
         if discretization.qvi.n > most:
             raise TooLargeError(discretization.qvi.n)
+        if len(steps) > 1:
+            return solve_history(steps, **options)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
 
+    def _value(self, answer: ContactResult | History) -> float:
+        """The quantity, of a history in its last step; what friction loses is that of all steps."""
+        if isinstance(answer, History) and self.measure.kind == "dissipation":
+            return float(answer.dissipated.sum())
+        return self.measure.value(steps_of(answer)[-1])
 
-@dataclass(frozen=True)
-class HistoryRefinement(TriangleRefinement):
-    """One mesh for all load steps, bisected by the sum of what they are off; each round solves all of them anew.
 
-    Attributes
-    ----------
-    steps : tuple of ContactProblem
-        The load steps, on any mesh.
-
-    """
-
-    steps: tuple[ContactProblem, ...]
-
-    def answer(self, problem: ContactProblem) -> History:  # type: ignore[override]
-        """The history on the problem's mesh."""
-        return self._history(problem.mesh, self.degree, self.settings.max_unknowns)
-
-    def assessed(  # type: ignore[override]
-        self, problem: ContactProblem, history: History, earlier: Sequence[TriangleRound]
-    ) -> TriangleRound:
-        """The history beside one on a reference mesh, which is bisected where any step asks for it."""
-        if history.status is not Status.SOLVED:
-            raise StopError(_STOPS.get(history.status, RefinementStatus.UNSOLVED), history.message)
-        mesh, last = problem.mesh, history.steps[-1]
-        each = [places(problem, mesh, step) for step in history.steps]
-        at = Places(*(np.unique(np.concatenate([getattr(one, name) for one in each])) for name in ("cells", "corners")))
-        finer = reference_problem(problem, mesh, at).mesh
-        reference = self._history(finer, self.degree + 1, np.inf)
-        value, better = self._value(history), self._value(reference) if reference.steps[-1].has_state else np.nan
-        step = abs(better - earlier[-1].reference) if earlier else 0.0
-        unit = abs(value) if self.measure.kind == "dissipation" else self.measure.unit(last)
-        estimate = _SAFETY * max(abs(better - value), step) / unit if unit > 0.0 else 0.0
-        rounding = max(each.certificate.accuracy for each in reference.steps)
-        near = reference.status is Status.INACCURATE and rounding <= _NEAR * estimate
-        if not near and reference.status is not Status.SOLVED:
-            late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
-            raise StopError(late, f"the accuracy of the answer could not be determined: {reference.message}")
-        pairs = zip(history.steps, reference.steps, strict=True)
-        parts = np.sum([energies_between(coarse, fine, mesh, finer) for coarse, fine in pairs], axis=0)
-        marked, total = bulk(parts), float(parts.sum())
-        marked[at.cells] = True
-        return TriangleRound(
-            problem=problem,
-            answer=last,
-            unknowns=last.discretization.qvi.n,
-            value=value,
-            unit=unit,
-            estimate=estimate,
-            certainty=Certainty.ESTIMATE,
-            indicator=parts * (estimate / total) if total > 0.0 else parts,
-            marked=marked,
-            deeper=(),
-            hopeless=True,
-            reference=better,
-            history=history,
-        )
-
-    def _history(self, mesh: TriangleMesh, degree: int, most: float) -> History:
-        steps = [replace(step, mesh=mesh) for step in self.steps]
-        unknowns = discretized(steps[0], **{**self.settings.options, "degree": degree}).qvi.n
-        if unknowns > most:
-            raise TooLargeError(unknowns)
-        return solve_history(steps, **{**self.settings.options, "degree": degree})
-
-    def _value(self, history: History) -> float:
-        """What friction loses in all steps, or the quantity in the last one."""
-        if self.measure.kind == "dissipation":
-            return float(history.dissipated.sum())
-        return self.measure.value(history.steps[-1])
+def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
+    """The results of all load steps."""
+    return answer.steps if isinstance(answer, History) else (answer,)
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:

@@ -138,7 +138,7 @@ class TestReferenceSolution:
         """One degree more on the same triangles: spaces are nested, so energies are apart by the energy between."""
         problem = l_shape(replace(Contact.tied("bottom"), **springs))
         coarse, fine = solve(problem, degree=4), solve(problem, degree=5)
-        found = energies_between(coarse, fine, problem.mesh, problem.mesh)
+        found = energies_between(coarse, fine)
         assert (found >= 0.0).all()
         gained = coarse.energies.complementary - fine.energies.complementary
         assert found.sum() == pytest.approx(gained, rel=1e-6)
@@ -149,14 +149,14 @@ class TestReferenceSolution:
         fine = replace(problem, mesh=problem.mesh.refined([0, 3]))
         at_rest = replace(problem, conditions=[*problem.conditions[:-1], Displacement("roof", x=0.0, y=0.0)])
         look = solve(fine, degree=4)
-        found = energies_between(solve(at_rest, degree=4), look, problem.mesh, fine.mesh)
+        found = energies_between(solve(at_rest, degree=4), look)
         assert found.sum() == pytest.approx(look.energies.strain, rel=1e-9)
 
     def test_corners(self):
         """Where conditions change, and where the boundary turns inwards."""
         problem = l_shape(Contact("bottom", 0.3))
         result = solve(problem, degree=3)
-        corners = problem.mesh.vertices[places(problem, problem.mesh, result).corners]
+        corners = problem.mesh.vertices[places(result).corners]
         expected = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)]
         assert sorted(map(tuple, corners.tolist())) == sorted(expected)
 
@@ -165,7 +165,7 @@ class TestReferenceSolution:
         for cells, expected in ((8, [0.625]), (4, [0.5, 0.75])):
             problem = plate(0.2, (cells, cells))
             result = solve(problem, degree=5)
-            chosen = places(problem, problem.mesh, result).cells
+            chosen = places(result).cells
             edges = problem.mesh.edges("top")
             starts = problem.mesh.vertices[edges.first][np.isin(edges.cells[:, 0], chosen), 0]
             assert set(expected) <= set(starts.tolist())
@@ -179,7 +179,7 @@ class TestReferenceSolution:
         problem = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction=1e-4), *free, load])
         result = solve(problem, degree=4)
         assert (result.contacts["bottom"].state == 2).mean() > 0.9
-        middle = problem.mesh.corners[places(problem, problem.mesh, result).cells].mean(axis=1)
+        middle = problem.mesh.corners[places(result).cells].mean(axis=1)
         assert len(middle)
         assert np.abs(middle[:, 0]).max() < 1.0
 
@@ -188,13 +188,13 @@ class TestReferenceSolution:
         sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
         conditions = [Contact.tied("bottom"), Contact("joint", 0.4), *sides, Displacement("top", x=0.0, y=-1e-3)]
         problem = ContactProblem(mesh, Material(1e4, 0.2), conditions)
-        found = mesh.vertices[places(problem, mesh, solve(problem, degree=3)).corners]
+        found = mesh.vertices[places(solve(problem, degree=3)).corners]
         assert {(1.0, 1.0), (0.0, 1.0)} <= set(map(tuple, found.tolist()))
 
     def test_it_keeps_all_vertices_and_is_not_much_larger(self):
         problem = plate(0.2, (4, 4))
-        at = places(problem, problem.mesh, solve(problem, degree=3))
-        fine = reference_problem(problem, problem.mesh, at).mesh
+        at = places(solve(problem, degree=3))
+        fine = reference_problem(problem, at).mesh
         assert np.array_equal(fine.vertices[: len(problem.mesh.vertices)], problem.mesh.vertices)
         assert fine.finest[at.corners].max() == pytest.approx(1 / 32)
         assert len(problem.mesh.cells) < len(fine.cells) < 200
