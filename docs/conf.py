@@ -56,7 +56,7 @@ nitpick_ignore_regex = [
     (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.basics\.units\.Rounding"),
-    (r"py:class", r"(ContactRows|EdgeRule|Key|Parameter|PlateRows|Root|Scales|Side|Spot|StressSpace|Supports)"),
+    (r"py:class", r"(ContactRows|EdgeRule|Key|Name|Parameter|PlateRows|Root|Scales|Side|Spot|StressSpace|Supports)"),
     (r"py:class", r"qvi_contact\.(discretization|element|basics\.schema|files\.problem_file)\.(\w+\.)?\w+"),
     (
         r"py:class",
@@ -67,6 +67,6 @@ nitpick_ignore_regex = [
         r"py:class",
         r"qvi_contact\.(basics\.kept\.Kept|bracket\.(friction_norm\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)",
     ),
-    (r"py:class", r"solvers\.inequality\.(contact|linear|loads|problem|stiffness)\.\w+"),
+    (r"py:class", r"solvers\.inequality\.(body|contact|problem)\.\w+"),
     (r"py:class", r"solvers\.(factorisation\.superlu\.Refactorisation|solution\.Attempt)"),
 ]
