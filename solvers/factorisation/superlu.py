@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 import scipy
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import spilu, splu
 
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector
 from solvers.factorisation.base import Factorisation, FactorisationError, State, check_pivots, symmetrised
@@ -111,10 +111,22 @@ def filled(graph: Sparse) -> tuple[IntVector, IntVector, IntVector]:
 
     By a factorisation of some matrix with this pattern.
     """
-    dominant = graph + diags_array(np.asarray(graph.sum(axis=0), dtype=np.float64).ravel())
-    factor = _symmetric_splu(csc_array(dominant, dtype=np.float64), "MMD_AT_PLUS_A")
+    factor = _symmetric_splu(_dominant(graph), "MMD_AT_PLUS_A")
     lower = factor.L
     return np.argsort(factor.perm_c).astype(np.int64), lower.indices, lower.indptr
+
+
+def _dominant(graph: Sparse) -> Sparse:
+    """A matrix of a pattern that factorises in every order."""
+    sums = np.asarray(graph.sum(axis=0), dtype=np.float64).ravel()
+    return csc_array(graph + diags_array(sums), dtype=np.float64)
+
+
+def _minimum_degree(graph: Sparse) -> IntVector:
+    """The order of `filled`, from an incomplete factorisation that drops all: SciPy has no order without a factor."""
+    factor = spilu(_dominant(graph), 1e300, 1.0, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                   options={"SymmetricMode": True})  # fmt: skip
+    return np.argsort(factor.perm_c).astype(np.int64)
 
 
 # Orders of elimination: by minimum degree on groups of unknowns with the same neighbours, or by places.
@@ -134,7 +146,7 @@ def interface_last(K: Sparse, interface: IntVector, places: Matrix | None = None
     interior, graph, group = interior_groups(K, interface)
     position = np.empty(graph.shape[0], dtype=np.int64)
     if places is None:
-        order = filled(graph)[0]
+        order = _minimum_degree(graph)
     else:
         of_groups = np.empty((graph.shape[0], 2))
         of_groups[group] = places[interior]  # of one of its unknowns, which are at one vertex or edge

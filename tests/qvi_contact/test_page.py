@@ -323,8 +323,8 @@ def test_sizes_of_rounding_follow_the_units_of_the_problem(squeezed):
     """S, D, S L, S L², D/L and S D L, times 1e-9; without a problem there is none."""
     sizes = [2e-9, 3e-9, 1e-8, 5e-8, 0.6e-9, 3e-8]
     found = Rounding.of(2.0, 3.0, 5.0)
-    assert list(vars(found).values()) == pytest.approx(sizes)
-    assert Rounding.largest([found, Rounding.of(1.0, 4.0, 5.0)]).displacement == pytest.approx(4e-9)
+    assert list(vars(found).values()) == pytest.approx(sizes, rel=1e-12, abs=0.0)
+    assert Rounding.largest([found, Rounding.of(1.0, 4.0, 5.0)]).displacement == pytest.approx(4e-9, rel=1e-12, abs=0.0)
     assert set(vars(Rounding()).values()) == {0.0}
     line, force = squeezed.contacts["ground"], squeezed.contacts["ground"].normal_force
     shown = [replace(line, rounding=Rounding(force=least)).shown_forces[0] for least in (force, 0.999 * force)]
