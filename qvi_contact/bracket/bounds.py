@@ -40,9 +40,8 @@ from qvi_contact.bracket.parts import (
     EdgeTractions,
     bulk,
     by_cell,
-    contact_parts,
+    edge_parts,
     initial_work,
-    spring_parts,
     strain_energy,
 )
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
@@ -334,12 +333,10 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
         own, left = EdgeTractions.of(discretization, u), (stress.excess, stress.tension)
-        contacts, slack, outer = contact_parts(discretization, own, given.threshold, left, companion)
-        for name, part in spring_parts(fields, companion).items():
-            contacts[name] = replace(contacts.get(name, EdgeParts(0.0 * part, 0.0 * part, part)), springs=part)
+        contacts, slack, outer = edge_parts(fields, discretization, own, given.threshold, left, companion)
     lower = -complementary - slack if not stress.message else -np.inf
     upper = companion.energy if moved else np.inf
-    parts = by_cell(discretization, inside, contacts)
+    parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
     return Bracket(
         problem=problem,

@@ -111,7 +111,7 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
         if edges.curved:
             remedy = "this step of a history has slipped before along arcs: bracket the result of one solve"
             raise InputError("result", contact.name, remedy)
-        slip = coefficients(known, rows.slip * known.scales.displacement, known.rule.count - 1)
+        slip = coefficients(known, rows.slip * known.scales.displacement)
         meeting: dict[int, list[tuple[int, int]]] = {}
         for end, vertices in enumerate((edges.first, edges.second)):
             for edge, vertex in enumerate(vertices.tolist()):

@@ -24,7 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
-from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, edge_moments, load_points
+from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, load_points, moments
 from qvi_contact.companion.space import DisplacementSpace
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
@@ -32,6 +32,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.problem.conditions import DRIVES, Contact, Law, RigidPlate
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
 
 _OnEdges: TypeAlias = tuple[FloatArray, FloatArray]
@@ -202,19 +203,16 @@ class _OnLine:
         return np.asarray(found, dtype=np.float64)
 
     def moments(self, kind: str) -> FloatArray:
-        """∫ f B_i ds (n,) of a datum over S, dimensionless; 99 points of an edge show whether it is exact."""
-        field, p, stress = getattr(self.contact, kind), self.degree, self.scales.stress
-        lengths = (self.edges.length / self.scales.length)[:, None]
-        if not callable(field):
-            return self.summed(np.repeat(lengths, p + 1, axis=1)) * (float(field) / stress / (p + 1))
-        values, misfit = edge_moments(self.problem, self.edges, f"Contact.{kind}", field, p, stress)
-        if misfit > MISFIT * max(1.0, float(np.abs(values).max(initial=0.0))):
-            what = "pore pressure" if kind == "pore_pressure" else kind
+        """∫ f B_i ds (n,) of a datum over S, dimensionless."""
+        field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.degree)
+        given = along_edges(self.problem.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
+        if given.error > MISFIT * max(stress, float(np.abs(given.values).max(initial=0.0))):
             self.reasons.append(
-                f"The {what} of {self.contact.name!r} is not a polynomial on each edge. The integrated values differ "
-                f"by up to {misfit * stress:.2g} [stress]."
+                f"The {kind.replace('_', ' ')} of {self.contact.name!r} jumps or grows steeply. Quadrature leaves an "
+                f"error of {given.error:.2g} [stress] times an edge's length."
             )
-        return self.summed(lengths * values)
+        lengths = (self.edges.length / (self.scales.length * stress))[:, None]
+        return self.summed(lengths * moments(given, self.degree))
 
     def stiffness(self, kind: str, signs: FloatArray) -> FloatArray | None:
         """∫ k B_i B_j ds (e, p + 1, p + 1) of springs, dimensionless, with the signs (e, p + 1) of the coefficients."""
