@@ -26,7 +26,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, load_points, moments
 from qvi_contact.companion.space import DisplacementSpace
-from qvi_contact.discretization.plates import COMPONENTS
+from qvi_contact.discretization.plates import COMPONENTS, centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
@@ -257,7 +257,7 @@ class _OnLine:
         plate, found = self.contact.plate, []
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
-                centre, moment = plate_centre(self.problem, self.edges), component == "moment"
+                centre, moment = centre_of(self.problem, self.edges), component == "moment"
                 given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
                 motion = {DRIVES[component]: 1.0 / self.scales.length if moment else 1.0}
                 normal, tangential = self.moved(RigidPlate(pivot=plate.reference(*centre), **motion))
@@ -312,10 +312,3 @@ def _bent_rows(
         at = (row.ravel(), np.broadcast_to(dofs, factors.shape).ravel())
         found = found + sign * sparse.csr_array((factors.ravel(), at), shape=straight.shape)
     return sparse.csr_array(found)
-
-
-def plate_centre(problem: ContactProblem, edges: Edges) -> tuple[float, float]:
-    """Centre of a contact's line [length]."""
-    lengths = edges.length
-    x, y = problem.mesh.points_along(edges, np.array([0.5]))
-    return float(np.average(x[:, 0], weights=lengths)), float(np.average(y[:, 0], weights=lengths))

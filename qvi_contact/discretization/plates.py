@@ -27,7 +27,7 @@ from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_f
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import cross, vectors_along
+from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.problem.problem import ContactProblem
 
 COMPONENTS = ("force_x", "force_y", "moment")
@@ -76,7 +76,7 @@ def plate_rows(
         components = [name for name in COMPONENTS if plate is not None and getattr(plate, name) is not None]
         if plate is None or not components:
             continue
-        centre, length = centre_of(problem, scales, contact), float(contact.points.weights.sum())
+        centre, length = centre_of(problem, contact.points.edges), float(contact.points.weights.sum())
         reference = plate.reference(*centre)
         arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
         for name in components:
@@ -109,11 +109,10 @@ def plate_rows(
     return PlateRows(resultants, b[kept], tuple(rows[index] for index in kept), determined)
 
 
-def centre_of(problem: ContactProblem, scales: Scales, contact: ContactRows) -> tuple[float, float]:
-    """Centre of a contact's line [length]."""
-    x, y = physical(problem, scales, contact.points.coordinates)
-    weights = contact.points.weights
-    return float(np.average(x, weights=weights)), float(np.average(y, weights=weights))
+def centre_of(problem: ContactProblem, edges: Edges) -> tuple[float, float]:
+    """Centre of a contact's line, by the middles of its edges [length]."""
+    x, y = problem.mesh.points_along(edges, np.array([0.5]))
+    return float(np.average(x[:, 0], weights=edges.length)), float(np.average(y[:, 0], weights=edges.length))
 
 
 class _Driven(NamedTuple):

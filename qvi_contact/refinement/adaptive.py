@@ -21,8 +21,9 @@ from qvi_contact.refinement.outcome import (
     Refinement,
     RefinementRound,
     RefinementStatus,
+    Settings,
+    in_rounds,
 )
-from qvi_contact.refinement.rounds import Settings, in_rounds
 from qvi_contact.refinement.triangles import TriangleRefinement, steps_of
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
@@ -100,7 +101,7 @@ def refine(
     Tresca's, or tied contacts) a displacement companion bounds the energy, and the force of one prescribed
     displacement: the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a reference
     solution: one degree more, on a mesh bisected where contact states change and at corners where stresses may be
-    singular (see `reference_solution`). Triangles that hold most of the difference are bisected.
+    singular (see `refinement.triangles`). Triangles that hold most of the difference are bisected.
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
@@ -230,7 +231,7 @@ def _steps_of(problem: object) -> tuple[ContactProblem, ...]:
 def _refined(
     strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
 ) -> Refinement | LimitRefinement:
-    first, rounds, stop = in_rounds(strategy, strategy.settings, mesh, callback)
+    first, rounds, stop = in_rounds(strategy, mesh, callback)
     answer, last = (rounds[-1].answer, rounds[-1]) if rounds else (first, None)
     said: dict[str, Any] = {
         "status": stop.status, "target": strategy.settings.target, "reason": stop.reason,

@@ -29,9 +29,8 @@ from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.outcome import RefinementStatus
-from qvi_contact.refinement.reference_solution import at_contacts
-from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError, bulk
+from qvi_contact.refinement.outcome import RefinementStatus, Round, Settings, StopError, TooLargeError, bulk
+from qvi_contact.refinement.triangles import at_contacts
 from qvi_contact.solution.stress import loads_followed
 
 _SPACE: Final = ("degree", "law_on")  # options of a limit load
@@ -73,7 +72,7 @@ def law_gap(
 
 @dataclass(frozen=True)
 class LimitStrategy:
-    """Both sides of a limit load, see `rounds.Strategy`."""
+    """Both sides of a limit load, see `outcome.Strategy`."""
 
     problem: ContactProblem
     settings: Settings

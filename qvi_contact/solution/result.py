@@ -329,7 +329,7 @@ class ContactResult(PicklesFields):
         for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True):
             if contact.plate is not None:
                 x, y, rotation = (motion.get(contact.name, {}).get(name, 0.0) for name in ("x", "y", "rotation"))
-                place = contact.plate.reference(*centre_of(self.problem, self.discretization.scales, rows))
+                place = contact.plate.reference(*centre_of(self.problem, rows.points.edges))
                 arm_x, arm_y = contact.plate.pivot[0] - place[0], contact.plate.pivot[1] - place[1]
                 moved[contact.name] = plate_motion(contact.plate, x - rotation * arm_y, y + rotation * arm_x, rotation)
         return MappingProxyType(Named("plates", _WITH_PLATE, moved))
