@@ -106,7 +106,7 @@ class CoulombBounds:
         missed, stopped = defect_bound(self.residual, self.defect, self.norm.value), self.norm.stopped
         if stopped is not None and np.isfinite(self.within):
             missed += stopped.work(self.shares, self.within, missed)
-        return coulomb_force_bounds(self.stress, self.displacement, self.shares, self.within, missed, self.norm)
+        return coulomb_force_bounds(self, missed)
 
     @property
     def error(self) -> float:

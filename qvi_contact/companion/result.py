@@ -285,16 +285,12 @@ class CompanionResult(PicklesFields):
             plate = contact.plate
             if plate is None:
                 continue
-            moved = dict.fromkeys(("force_x", "force_y", "moment"), 0.0)
+            moved = {}
             for component, *_ in trace.motions:
                 unit = scales.displacement / (scales.length if component == "moment" else 1.0)
                 moved[component] = float(self._state.plates[start]) * unit
                 start += 1
-            place = plate.reference(*centre_of(self.problem, trace.edges))
-            turn = moved["moment"]
-            x = moved["force_x"] - turn * (plate.pivot[1] - place[1])
-            y = moved["force_y"] + turn * (plate.pivot[0] - place[0])
-            found[trace.name] = plate_motion(plate, x, y, turn)
+            found[trace.name] = plate_motion(plate, centre_of(self.problem, trace.edges), moved)
         return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
 
     @property
