@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
-from qvi_contact.companion.space import DisplacementSpace
+from qvi_contact.companion.space import DisplacementSpace, spread
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.quadrature import EdgeQuadrature
@@ -173,9 +173,3 @@ def _along_arcs(
     own, beside = spread(inside, inside, inverse, size), spread(inside, at_ends, inverse @ B, size)
     rows = spread(inside, inside, A, size) + spread(inside, at_ends, B, size)
     return sparse.csr_array(whole + own - beside @ whole), sparse.csr_array(whole.T + rows)
-
-
-def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
-    """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
-    at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-    return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))

@@ -296,10 +296,7 @@ class DisplacementSpace:
 
     def assembled(self, blocks: FloatArray) -> sparse.csr_array:
         """The sum (size, size) of matrices of the cells (cells, 2 n, 2 n)."""
-        dofs = self.dofs
-        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        found = sparse.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size))
-        return sparse.csr_array(found.tocsr())
+        return spread(self.dofs, self.dofs, blocks, self.size)
 
     def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
@@ -352,11 +349,17 @@ class DisplacementSpace:
         blocks = int(self.block.max()) + 1
         found = np.zeros((self.size // 2, 2, blocks, 3))
         for block in range(blocks):
-            mine = np.flatnonzero(self.owner == block)
+            mine = self.owner == block
             x, y = (self.places[mine] - self.places[mine].mean(axis=0)).T
             found[mine, 0, block, 0] = found[mine, 1, block, 1] = 1.0
             found[mine, 0, block, 2], found[mine, 1, block, 2] = -y, x
         return found.reshape(self.size, 3 * blocks)
+
+
+def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
+    """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
+    at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+    return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))
 
 
 def _corner(mesh: TriangleMesh, cells: IntArray, vertices: IntArray) -> IntArray:

@@ -163,17 +163,25 @@ class Resultants:
                 points = each.points.for_resultants()
                 row += points.traction_load(each.factors(problem, scales, points), points.weights) / each.divisor
             A = np.array([supports.basis.reduced(row) for row in full]).reshape(len(full), len(supports.basis.kept))
-            independent, combinations = list[int](), dict[int, FloatArray]()
-            for index, row in enumerate(A):
-                basis = A[independent]
-                combination = np.linalg.lstsq(basis.T, row, rcond=None)[0] if independent else np.zeros(0)
-                if np.linalg.norm(row - combination @ basis) > _DEPENDENT * np.linalg.norm(full[index]):
-                    independent.append(index)
-                else:
-                    combinations[index] = combination
+            independent, combinations = independent_rows(A, _DEPENDENT * np.linalg.norm(full, axis=1))
             return cls(full, independent, combinations, A[independent])
 
         return problem.mesh.kept(cls, key, made)
+
+
+def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[int, FloatArray]]:
+    """Rows (r, n) that those before them do not determine, and the others as combinations of the kept ones before them.
+
+    A row is determined if no more is left of it than the length `least` (r,).
+    """
+    kept, combinations = list[int](), dict[int, FloatArray]()
+    for index, row in enumerate(A):
+        combination = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
+        if np.linalg.norm(row - combination @ A[kept]) > least[index]:
+            kept.append(index)
+        else:
+            combinations[index] = combination
+    return kept, combinations
 
 
 class Pin(NamedTuple):

@@ -177,7 +177,9 @@ def refine(
     is from true errors of stresses at points. Rounds do not start from the answer before.
 
     """
-    steps = _steps_of(problem)
+    steps = tuple(problem) if isinstance(problem, Sequence) else (problem,)
+    if not steps or not all(isinstance(step, ContactProblem) for step in steps):
+        raise InputError("problem", problem, "give a ContactProblem, or a list of load steps")
     problem = steps[0]
     if len(steps) > 1 and (guaranteed or isinstance(quantity, LimitFactor)):
         raise InputError("problem", f"{len(steps)} load steps", "have no guaranteed errors and no limit load: give one")
@@ -218,14 +220,6 @@ def refine(
         found = _refined(strategy, problem.mesh if result is None else result.problem.mesh, told)
         log.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
         return found
-
-
-def _steps_of(problem: object) -> tuple[ContactProblem, ...]:
-    """The load steps, one or more."""
-    steps = tuple(problem) if isinstance(problem, Sequence) else (problem,)
-    if not steps or not all(isinstance(step, ContactProblem) for step in steps):
-        raise InputError("problem", problem, "give a ContactProblem, or a list of load steps")
-    return steps
 
 
 def _refined(

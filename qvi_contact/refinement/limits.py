@@ -26,7 +26,7 @@ from qvi_contact.basics.units import Certainty
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementStatus, Round, Settings, StopError, TooLargeError, bulk
@@ -140,8 +140,8 @@ class LimitStrategy:
         singular = singular_vertices(replace(self.problem, mesh=mesh))
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
         around = np.isin(mesh.cells, at).any(axis=1)
-        one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
-        areas = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) / 2.0
+        one, other = (mesh.corners[:, corner] - mesh.corners[:, 0] for corner in (1, 2))
+        areas = np.abs(cross(one, other)) / 2.0
         chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * self.settings.thinnest))
         if not len(chosen) and not len(at):
             return None
@@ -173,10 +173,8 @@ def singular_vertices(problem: ContactProblem) -> IntArray:
 
 def _angles(mesh: TriangleMesh) -> FloatArray:
     """Angles of all triangles (m, 3) [rad]."""
-    arms = np.stack([np.roll(mesh.corners, -shift, axis=1) - mesh.corners for shift in (1, 2)])
-    one, other = arms
-    turn = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    return np.asarray(np.abs(np.arctan2(turn, (one * other).sum(axis=-1))))
+    one, other = (np.roll(mesh.corners, -shift, axis=1) - mesh.corners for shift in (1, 2))
+    return np.asarray(np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=-1))))
 
 
 def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
