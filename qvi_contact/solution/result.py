@@ -89,8 +89,8 @@ class Energies:
     strain : float
         ½∫ cσ:σ dx, strain energy of the body, and that of springs along contacts.
     load : float
-        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
-        strains.
+        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N' + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
+        strains; g and w with the given motions of plates.
     complementary : float
         strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
     dissipation : float
@@ -382,9 +382,10 @@ class ContactResult(PicklesFields):
             work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, at_rest)
             load += float((weights * work).sum()) * scales.energy
         for rows in self.discretization.contacts:
-            line = self.contacts[rows.name]
-            gap, offset = rows.gap * scales.displacement, (rows.offset + rows.slip) * scales.displacement
-            load += float(line.weights @ (gap * line.normal_stress + offset * line.tangential_stress))
+            line, (across, along) = self.contacts[rows.name], rows.motion
+            gap, offset = (rows.gap + across, rows.offset + rows.slip + along)
+            work = gap * line.effective_normal_stress + offset * line.tangential_stress
+            load += float(line.weights @ work) * scales.displacement
         shear = self.solution.problem.tangential(self.solution.z)
         dissipation = float(self.solution.tangential_multiplier @ shear) * scales.energy
         return Energies(strain, load, strain - load, dissipation)
