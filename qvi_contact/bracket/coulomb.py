@@ -162,15 +162,8 @@ def coulomb_bounds(
 ) -> CoulombBounds | str:
     """T5 with T2: the bounds from a stress and a displacement, or why these two say nothing.
 
-    Parameters
-    ----------
-    stress : SharedStress
-        τ + η, with Bernstein coefficients as rows.
-    companion : CompanionResult
-        v, of the same problem on the same mesh, which slips as the shares allow.
-    reasons : tuple of str
-        Why neither is exactly admissible.
-
+    The stress τ + η has Bernstein coefficients as rows; the displacement v is one of the same problem on the same mesh,
+    and slips as the shares allow. Reasons say why neither is exactly admissible.
     """
     result, shares, known = stress.result, stress.shares, stress.result.discretization
     own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress

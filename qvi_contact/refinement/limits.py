@@ -47,17 +47,9 @@ _VIOLATED: Final = 1e-7  # of the largest limit of tractions: violation that cou
 def law_gap(
     rows: ContactRows, normal: FloatArray, shear: FloatArray, opening: FloatArray, slip: FloatArray
 ) -> FloatArray:
-    """The parts (m,) of the points of a contact, dimensionless.
+    """The parts (m,) of the points of a contact, by σ_N and σ_T there, and by w and s times the weights of the points.
 
-    Parameters
-    ----------
-    rows : ContactRows
-        The contact.
-    normal, shear : (m,) arrays
-        σ_N and σ_T at its points, dimensionless.
-    opening, slip : (m,) arrays
-        w and s there, times the weights of the points.
-
+    All of them have the shape (m,), and are dimensionless.
     """
     size, friction, unilateral = np.abs(slip), rows.limits.friction, ~rows.bilateral
     capped, rough = np.isfinite(rows.limits.cap), friction > 0.0

@@ -45,25 +45,12 @@ _STEPS: Final = 4  # of Newton's method towards a point on an arc
 
 @dataclass(frozen=True)
 class Measure:
-    """A quantity: how it is computed, and what is known of it.
+    """A quantity: how it is computed, and what is known of it."""
 
-    Attributes
-    ----------
-    name : str
-        See `refine`.
-    value : function of a ContactResult
-        The number.
-    kind : str
-        Of what kind it is, such as "normal_force", "slip" or "von_mises"; empty for a function.
-    point : bool
-        Whether it is that of a point given by its coordinates.
-
-    """
-
-    name: str
-    value: Callable[[ContactResult], float]
-    kind: str = ""
-    point: bool = False
+    name: str  # see `refine`
+    value: Callable[[ContactResult], float]  # the number
+    kind: str = ""  # such as "normal_force", "slip" or "von_mises"; empty for a function
+    point: bool = False  # whether it is that of a point given by its coordinates
 
     def unit(self, result: ContactResult, value: float) -> float:
         """What the error of its value is relative to."""

@@ -302,60 +302,30 @@ def bulk(parts: FloatArray, share: float = _BULK) -> BoolArray:
 
 @dataclass(frozen=True)
 class Settings:
-    """What is asked for: the target, what must not be exceeded, options of all solves; see `refine`.
-
-    Attributes
-    ----------
-    thinnest : float
-        Smallest edge that is made [length].
-
-    """
+    """What is asked for: the target, what must not be exceeded, options of all solves; see `refine`."""
 
     target: float
     max_unknowns: int
     max_rounds: int
-    thinnest: float
+    thinnest: float  # smallest edge that is made [length]
     options: Mapping[str, Any]
     guaranteed: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Round:
-    """An answer and how far it is off.
+    """An answer and how far it is off."""
 
-    Attributes
-    ----------
-    answer : ContactResult, History or LimitAnalysis
-        The answer.
-    unknowns : int
-        Its unknowns.
-    value, unit : float
-        The quantity, and what its error is relative to.
-    estimate : float
-        Relative error; infinity if there is none.
-    certainty : Certainty
-        Whether the estimate is a bound.
-    parts : (cells,) array
-        In which proportion cells have a share in it.
-    finer : function
-        Makes the mesh of the next round; None if there is none.
-    reference : float
-        The quantity of the reference solution; NaN where there was none.
-    hopeless : bool
-        Whether bounds need not be tried again.
-
-    """
-
-    answer: Any
-    unknowns: int
-    value: float
+    answer: Any  # a ContactResult, History or LimitAnalysis
+    unknowns: int  # its own
+    value: float  # the quantity, and what its error is relative to
     unit: float
-    estimate: float
-    certainty: Certainty
-    parts: FloatArray
-    finer: Callable[[], TriangleMesh | None]
-    reference: float = np.nan
-    hopeless: bool = False
+    estimate: float  # relative error; infinity if there is none
+    certainty: Certainty  # whether the estimate is a bound
+    parts: FloatArray  # (cells,): in which proportion cells have a share in it
+    finer: Callable[[], TriangleMesh | None]  # makes the mesh of the next round; None if there is none
+    reference: float = np.nan  # the quantity of the reference solution; NaN where there was none
+    hopeless: bool = False  # whether bounds need not be tried again
 
     @property
     def indicator(self) -> FloatArray:

@@ -216,25 +216,12 @@ def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: floa
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """An answer beside something else.
+    """An answer beside something else."""
 
-    Attributes
-    ----------
-    error : float
-        Of the quantity, in its own unit.
-    certainty : Certainty
-        Whether it is a bound.
-    parts : (cells,) array
-        What each cell has of the distance between the two [stress × length²], ≥ 0.
-    reference : float
-        The quantity of a reference solution; NaN where there was none.
-
-    """
-
-    error: float
-    certainty: Certainty
-    parts: FloatArray
-    reference: float = np.nan
+    error: float  # of the quantity, in its own unit
+    certainty: Certainty  # whether it is a bound
+    parts: FloatArray  # (cells,): what each cell has of the distance between the two [stress × length²], ≥ 0
+    reference: float = np.nan  # the quantity of a reference solution; NaN where there was none
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
@@ -256,19 +243,10 @@ def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where a mesh is bisected for a reference solution.
+    """Where a mesh is bisected for a reference solution."""
 
-    Attributes
-    ----------
-    cells : (k,) int array
-        Triangles at contact edges that hold, or meet in, a change of state.
-    corners : (c,) int array
-        Vertices where stresses may be singular.
-
-    """
-
-    cells: IntArray
-    corners: IntArray
+    cells: IntArray  # (k,): triangles at contact edges that hold, or meet in, a change of state
+    corners: IntArray  # (c,): vertices where stresses may be singular
 
 
 def places(result: ContactResult) -> Places:
