@@ -37,7 +37,6 @@ from qvi_contact.bracket.parts import (
     Bounds,
     CellFields,
     EdgeParts,
-    EdgeTractions,
     bulk,
     by_cell,
     edge_parts,
@@ -47,7 +46,7 @@ from qvi_contact.bracket.parts import (
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.solver import check_scope
-from qvi_contact.companion.space import DEGREES, triangle
+from qvi_contact.companion.space import HIGHEST, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.errors import InputError
@@ -229,7 +228,7 @@ def bracket(
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     check_scope(result.problem)
-    beside = min(result.discretization.space.degree, DEGREES[-1])  # one less has the same order, but half of the gap
+    beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap
     degree = triangle(beside if degree is None else degree).degree
     options: dict[str, Any] = {"callback": callback}
     if max_iterations is not None:
@@ -326,8 +325,7 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-        own, left = EdgeTractions.of(discretization, u), (stress.excess, stress.tension)
-        contacts, slack, outer = edge_parts(fields, discretization, own, given.threshold, left, companion)
+        contacts, slack, outer = edge_parts(fields, discretization, stress.own, given.threshold, stress.left, companion)
     lower = -complementary - slack if not stress.message else -np.inf
     upper = companion.energy if moved else np.inf
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})

@@ -146,19 +146,9 @@ def _profile(places: FloatArray, known: list[tuple[FloatArray, FloatArray]]) -> 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
     """The norm of v ↦ θ v_a e_b in the energy norm: a number it does not exceed.
 
-    Parameters
-    ----------
-    ratio : float
-        Poisson's ratio of the plane state, −c12/c11: ν in plane stress, ν/(1 − ν) in plane strain.
-    inf_sup : float
-        β of the rectangle mirrored at the sides where displacements are odd.
-    largest : float
-        max |θ|.
-    steepest : float
-        max |∂_b θ| times the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖.
-    turned : float
-        H with ‖∂_a θ v_a‖ ≤ H ‖∂_a v_a‖.
-
+    `ratio` is Poisson's of the plane state, −c12/c11: ν in plane stress, ν/(1 − ν) in plane strain; `inf_sup` is β of
+    the rectangle mirrored at the sides where displacements are odd; `largest` is max |θ|, `steepest` max |∂_b θ| times
+    the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖, and `turned` is H with ‖∂_a θ v_a‖ ≤ H ‖∂_a v_a‖.
     """
     if not np.isfinite(turned):
         return float("inf")
@@ -213,14 +203,8 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
 def star_constant(ratio: float, gain: float) -> float:
     """The norm of v ↦ v_t n in the energy norm: a number it does not exceed.
 
-    Parameters
-    ----------
-    ratio : float
-        Poisson's ratio of the plane state, −c12/c11.
-    gain : float
-        G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω, zero where displacements are free, for the rotation ω of
-        every displacement.
-
+    `ratio` is Poisson's of the plane state, −c12/c11; `gain` is G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω,
+    zero where displacements are free, for the rotation ω of every displacement.
     """
     soft = 1.0 - ratio
     across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)

@@ -122,12 +122,8 @@ class Elasticity:
         t, weights = self.points()
         d = v[self.space.size :]
         springs = 0.0 if self.springs is None else 0.5 * float(d @ (self.springs @ d))
-        if self.at_rest is None:
-            strain = self.strain(v, slice(None), t)
-            work = np.einsum("cq,cqk,cqk->", weights, strain, strain @ self.moduli.swapaxes(1, 2))
-        else:
-            stress = self.stress(v, slice(None), t)
-            work = np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli))
+        stress = self.stress(v, slice(None), t)
+        work = np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli))
         return 0.5 * float(work) + springs
 
     def force(self, v: FloatArray) -> FloatArray:

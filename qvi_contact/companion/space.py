@@ -29,17 +29,16 @@ from numpy.polynomial.legendre import legder, legvander
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
 from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature
-from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import OPPOSITE, Edges, Topology, arc_offsets, coefficients, gauss
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
 _SLOPES: Final = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of λ
 
-DEGREES: Final = (1, 2, 3, 4, 5)
-"""Degrees of displacements that are offered."""
+HIGHEST: Final = 5
+"""Highest degree of displacements that is offered."""
 
 DEFAULT_DEGREE: Final = 3
 """The one taken where none is given."""
@@ -49,18 +48,8 @@ _STEPS: Final = 8  # of Newton's method for the inverse of the map; each doubles
 
 
 def triangle(degree: int | None = None) -> "Triangle":
-    """The triangle with displacements of a degree, the same again for the same degree; see `DEGREES`.
-
-    Raises
-    ------
-    InputError
-        If that degree is not offered.
-
-    """
-    chosen = DEFAULT_DEGREE if degree is None else degree
-    if isinstance(chosen, bool) or not isinstance(chosen, int | np.integer) or chosen not in DEGREES:
-        raise InputError("degree", degree, f"give one of {', '.join(map(str, DEGREES))}")
-    return _triangle(int(chosen))
+    """The triangle with displacements of a degree, the same again for the same degree; `InputError` if it is none."""
+    return _triangle(DEFAULT_DEGREE if degree is None else whole_number("degree", degree, HIGHEST))
 
 
 @dataclass(frozen=True)
