@@ -30,7 +30,7 @@ from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementStatus, Round, Settings, StopError, TooLargeError, bulk
-from qvi_contact.refinement.triangles import at_contacts
+from qvi_contact.refinement.triangles import at_contacts, outline_vertices
 from qvi_contact.solution.stress import loads_followed
 
 _SPACE: Final = ("degree", "law_on")  # options of a limit load
@@ -40,7 +40,6 @@ _SHARE: Final = 0.6  # of the gap that is divided where bodies yield
 _SECTOR: Final = np.pi / 48.0  # smallest angle of fans [rad]
 _BLUNT: Final = 0.8 * np.pi  # angle of a corner from which on a change of conditions needs a fan [rad]
 _FLAT: Final = 1e-6  # of a straight angle that is rounding
-_ENDS: Final = 2  # edges of the boundary at a vertex
 _VIOLATED: Final = 1e-7  # of the largest limit of tractions: violation that counts as rounding
 
 
@@ -149,18 +148,9 @@ def singular_vertices(problem: ContactProblem) -> IntArray:
 
     The outline turns inwards there, or conditions change where it does not turn outwards by much; straight sides only.
     """
-    mesh = problem.mesh
-    owners = problem.owners
-    found = []
-    angle = np.bincount(mesh.cells.ravel(), _angles(mesh).ravel(), len(mesh.vertices))
-    for vertex in np.unique(np.concatenate([mesh.boundary.first, mesh.boundary.second])).tolist():
-        edges = np.flatnonzero((mesh.boundary.first == vertex) | (mesh.boundary.second == vertex))
-        bent = mesh.boundary.bent[edges].any()
-        changes = len(edges) == _ENDS and (owners[:, edges[0]] != owners[:, edges[1]]).any()
-        inwards = angle[vertex] > np.pi * (1.0 + _FLAT)
-        if not bent and (inwards or (changes and angle[vertex] > _BLUNT)):
-            found.append(vertex)
-    return np.array(found, dtype=np.int64)
+    vertices, angle, changes, bent = outline_vertices(problem)
+    inwards = angle > np.pi * (1.0 + _FLAT)
+    return vertices[~bent & (inwards | (changes & (angle > _BLUNT)))]
 
 
 def _angles(mesh: TriangleMesh) -> FloatArray:

@@ -269,24 +269,30 @@ def places(result: ContactResult) -> Places:
         meets = (lowest != highest)[inverse].reshape(2, -1).any(axis=0)
         chosen = edges.cells[(state != state[:, :1]).any(axis=1) | meets]
         cells.append(chosen[chosen >= 0])
-    boundary, owners = mesh.boundary, problem.owners
-    vertex = np.concatenate([boundary.first, boundary.second])
-    order = np.argsort(vertex, kind="stable")
-    here = vertex[order][::2]
-    one, other = np.tile(np.arange(len(boundary)), 2)[order].reshape(-1, 2).T  # a body of one piece: two edges a vertex
-    middles = np.stack(mesh.points_along(boundary, np.array([0.5])), axis=-1)[:, 0]
-    differ = (owners[:, one] != owners[:, other]).any(axis=0)
-    inwards = ((middles[other] - middles[one]) * boundary.normal[one]).sum(axis=1) > 0.0
-    normals = frames_along(boundary, np.array([0.0, 1.0]))[0]
-    first, second = (normals[each, np.where(boundary.first[each] == here, 0, 1)] for each in (one, other))
-    turn = np.arccos(np.clip((first * second).sum(axis=1), -1.0, 1.0))
-    corners = [here[differ | (inwards & (turn > _TURN))]]
+    vertices, angle, changes, _ = outline_vertices(problem)
+    corners = [vertices[changes | (angle > np.pi + _TURN)]]
     if problem.joints:
         lines = [mesh.edges(contact.edges) for contact in problem.joints]
         ends = np.concatenate([np.concatenate([each.first, each.second]) for each in lines])
         vertex, times = np.unique(ends, return_counts=True)
         corners.append(vertex[times != 2])
     return Places(np.unique(np.concatenate(cells)), np.unique(np.concatenate(corners)))
+
+
+def outline_vertices(problem: ContactProblem) -> tuple[IntArray, FloatArray, BoolArray, BoolArray]:
+    """Vertices (k,) of the boundary, the body's angle at each [rad], whether conditions change or an arc ends there."""
+    boundary, owners = problem.mesh.boundary, problem.owners
+    vertex = np.concatenate([boundary.first, boundary.second])
+    order = np.argsort(vertex, kind="stable")
+    here = vertex[order][::2]
+    one, other = np.tile(np.arange(len(boundary)), 2)[order].reshape(-1, 2).T  # a body of one piece: two edges a vertex
+    middles = np.stack(problem.mesh.points_along(boundary, np.array([0.5])), axis=-1)[:, 0]
+    inwards = ((middles[other] - middles[one]) * boundary.normal[one]).sum(axis=1) > 0.0
+    normals = frames_along(boundary, np.array([0.0, 1.0]))[0]
+    first, second = (normals[each, np.where(boundary.first[each] == here, 0, 1)] for each in (one, other))
+    turn = np.arccos(np.clip((first * second).sum(axis=1), -1.0, 1.0))
+    changes = np.asarray((owners[:, one] != owners[:, other]).any(axis=0))
+    return here, np.pi + np.where(inwards, turn, -turn), changes, boundary.bent[one] | boundary.bent[other]
 
 
 def reference_problem(problem: ContactProblem, at: Places) -> ContactProblem:
