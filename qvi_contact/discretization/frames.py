@@ -43,7 +43,8 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh.edges import OPPOSITE, Edges, cross
+from qvi_contact.element.triangle import EDGES
+from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.mesh.triangles import TriangleMesh
 
 _FAR: Final = 500.5  # distance to the centre over size of cells that is allowed: its square times ε is lost
@@ -219,7 +220,7 @@ class Cuts:
     def _most(self) -> int:
         """The number of cuts between two corners of a triangle at most."""
         first = 3 * np.arange(len(self.mesh.cells))
-        pairs = np.concatenate([np.column_stack([first + a, first + b]) for a, b in OPPOSITE])
+        pairs = np.concatenate([np.column_stack([first + a, first + b]) for a, b in EDGES])
         return int(np.diff(self._jumps(pairs).indptr).max(initial=0))
 
     def columns(self, cut: IntArray) -> IntArray:
