@@ -163,9 +163,7 @@ class TriangleEnergy(PicklesFields):
         """
         space, curved = self.space, self.space.curved
         affine, w = space.differences.apply(u)
-        frames, first = space.frames, space.mesh.cells[:, 0]
-        if frames.several:
-            affine += (frames.affine(first) @ u[frames.columns(first)][:, :, None])[:, :, 0]
+        affine += (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
         shared = (space.transformations() @ w[:, :, None])[:, :, 0]
         at = curved.numbers
         shared[at] = w[at]

@@ -9,8 +9,8 @@ Coordinates are shifted to the mesh's origin and divided by its length L, stress
     a_k/d, b_k      of holes, behind those of the edges
 
 with s the length of the shortest edge at the vertex, h the edge's own and d the size of the hole. Where a mesh has
-small cells in places far from each other, Φ counts from an affine function in each, see `Frames`; around holes it has
-several values, see `Cuts`. Three families of linear functionals make up (D2):
+small cells in places far from each other, Φ counts from an affine function in each, and around holes it has several
+values, see `Frames`. Three families of linear functionals make up (D2):
 
     σ_N = Φ_tt + φ and σ_T = −Φ_nt on edges                      `StressSpace.traces`
     prescribed tractions d·σn = T on edges  →  u = B z + u₀      `Supports`
@@ -33,7 +33,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.curved import CurvedTriangles, from_corners
-from qvi_contact.discretization.frames import Cuts, Frames, shortest_cuts
+from qvi_contact.discretization.frames import Frames
 from qvi_contact.element import legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.element.legendre import gauss_legendre
@@ -261,13 +261,7 @@ class StressSpace(PicklesFields):
     @cached_property
     def size(self) -> int:
         """Number of degrees of freedom."""
-        return self.cuts.start + 3 * len(self.cuts)
-
-    @cached_property
-    def cuts(self) -> Cuts:
-        """Where Φ jumps."""
-        start = 3 * len(self.vertices) + self.element.on_edge * len(self.mesh.topology.ends)
-        return Cuts(self.mesh, shortest_cuts(self.mesh), start)
+        return self.frames.start + 3 * len(self.frames.cuts)
 
     @cached_property
     def vertices(self) -> FloatArray:
@@ -296,22 +290,18 @@ class StressSpace(PicklesFields):
     @cached_property
     def differences(self) -> Differences:
         """Degrees of freedom triangle by triangle."""
-        corners, frames = self.triangles.corners, self.frames
-        units = self.units[self.dofs]
-        if frames.several:
+        corners, frames, units = self.triangles.corners, self.frames, self.units[self.dofs]
+        if len(frames.centres):
             units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
-        across = np.flatnonzero(frames.across(self.mesh.cells) | self.cuts.cells_across)
-        beyond = frames.beyond(self.mesh.cells[across], self.size) if len(across) else None
-        if beyond is not None and len(self.cuts):
-            beyond = beyond + self.cuts.beyond(across, self.vertices, self.units)
+        across = frames.cells_across
+        beyond = frames.beyond(across, self.units) if len(across) else None
         return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, across, beyond)
 
     @cached_property
     def frames(self) -> Frames:
-        """From where Φ counts; centres lie on the boundary rather than inside."""
-        preferred = np.zeros(len(self.vertices), dtype=bool)
-        preferred[self.mesh.boundary.first] = True
-        return Frames.of(self.vertices, self.sizes, preferred)
+        """From where Φ counts."""
+        start = 3 * len(self.vertices) + self.element.on_edge * len(self.mesh.topology.ends)
+        return Frames.of(self.mesh, self.vertices, self.sizes, start)
 
     @cached_property
     def sizes(self) -> FloatArray:
@@ -322,18 +312,12 @@ class StressSpace(PicklesFields):
     def units(self) -> FloatArray:
         """Φ, its slopes, N_k, Q_k, a_k or b_k over the degree of freedom that stands for it, shape (N,)."""
         first, second = self.vertices[self.mesh.topology.ends].swapaxes(0, 1)
-        values = np.where(self.frames.is_centre & self.frames.several, 1.0, self.sizes)
+        values = np.where(self.frames.is_centre, 1.0, self.sizes)
         at_vertices = np.column_stack([values, np.ones((len(self.sizes), 2))]).ravel()
         on_edges = np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)
-        if not len(self.cuts):
-            return np.concatenate([at_vertices, on_edges])
-        of_holes = np.column_stack([self.cuts.holes / self.mesh.length, np.ones((len(self.cuts), 2))]).ravel()
+        holes = self.frames.holes / self.mesh.length
+        of_holes = np.column_stack([holes, np.ones((len(holes), 2))]).ravel()
         return np.concatenate([at_vertices, on_edges, of_holes])
-
-    @cached_property
-    def boundary(self) -> IntArray:
-        """Numbers of the edges of the boundary in `mesh.topology`, in ascending order."""
-        return np.flatnonzero(self.mesh.topology.boundary)
 
     def number(self, edges: Edges) -> IntArray:
         """Edges (n,) as `mesh.topology` counts them."""
@@ -360,7 +344,7 @@ class StressSpace(PicklesFields):
             if edges is boundary or (edges.cells[:, 1] >= 0).any():
                 found = self._traces_of(edges)
             else:
-                found = self.traces(boundary).take(np.searchsorted(self.boundary, self.number(edges)))
+                found = self.traces(boundary).take(np.searchsorted(self.mesh.topology.outer, self.number(edges)))
             self._traces[edges] = found
         return found
 
@@ -423,31 +407,18 @@ class StressSpace(PicklesFields):
     def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> EdgeFunctionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
         frames, on_dofs = self.frames, values * self.units[columns][:, None]
-        all_columns, all_values = [columns], [on_dofs]
-        if frames.several:  # six more columns an edge, of the centres of its ends, which count on edges across parts
-            ends = columns[:, [0, 3]] // 3
-            across = frames.across(ends)
-            for end in (0, 1):
-                own, more = slice(3 * end, 3 * end + 3), np.zeros((*values.shape[:2], 3))
-                on_dofs[:, :, own] *= ~frames.is_centre[ends[:, end], None, None]
-                more[across] = values[across, :, own] @ frames.affine(ends[across, end])
-                all_columns.append(frames.columns(ends[:, end]))
-                all_values.append(more)
-        if len(self.cuts):  # three more columns an edge for every cut between its ends
-            places, at_cuts = self.cuts.on_edges(edges, values[:, :, 3:6], self.vertices)
-            all_columns.append(places)
-            all_values.append(at_cuts * self.units[places][:, None])
-        return EdgeFunctionals(np.hstack(all_columns), np.concatenate(all_values, axis=2), self.size)
+        if not len(frames.origins):
+            return EdgeFunctionals(columns, on_dofs, self.size)
+        for first, ends in ((0, edges.first), (3, edges.second)):
+            on_dofs[:, :, first : first + 3] *= ~frames.is_centre[ends, None, None]
+        places, more = frames.on_edges(edges, values[:, :, 3:6])
+        more = more * self.units[places][:, None]
+        return EdgeFunctionals(np.hstack([columns, places]), np.concatenate([on_dofs, more], axis=2), self.size)
 
     @property
     def traction_degree(self) -> int:
         """Degree of σ_N and σ_T on an edge (without φ)."""
         return self.degree - 2
-
-    @property
-    def centres(self) -> IntArray:
-        """Vertices with affine functions from which degrees of freedom count, if there are several of them."""
-        return self.frames.centres if self.frames.several else self.frames.centres[:0]
 
     @cached_property
     def cell_sizes(self) -> FloatArray:
@@ -504,12 +475,11 @@ class StressSpace(PicklesFields):
         return np.asarray(hessians @ self.triangles.stress_maps[cells].swapaxes(1, 2))
 
     def jumps(self, u: FloatArray) -> FloatArray:
-        """By how much Φ of u (N,) and its slopes jump where each of the `cuts` begins, shape (k, 3).
+        """By how much Φ of u (N,) and its slopes jump where each of the cuts begins, shape (k, 3).
 
         The jumps of the slopes are the resultant force on the hole, turned.
         """
-        start = self.cuts.start
-        return np.asarray((self.units * u)[start:].reshape(-1, 3))
+        return np.asarray((self.units * u)[self.frames.start :].reshape(-1, 3))
 
     def cell_measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
         """Weights (cells, q), dimensionless areas, at reference points t (q, 3) with weights (q,) of sum 1."""

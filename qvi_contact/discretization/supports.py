@@ -48,6 +48,7 @@ _ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none whe
 _BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
 _DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
 _NOTHING: Final[dict[int, float]] = {}
+_OF_QUADRATURE: Final = ("t", "weights", "values")
 _WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
 
 
@@ -81,22 +82,12 @@ class PrescribedTraction:
             values = np.asarray(self.value(x, y))
             if self.potential is None:
                 return values
-            if self.turns or not self.edges.curved:
-                outward = (self.direction * self.edges.normal).sum(axis=1)[edge, None]
-            else:
-                chosen = self.edges.take(edge)
-                outward = (self.direction[edge, None] * vectors_along(chosen, chosen.normal, t)).sum(axis=2)
+            chosen = self.edges.take(edge)
+            along = vectors_along(chosen, self.direction[edge], t, turns=self.turns)
+            outward = (along * vectors_along(chosen, chosen.normal, t)).sum(axis=2)
             return np.asarray(values - self.potential(x, y) * outward)
 
         return adapted(own, len(self.edges), points, rounding_along(vertices, self.edges))
-
-    def coefficients(self, vertices: FloatArray, degree: int) -> FloatArray:
-        """That part on every edge in the mean square, which keeps resultant force and moment; (n, degree + 1)."""
-        if self.constant is None:
-            return self.quadrature(vertices, max(_POINTS, degree + 5)).coefficients(degree)
-        found: FloatArray = np.zeros((len(self.edges), degree + 1))
-        found[:, 0] = self.constant
-        return found
 
 
 class Component(NamedTuple):
@@ -107,8 +98,8 @@ class Component(NamedTuple):
     turns: bool
 
 
-class _Block(NamedTuple):
-    """Rows C (r, N) of some edges, scaled so that d are forces, moments and degrees of freedom, dimensionless.
+class _Conditions(NamedTuple):
+    """Rows C (r, N), scaled so that d are forces, moments and degrees of freedom, dimensionless.
 
     `is_load` (r,) tells rows whose d is a force or moment, `number` (r,) the edge that each belongs to, and `data`
     makes d (r,) of what is prescribed for each of the components.
@@ -151,21 +142,79 @@ class Supports(PicklesFields):
         """The u₀ (N,) of values, zero for unknowns, and the force (or moment over the length) out of balance."""
         if all(part.constant == 0.0 for part in given):
             return np.zeros(self.space.size), 0.0
-        d = np.concatenate([block.data(given) for block in self._blocks])
-        is_load = np.concatenate([block.is_load for block in self._blocks])
-        largest = float(np.abs(d[is_load]).max(initial=0.0))
+        d = self._conditions.data(given)
+        largest = float(np.abs(d[self._conditions.is_load]).max(initial=0.0))
         u, misfit = self.elimination.particular(np.concatenate([np.zeros(3), d[self._walk[0]]]))
         imbalance = float(np.abs(misfit).max(initial=0.0))
         return u, imbalance if imbalance > _BALANCED * largest else 0.0
 
     @cached_property
-    def _blocks(self) -> list[_Block]:
-        return [_on_chords(self.space, self.components), *_on_arcs(self.space, self.components)]
+    def _conditions(self) -> _Conditions:
+        """Whole traction vectors on edges where two components are given, else one component.
+
+        A vector is 2p − 2 rows: force and moment of the data, and their other coefficients of Legendre. A component
+        d·σn = (d·n) σ_N + (d·t) σ_T is p − 1 rows, its coefficients in the mean square.
+        """
+        space, degree, components = self.space, self.space.degree - 2, self.components
+        number = np.concatenate([np.empty(0, np.int64), *(space.number(part.edges) for part in components)])
+        direction = np.concatenate([np.empty((0, 2)), *(part.direction for part in components)])
+        turns = np.concatenate([np.empty(0, bool), *(np.full(len(part.edges), part.turns) for part in components)])
+        edges = _edges_of(space, number)  # as often as components are given there
+        order = np.argsort(number, kind="stable")
+        twice = np.flatnonzero(number[order][1:] == number[order][:-1])
+        one, other = order[twice], order[twice + 1]
+        single = np.delete(order, np.concatenate([twice, twice + 1]))
+        both, alone = edges.take(one), edges.take(single)
+        h, m = space.lengths(alone), frame(both)[0]
+        scale = np.column_stack([h, h**2 / 6.0, np.ones((len(single), degree - 1))])
+        t = gauss_legendre(degree + _POINTS)[0]
+        d = vectors_along(alone, direction[single], t, turns=turns[single])
+        values, project = legendre.basis(degree, t), legendre.from_values(degree, len(t))
+        traces = space.traces(alone)
+        combined: FloatArray = np.zeros((len(single), degree + 1, traces.columns.shape[1]))
+        for axis, found in zip(frames_along(alone, t), np.split(traces.values, 2, axis=1), strict=True):
+            share = (d * axis).sum(axis=-1)
+            share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
+            matrices = project @ (share[:, :, None] * values)
+            matrices[~alone.bent] = share[~alone.bent, :1, None] * np.eye(degree + 1)  # zeros, not rounding
+            combined += (matrices * scale[:, :, None]) @ found
+        # what the other component has no part in: where there is none, the direction itself
+        against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
+        against[one], against[other] = direction[other], direction[one]
+        against_turns[one], against_turns[other] = turns[other], turns[one]
+        factor, norms = frame(edges)[1][:, None, None], 2.0 * np.arange(degree + 1) + 1.0
+
+        def data(given: Sequence[PrescribedTraction]) -> FloatArray:
+            parts = [part.quadrature(space.mesh.vertices, _POINTS + degree) for part in given]
+            starts = np.cumsum([0, *(part.count for part in parts)]).tolist()
+            edge = np.concatenate([start + part.edge for start, part in zip(starts, parts, strict=False)])
+            t, weights, values = (np.concatenate([getattr(p, name) for p in parts]) for name in _OF_QUADRATURE)
+            found, chosen = EdgeQuadrature(len(number), edge, t, weights, values, 0.0), edges.take(edge)
+            own = vectors_along(chosen, direction[edge], t, turns=turns[edge])
+            dual = vectors_along(chosen, against[edge], t, turns=against_turns[edge])
+            dual = np.stack([-dual[..., 1], dual[..., 0]], axis=-1)  # at right angles to the other component
+            dual /= (dual * own).sum(axis=-1, keepdims=True)
+            normal, tangent = frames_along(chosen, t)
+            N, Q = (dual * normal).sum(axis=-1)[..., None], factor[edge] * (dual * tangent).sum(axis=-1)[..., None]
+            shapes, scaled = resultant_shapes(chosen.bend, t), legendre.basis(degree, t) * norms
+            resultants = N * shapes[..., 0] + Q * shapes[..., 1]
+            of_data = found.integrals(np.concatenate([resultants, N * scaled[..., 2:], Q * scaled[..., 1:]], axis=-1))
+            vectors, lengths = of_data[one] + of_data[other], space.lengths(both)[:, None]
+            vectors[:, :2] = lengths * (vectors[:, :1] * both.tangent + vectors[:, 1:2] * m)
+            vectors[:, 2:3] *= lengths**2
+            return np.concatenate([vectors.ravel(), (found.coefficients(degree)[single] * scale).ravel()])
+
+        rows = [space.resultants(both).rows(), EdgeFunctionals(traces.columns, combined, space.size).rows()]
+        C = Rows(np.concatenate([part.columns for part in rows]), np.concatenate([part.values for part in rows]))
+        of_both, of_alone = np.arange(2 * degree + 2), np.arange(degree + 1)
+        is_load = np.concatenate([np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))])
+        numbers = np.concatenate([np.repeat(number[one], len(of_both)), np.repeat(number[single], len(of_alone))])
+        return _Conditions(C, is_load, numbers, data)
 
     @cached_property
     def _walk(self) -> tuple[IntArray, IntArray, int]:
         """The order of the rows, when each vertex is met on the way, and the vertex of the gauge."""
-        space, number = self.space, np.concatenate([block.number for block in self._blocks])
+        space, number = self.space, self._conditions.number
         numbers = np.unique(number)
         frames, lines = space.frames, space.mesh.topology.ends[numbers]
         small = space.sizes <= _ALIKE * space.sizes.min()  # without several centres, where cells are smallest
@@ -173,167 +222,30 @@ class Supports(PicklesFields):
         on_lines[lines] = True
         gauge = int(np.argmax(small & on_lines if (small & on_lines).any() else small))
         seeds = [gauge]
-        if frames.several:
+        if len(frames.centres):
             gauge, order = int(frames.centres[0]), np.argsort(np.round(np.log2(space.sizes)), kind="stable")
             seeds = [*frames.centres.tolist(), *order[on_lines[order]].tolist()]
-        last = frames.across(lines) | space.cuts.across(_edges_of(space, numbers))
+        last = frames.across(_edges_of(space, numbers))
         place = np.full(len(lines), len(lines))
         place[~last], age = walk(lines[~last], seeds, len(space.vertices))
-        if frames.several:
-            age[frames.centres] = 0  # which are solved for where nothing else is left
+        age[frames.centres] = 0  # which are solved for where nothing else is left
         return np.argsort(place[np.searchsorted(numbers, number)], kind="stable"), age, gauge
 
     @cached_property
     def elimination(self) -> Elimination:
         """The rows, solved."""
         space, (order, age, gauge) = self.space, self._walk
-        columns = np.concatenate([block.C.columns for block in self._blocks])[order]
-        values = np.concatenate([block.C.values for block in self._blocks])[order]
-        width = columns.shape[1]
+        C, width = self._conditions.C.take(order), self._conditions.C.columns.shape[1]
         at_gauge = np.broadcast_to(3 * gauge + np.arange(width), (3, width))
-        C = Rows(np.concatenate([at_gauge, columns]), np.concatenate([np.eye(3, width), values]))
+        C = Rows(np.concatenate([at_gauge, C.columns]), np.concatenate([np.eye(3, width), C.values]))
         on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
-        of_holes = np.zeros(3 * len(space.cuts), dtype=np.int64)
+        of_holes = np.zeros(3 * len(space.frames.cuts), dtype=np.int64)
         return Elimination.of(C, np.concatenate([np.repeat(age, 3), on_edges, of_holes]))
 
 
 def _edges_of(space: StressSpace, numbers: IntArray) -> Edges:
     """Edges of the boundary by their numbers in `mesh.topology`."""
-    return space.mesh.boundary.take(np.searchsorted(space.boundary, numbers))
-
-
-def _on_chords(space: StressSpace, components: Sequence[Component]) -> _Block:
-    """Conditions on straight edges: whole traction vectors where two components are given, else one component.
-
-    Vectors are 2p − 2 rows an edge, of the Cartesian coefficients; a component is p − 1, coefficient by coefficient.
-    """
-    vertices, degree = space.mesh.vertices, space.degree - 2
-    straight = [None if not part.edges.curved else np.flatnonzero(~part.edges.bent) for part in components]
-    numbers, directions = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
-    for part, index in zip(components, straight, strict=True):
-        chosen: IntArray | slice = slice(None) if index is None else index
-        numbers.append(space.number(part.edges)[chosen])
-        directions.append(part.direction[chosen])
-    number, direction = np.concatenate(numbers), np.concatenate(directions)
-    order = np.argsort(number, kind="stable")
-    twice = np.flatnonzero(number[order][1:] == number[order][:-1])
-    one, other = order[twice], order[twice + 1]
-    single = np.delete(order, np.concatenate([twice, twice + 1]))
-    both = _edges_of(space, number[one])
-    h = space.lengths(both)[:, None]
-    m, factor = frame(both)
-    pairs = np.stack([direction[one], direction[other]], axis=1)
-    alone = _edges_of(space, number[single])
-    scale = np.column_stack([space.lengths(alone), space.lengths(alone) ** 2 / 6.0, np.ones((len(single), degree - 1))])
-    shares = np.stack([(direction[single] * axis).sum(axis=1) for axis in (alone.normal, alone.tangent)], axis=1)
-    shares = np.where(np.abs(shares) <= _PARALLEL, 0.0, shares)[:, :, None] * scale[:, None]
-    traces = space.traces(alone)
-    halves = traces.values.reshape(len(single), 2, degree + 1, traces.columns.shape[1])
-    combined = (shares[..., None] * halves).sum(axis=1)
-
-    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
-        parts = [part if index is None else part.take(index) for part, index in zip(given, straight, strict=True)]
-        found = np.concatenate([np.empty((0, degree + 1)), *(part.coefficients(vertices, degree) for part in parts)])
-        vectors = np.linalg.solve(pairs, np.stack([found[one], found[other]], axis=1))
-        N = (both.normal[:, :, None] * vectors).sum(axis=1)
-        Q = factor[:, None] * (both.tangent[:, :, None] * vectors).sum(axis=1)
-        forces = h * (N[:, :1] * both.tangent + Q[:, :1] * m)
-        of_vectors = np.hstack([forces, -(h**2) * N[:, 1:2] / 6.0, N[:, 2:], Q[:, 1:]])
-        return np.concatenate([of_vectors.ravel(), (found[single] * scale).ravel()])
-
-    vectors, component = space.resultants(both).rows(), EdgeFunctionals(traces.columns, combined, space.size).rows()
-    return _Block(
-        Rows(np.concatenate([vectors.columns, component.columns]), np.concatenate([vectors.values, component.values])),
-        np.concatenate(
-            [np.tile(np.arange(2 * degree + 2) < 3, len(one)), np.tile(np.arange(degree + 1) < 2, len(single))]
-        ),
-        np.concatenate([np.repeat(number[one], 2 * degree + 2), np.repeat(number[single], degree + 1)]),
-        data,
-    )
-
-
-def _on_arcs(space: StressSpace, components: Sequence[Component]) -> list[_Block]:
-    """Conditions on edges that are arcs: of both components where there are two, of one where there is one."""
-    bent = [(i, np.flatnonzero(part.edges.bent)) for i, part in enumerate(components) if part.edges.curved]
-    if not bent:
-        return []
-    numbers = {i: space.number(components[i].edges.take(index)) for i, index in bent}
-    orders = {i: index[np.argsort(numbers[i])] for i, index in bent}
-    numbers = {i: np.sort(number) for i, number in numbers.items()}
-    count = np.bincount(np.concatenate([*numbers.values()]), minlength=len(space.mesh.topology.ends))
-    found = []
-    for i, index in orders.items():
-        alone = count[numbers[i]] == 1
-        if alone.any():
-            found.append(_of_component_on_arcs(space, components, i, index[alone]))
-        for j, other in orders.items():
-            mine, its = np.isin(numbers[i], numbers[j]), np.isin(numbers[j], numbers[i])
-            if j > i and mine.any():
-                found.append(_of_vectors_on_arcs(space, components, (i, j), (index[mine], other[its])))
-    return found
-
-
-def _of_vectors_on_arcs(
-    space: StressSpace, components: Sequence[Component], pair: tuple[int, int], at: tuple[IntArray, IntArray]
-) -> _Block:
-    """Both components on the same arcs: force and moment of the data, and their coefficients of Legendre."""
-    edges, degree = components[pair[0]].edges.take(at[0]), space.degree - 2
-    h, (m, factor) = space.lengths(edges), frame(edges)
-
-    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
-        one, other = (given[i].take(index) for i, index in zip(pair, at, strict=True))
-        d: FloatArray = np.zeros((len(edges), 2 * degree + 2))
-        for part, its in ((one, other), (other, one)):
-            found = part.quadrature(space.mesh.vertices, _POINTS + degree)
-            chosen = edges.take(found.edge)
-            own, against = (
-                vectors_along(chosen, each.direction[found.edge], found.t, turns=each.turns) for each in (part, its)
-            )
-            dual = np.stack([-against[..., 1], against[..., 0]], axis=-1)  # at right angles to the other component
-            dual /= (dual * own).sum(axis=-1, keepdims=True)
-            normal, tangent = frames_along(chosen, found.t)
-            N, Q = (dual * normal).sum(axis=-1), factor[found.edge, None] * (dual * tangent).sum(axis=-1)
-            shapes = resultant_shapes(chosen.bend, found.t)
-            resultants = N[..., None] * shapes[..., 0] + Q[..., None] * shapes[..., 1]
-            scaled = legendre.basis(degree, found.t) * (2.0 * np.arange(degree + 1) + 1.0)
-            parts = [resultants, N[..., None] * scaled[..., 2:], Q[..., None] * scaled[..., 1:]]
-            d += found.integrals(np.concatenate(parts, axis=-1))
-        force = h[:, None] * (d[:, :1] * edges.tangent + d[:, 1:2] * m)
-        d[:, 2] *= h**2
-        d[:, :2] = force
-        return d.ravel()
-
-    rows = 2 * degree + 2
-    is_load = np.tile(np.arange(rows) < 3, len(edges))
-    return _Block(space.resultants(edges).rows(), is_load, np.repeat(space.number(edges), rows), data)
-
-
-def _of_component_on_arcs(space: StressSpace, components: Sequence[Component], i: int, at: IntArray) -> _Block:
-    """One component d·σn = (d·n) σ_N + (d·t) σ_T on arcs, in the mean square of each: p − 1 rows an edge."""
-    part, degree = components[i], space.degree - 2
-    edges = part.edges.take(at)
-    h = space.lengths(edges)
-    scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (degree - 1)])
-    t = gauss_legendre(degree + _POINTS)[0]
-    along = np.tile(t, (len(edges), 1))
-    direction = vectors_along(edges, part.direction[at], along, turns=part.turns)
-    values = legendre.basis(degree, t)
-    project = legendre.from_values(degree, len(t))
-    traces = space.traces(edges)
-    combined: FloatArray = np.zeros((len(edges), degree + 1, traces.columns.shape[1]))
-    halves = np.split(traces.values, 2, axis=1)
-    for axis, found in zip(frames_along(edges, along), halves, strict=True):
-        share = (direction * axis).sum(axis=-1)
-        share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
-        combined = combined + (project @ (share[:, :, None] * values) * scale[:, :, None]) @ found
-
-    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
-        wanted = given[i].take(at).quadrature(space.mesh.vertices, degree + _POINTS).coefficients(degree)
-        return (wanted * scale).ravel()
-
-    is_load = np.tile(np.arange(degree + 1) < 2, len(edges))
-    number = np.repeat(space.number(edges), degree + 1)
-    return _Block(EdgeFunctionals(traces.columns, combined, space.size).rows(), is_load, number, data)
+    return space.mesh.boundary.take(np.searchsorted(space.mesh.topology.outer, numbers))
 
 
 @dataclass(frozen=True, eq=False)

@@ -310,8 +310,8 @@ def _second_derivatives(stated: Statement, k: int, factor: Fraction) -> Given:
 def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     """Φ in floating point: its ordinates (cells, 3, count)."""
     low, high, space = program.low, program.high, program.low.space
-    if len(space.cuts):
-        raise InputError("proof", f"{len(space.cuts)} holes", _STRAIGHT)
+    if len(space.frames.cuts):
+        raise InputError("proof", f"{len(space.frames.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
     u = low.basis @ unknowns[:n] + low.particular + (unknowns[-1] - 1.0) * (high.particular - low.particular)
     factors = low.root.stiffness.energy.coefficients(u, None)

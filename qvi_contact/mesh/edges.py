@@ -66,6 +66,16 @@ class Topology:
         """Which edges belong to one triangle only, shape (e,)."""
         return np.asarray(self.count == 1)
 
+    @cached_property
+    def outer(self) -> IntArray:
+        """Numbers of the edges of the boundary, in ascending order."""
+        return np.flatnonzero(self.boundary)
+
+    @cached_property
+    def inner(self) -> IntArray:
+        """Numbers of the other edges, in ascending order."""
+        return np.flatnonzero(~self.boundary)
+
     def number(self, pairs: IntArray) -> IntArray:
         """The edges between pairs of vertices (k, 2), in any order; −1 where there is none."""
         one, other = pairs[:, 0], pairs[:, 1]
@@ -370,11 +380,16 @@ def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     return vectors_along(edges, edges.normal, t), vectors_along(edges, edges.tangent, t)
 
 
-def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bool = True) -> FloatArray:
-    """Vectors (n, 2), given for the chord of each edge, that turn with it or do not; at t as above, shape (n, q, 2)."""
+def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bool | BoolArray = True) -> FloatArray:
+    """Vectors (n, 2), given for the chord of each edge, at t as above, shape (n, q, 2): they turn with it, or do not.
+
+    Whether they do says one truth value, or one for each edge (n,).
+    """
     t = np.broadcast_to(t, (len(edges), np.shape(t)[-1]))
     given = np.broadcast_to(vectors[:, None], (*t.shape, 2))
-    return turned(given, angles(edges.bend, t)) if turns and edges.curved else given
+    if not edges.curved or not np.any(turns):
+        return given
+    return turned(given, np.reshape(turns, (-1, 1)) * angles(edges.bend, t))
 
 
 def rounding_along(vertices: FloatArray, edges: Edges) -> FloatArray:
