@@ -14,6 +14,6 @@ __getattr__ = front(
         "plates": ("pins",),
         "scaling": ("REACH", "Scales"),
         "space": ("Rows", "StressSpace", "edge_rule", "split_points"),
-        "supports": ("Elimination", "PrescribedTraction", "Supports", "walk"),
+        "supports": ("Elimination", "Supports", "walk"),
     },
 )

@@ -26,7 +26,7 @@ from qvi_contact.discretization.loads import (
     laws_vary,
     limits_of,
     potential_at,
-    prescribed_tractions,
+    traction_data,
 )
 from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
 from qvi_contact.discretization.scaling import Scales
@@ -34,6 +34,7 @@ from qvi_contact.discretization.space import EdgeRule, LawOn, Rows, StressSpace,
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError, refuse_arguments
+from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import PicklesFields
@@ -287,9 +288,9 @@ def discretize(
 
 def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales) -> Discretization:
     """Discretise: matrices that the mesh keeps for all problems, and the vectors of this one."""
-    given = prescribed_tractions(problem, scales)
-    kept = problem.mesh.kept
-    supports = Supports.on(space, given, kept)
+    prescribed, kept = problem.prescribed(Traction), problem.mesh.kept
+    supports = Supports.on(space, prescribed, kept)
+    given = [traction_data(problem, scales, part, supports.points) for part in prescribed]
     particular, imbalance = supports.particular(given)
     if imbalance > 0.0:
         remedy = (

@@ -23,7 +23,7 @@ In `docs/theory.md`: (D2).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
@@ -37,61 +37,23 @@ from qvi_contact.discretization.curved import resultant_shapes
 from qvi_contact.discretization.space import EdgeFunctionals, Rows, StressSpace, frame
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
-from qvi_contact.mesh.edges import Edges, frames_along, points_along, rounding_along, vectors_along
+from qvi_contact.element.quadrature import EdgeQuadrature
+from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
+from qvi_contact.problem.problem import Prescribed
 from solvers.basics.types import PicklesFields
 from solvers.inequality.rows import are_few
 
-_POINTS: Final = 8  # Gauss points of edges and their parts for data given as functions, at least
+_POINTS: Final = 6  # Gauss points beside the degree of Φ, of edges and their parts for data given as functions
 _PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
 _ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none when the gauge is placed
 _BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
 _DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
 _NOTHING: Final[dict[int, float]] = {}
-_OF_QUADRATURE: Final = ("t", "weights", "values")
 _WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
 
 
-@dataclass(frozen=True, eq=False)
-class PrescribedTraction:
-    """One component of the traction, prescribed on edges: d·σn = value."""
-
-    name: str  # what messages call it, such as "Traction.x"
-    edges: Edges  # n edges of the boundary
-    direction: FloatArray  # (n, 2): unit vector d on each edge: a Cartesian one, or ± the edge's normal or tangent
-    # function of (x, y): the component [dimensionless] at points x, y [length], arrays of one shape; φ is part of it.
-    # Where d·n ≠ 0 the part of it that Φ makes up is value − φ d·n.
-    value: Callable[[FloatArray, FloatArray], FloatArray]
-    # φ [dimensionless] at points [length]; None where there is none
-    potential: Callable[[FloatArray, FloatArray], FloatArray] | None = None
-    turns: bool = False  # whether d turns along arcs, as normals and tangents do
-    # what Φ makes up of it, if that is known to be one number [dimensionless]; then `value` is that
-    constant: float | None = None
-
-    def take(self, index: IntArray | BoolArray) -> PrescribedTraction:
-        """The same on some of the edges."""
-        return replace(self, edges=self.edges.take(index), direction=self.direction[index])
-
-    def quadrature(self, vertices: FloatArray, points: int) -> EdgeQuadrature:
-        """The part that Φ makes up, at Gauss points of parts of the edges; vertices (v, 2) [length]."""
-        if self.constant is not None:
-            return constant(self.constant, len(self.edges), points)
-
-        def own(edge: IntArray, t: FloatArray) -> FloatArray:
-            x, y = np.moveaxis(points_along(vertices, self.edges.take(edge), t), -1, 0)
-            values = np.asarray(self.value(x, y))
-            if self.potential is None:
-                return values
-            chosen = self.edges.take(edge)
-            along = vectors_along(chosen, self.direction[edge], t, turns=self.turns)
-            outward = (along * vectors_along(chosen, chosen.normal, t)).sum(axis=2)
-            return np.asarray(values - self.potential(x, y) * outward)
-
-        return adapted(own, len(self.edges), points, rounding_along(vertices, self.edges))
-
-
 class Component(NamedTuple):
-    """Where a component of the traction is prescribed, and along which directions, see `PrescribedTraction`."""
+    """Where a component of the traction is prescribed, and along which directions, see `Prescribed`."""
 
     edges: Edges
     direction: FloatArray
@@ -102,13 +64,13 @@ class _Conditions(NamedTuple):
     """Rows C (r, N), scaled so that d are forces, moments and degrees of freedom, dimensionless.
 
     `is_load` (r,) tells rows whose d is a force or moment, `number` (r,) the edge that each belongs to, and `data`
-    makes d (r,) of what is prescribed for each of the components.
+    makes d (r,) of what Φ has to make up for each of the components.
     """
 
     C: Rows
     is_load: BoolArray
     number: IntArray
-    data: Callable[[Sequence[PrescribedTraction]], FloatArray]
+    data: Callable[[Sequence[EdgeQuadrature]], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +89,7 @@ class Supports(PicklesFields):
     components: tuple[Component, ...]  # what is prescribed, but for its values
 
     @classmethod
-    def on(cls, space: StressSpace, given: Sequence[PrescribedTraction], kept: Kept) -> Supports:
+    def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
         """Those of a space for such components, made once."""
         parts = [(p.edges, p.direction, p.turns and p.edges.curved) for p in given]
         key = (space, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
@@ -138,9 +100,17 @@ class Supports(PicklesFields):
         """B."""
         return self.elimination.basis
 
-    def particular(self, given: Sequence[PrescribedTraction]) -> tuple[FloatArray, float]:
-        """The u₀ (N,) of values, zero for unknowns, and the force (or moment over the length) out of balance."""
-        if all(part.constant == 0.0 for part in given):
+    @property
+    def points(self) -> int:
+        """Gauss points of edges, and of their parts, at which `particular` wants values."""
+        return self.space.degree + _POINTS
+
+    def particular(self, given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, float]:
+        """The u₀ (N,), zero for unknowns, and the force (or moment over the length) out of balance.
+
+        Of what Φ has to make up of each component, dimensionless, see `loads.traction_data`.
+        """
+        if not any(part.values.any() for part in given):
             return np.zeros(self.space.size), 0.0
         d = self._conditions.data(given)
         largest = float(np.abs(d[self._conditions.is_load]).max(initial=0.0))
@@ -167,7 +137,7 @@ class Supports(PicklesFields):
         both, alone = edges.take(one), edges.take(single)
         h, m = space.lengths(alone), frame(both)[0]
         scale = np.column_stack([h, h**2 / 6.0, np.ones((len(single), degree - 1))])
-        t = gauss_legendre(degree + _POINTS)[0]
+        t = gauss_legendre(self.points)[0]
         d = vectors_along(alone, direction[single], t, turns=turns[single])
         values, project = legendre.basis(degree, t), legendre.from_values(degree, len(t))
         traces = space.traces(alone)
@@ -184,12 +154,9 @@ class Supports(PicklesFields):
         against_turns[one], against_turns[other] = turns[other], turns[one]
         factor, norms = frame(edges)[1][:, None, None], 2.0 * np.arange(degree + 1) + 1.0
 
-        def data(given: Sequence[PrescribedTraction]) -> FloatArray:
-            parts = [part.quadrature(space.mesh.vertices, _POINTS + degree) for part in given]
-            starts = np.cumsum([0, *(part.count for part in parts)]).tolist()
-            edge = np.concatenate([start + part.edge for start, part in zip(starts, parts, strict=False)])
-            t, weights, values = (np.concatenate([getattr(p, name) for p in parts]) for name in _OF_QUADRATURE)
-            found, chosen = EdgeQuadrature(len(number), edge, t, weights, values, 0.0), edges.take(edge)
+        def data(given: Sequence[EdgeQuadrature]) -> FloatArray:
+            found = EdgeQuadrature.joined(given)
+            edge, t, chosen = found.edge, found.t, edges.take(found.edge)
             own = vectors_along(chosen, direction[edge], t, turns=turns[edge])
             dual = vectors_along(chosen, against[edge], t, turns=against_turns[edge])
             dual = np.stack([-dual[..., 1], dual[..., 0]], axis=-1)  # at right angles to the other component

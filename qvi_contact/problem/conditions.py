@@ -41,6 +41,11 @@ Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
 Driven: TypeAlias = Annotated[float, Scalar()]
 """A number, which files may write as an expression of constants and t."""
 
+_STIFF: Final = Varying(0.0, instead="leave it out if it is rigid, and the contact if the side is free")
+
+SHEAR_LAW: Final = ("friction", "cohesion", "shear_limit")
+"""Data of a contact that bound its shear by min(c + μ|σ_N|, t_max); none but friction has a unit, that of stress."""
+
 CARTESIAN: Final = ("x", "y")
 LOCAL: Final = ("normal", "tangential")
 
@@ -291,8 +296,8 @@ class Contact:
     law: Law = "unilateral"
     plate: RigidPlate | None = None
     pore_pressure: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="p_w", unit="stress"))
-    normal_stiffness: Field | None = field(default=None, metadata=key(kind=Varying(0.0), symbol="k_N"))
-    tangential_stiffness: Field | None = field(default=None, metadata=key(kind=Varying(0.0), symbol="k_T"))
+    normal_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_N"))
+    tangential_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_T"))
 
     in_files: ClassVar[dict[str, Key]] = {"pin": Key(Table(Pin), needed=False)}
     """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""
@@ -304,9 +309,6 @@ class Contact:
             given = callable(value) or value != defaults_of(Contact).get(name, 0.0)
             if self.law == "tied" and not each.tied and given:
                 raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
-            if name.endswith("_stiffness") and not callable(value) and value == 0.0:
-                remedy = "give a positive number, a free side instead of the contact, or leave it out if it is rigid"
-                raise InputError(f"Contact.{name}", value, remedy)
 
     @classmethod
     def from_file(cls, *, pin: Pin | None = None, **values: Any) -> Contact:

@@ -51,7 +51,8 @@ if TYPE_CHECKING:
 Plane: TypeAlias = Literal["stress", "strain"]
 """Whether σ_zz or ε_zz is zero."""
 
-Strong: TypeAlias = Annotated[Field, Varying(0.0, positive=True)]
+_STRONG: Final = Varying(0.0, instead="leave the strength out if the body does not yield")
+Strong: TypeAlias = Annotated[Field, _STRONG]
 
 
 class YieldCone(NamedTuple):
@@ -126,7 +127,7 @@ class MohrCoulomb:
         if not callable(self.phi):
             self.angles(np.zeros(1), np.zeros(1))
             if self.phi == 0.0:
-                Varying(0.0, positive=True).check("MohrCoulomb.c", self.c)
+                _STRONG.check("MohrCoulomb.c", self.c)
 
     def angles(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """The angle of friction φ at points; `InputError` if it is out of its range."""

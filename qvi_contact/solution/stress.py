@@ -24,12 +24,13 @@ from qvi_contact.discretization.loads import (
     is_polynomial,
     physical,
     potential_at,
-    prescribed_tractions,
+    traction_data,
 )
 from qvi_contact.element import legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.material import is_strained, stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 
@@ -287,14 +288,14 @@ def prescribed_and_computed(
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
     degree = space.traction_degree
     count = max(LOAD_POINTS, degree + 1)
-    for given in prescribed_tractions(problem, scales):
+    for given in problem.prescribed(Traction):
         if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree
             degree = count - 1
         points = EdgePoints(space, given.edges, count)
         normal, shear = points.tractions(u.ravel())
         directions = points.vectors(given.direction, given.turns)
         along = component(normal * points.normals.T + shear * points.tangents.T, directions)
-        wanted = given.quadrature(problem.mesh.vertices, LOAD_POINTS)
+        wanted = traction_data(problem, scales, given, LOAD_POINTS)
         yield wanted, along.reshape(-1, count) @ legendre.from_values(degree, count).T
 
 

@@ -9,9 +9,10 @@ from scipy.special import comb
 
 from qvi_contact import Material, TriangleMesh, exact, solve
 from qvi_contact.basics import Kept
-from qvi_contact.discretization import BodyStiffness, PrescribedTraction, Root, StressSpace, Supports, edge_rule
+from qvi_contact.discretization import BodyStiffness, Root, StressSpace, Supports, edge_rule
 from qvi_contact.element import from_values, gauss_legendre
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Prescribed, along_edges
 from solvers import Status
 
 COMPLIANCE = np.array([[1.0, -0.3, 0.1], [-0.3, 1.2, -0.2], [0.1, -0.2, 2.6]])  # every coupling present
@@ -173,7 +174,8 @@ def prescribed(mesh, stress, names, turn=None):
                 n, d = edges.normal[:, :, None], direction[:, :, None]
                 return d[:, 0] * (sx * n[:, 0] + sxy * n[:, 1]) + d[:, 1] * (sxy * n[:, 0] + sy * n[:, 1])
 
-            found.append(PrescribedTraction("Traction", edges, np.asarray(direction, dtype=float), value))
+            direction = np.asarray(direction, dtype=float)
+            found.append(Prescribed("Traction", mesh.edge_set(name), edges, direction, bool(turn), value))
     return found
 
 
@@ -188,7 +190,8 @@ def test_prescribed_tractions_are_met_exactly(degree, turn):
 
     given = prescribed(mesh, stress, ["right", "bottom"], turn) + prescribed(mesh, stress, ["left"], turn)[:1]
     supports = supports_on(basis, given)
-    found, (particular, imbalance) = supports.elimination, supports.particular(given)
+    data = [along_edges(mesh, part.edges, part.name, part.value, supports.points) for part in given]
+    found, (particular, imbalance) = supports.elimination, supports.particular(data)
     u = supports.basis.expanded(np.random.default_rng(0).normal(size=len(found.basis.kept))) + particular
     assert imbalance == 0.0
     for part in given:
