@@ -132,14 +132,6 @@ class Rows:
         """Their values (m,) of u (N,)."""
         return np.asarray((self.values * u[self.columns]).sum(axis=1))
 
-    def alone(self, width: int) -> dict[int, int]:
-        """Rows whose only entry is the only one of its column, of so many, and that column."""
-        there = self.values != 0.0
-        row, place = np.nonzero(there & (there.sum(axis=1) == 1)[:, None])
-        column = self.columns[row, place]
-        own = np.bincount(self.columns[there], minlength=width)[column] == 1
-        return dict(zip(row[own].tolist(), column[own].tolist(), strict=True))
-
 
 @dataclass(frozen=True, eq=False)
 class EdgeFunctionals:

@@ -48,7 +48,6 @@ _PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
 _ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none when the gauge is placed
 _BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
 _DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
-_NOTHING: Final[dict[int, float]] = {}
 _WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
 
 
@@ -329,13 +328,10 @@ class Elimination:
 
         Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
         """
-        alone = C.alone(len(age))  # rows with one entry in a column of their own make that zero, in any order
-        solved = dict.fromkeys(alone.values(), _NOTHING)
-        rows, ages = {column: row for row, column in alone.items()}, age.tolist()
-        waiting = np.delete(np.arange(len(C.columns)), list(alone))
-        largest = np.abs(C.values[waiting]).max(axis=1, initial=0.0).tolist()
-        entries = C.columns[waiting].tolist(), C.values[waiting].tolist()
-        for row, most, columns, values in zip(waiting.tolist(), largest, *entries, strict=True):
+        solved, ages, taken = dict[int, dict[int, float]](), age.tolist(), list[int]()
+        largest = np.abs(C.values).max(axis=1, initial=0.0).tolist()
+        entries = zip(largest, C.columns.tolist(), C.values.tolist(), strict=True)
+        for row, (most, columns, values) in enumerate(entries):
             terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
             sizes = list(map(abs, terms.values()))
             left = max(sizes, default=0.0)
@@ -345,14 +341,12 @@ class Elimination:
             pivot = -max([(ages[column], size, -column) for column, size in sized if size >= _WORTHY * left])[2]
             factor = -1.0 / terms.pop(pivot)
             solved[pivot] = {column: factor * value for column, value in terms.items()}
-            rows[pivot] = row
+            taken.append(row)
         for pivot in reversed(solved):  # the latest depend on kept ones only, earlier ones perhaps on them
             if solved[pivot]:
                 solved[pivot] = _reduced(solved[pivot].items(), solved)
         pivots = np.array(list(solved), dtype=np.int64)
-        taken = np.array([rows[pivot] for pivot in solved], dtype=np.int64)
-        order = np.argsort(taken, kind="stable")
-        return cls(C, taken[order], pivots[order], Basis.of(solved, pivots, len(age)))
+        return cls(C, np.array(taken, dtype=np.int64), pivots, Basis.of(solved, pivots, len(age)))
 
     def particular(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
         """u₀ (N,), zero for unknowns, and what d (m,) misses in the rows that follow from the others."""
