@@ -158,10 +158,15 @@ def reversed_bends(bend: FloatArray) -> FloatArray:
 
 def halves(bend: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The bends of both halves of edges, (n, k) each."""
+    ends = np.broadcast_to([0.0, 0.5, 1.0], (len(bend), 3))
+    return part_of(bend, ends[:, 0], ends[:, 1]), part_of(bend, ends[:, 1], ends[:, 2])
+
+
+def part_of(bend: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray:
+    """The bends (n, k) of parts of edges, from shares (n,) to shares (n,) of their lengths."""
     count = bend.shape[1]
-    t, project = gauss_legendre(count)[0], from_values(count - 1, count).T
-    first, second = (levelled(angles(bend, at) @ project) for at in (t / 2.0, (1.0 + t) / 2.0))
-    return first, second
+    at = start[:, None] + (stop - start)[:, None] * gauss_legendre(count)[0]
+    return levelled(angles(bend, at) @ from_values(count - 1, count).T)
 
 
 def polynomials(terms: FloatArray, x: FloatArray) -> FloatArray:

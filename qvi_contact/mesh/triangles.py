@@ -169,8 +169,9 @@ class TriangleMesh(PicklesFields):
 
     @classmethod
     def joined(cls, name: str, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
-        """Bodies that touch along straight lines as one mesh, with a joint of that name between them.
+        """Bodies that touch along straight lines or arcs as one mesh, with a joint of that name between them.
 
+        Arcs are declared in both of them, see `with_arc`, or they are chords and their bodies overlap.
         Their vertices need not match there: those of either side are put into the other, and triangles are cut. Parts
         of one name are one. A named part of the boundary loses the edges that are in the joint, unless all of it is.
         """
@@ -184,7 +185,7 @@ class TriangleMesh(PicklesFields):
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
         body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. Bodies in the file that
-        touch along straight lines get a joint called `join`, see `joined`.
+        touch along straight lines get a joint called `join`, see `joined` for arcs.
         """
         return cls(*(read_mesh(path) if join is None else joined(read_mesh(path), join)))
 
