@@ -30,7 +30,7 @@ from qvi_contact.discretization.loads import (
 )
 from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import EdgeRule, LawOn, Rows, StressSpace, edge_rule
+from qvi_contact.discretization.space import EdgeRule, Functionals, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError, refuse_arguments
@@ -55,7 +55,7 @@ class _Rows(NamedTuple):
     """
 
     matrices: ContactMatrices
-    traces: Rows
+    traces: Functionals
 
     @classmethod
     def on(
@@ -315,7 +315,7 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
     if root.body is not None or root.particular.any() or (root.springs is not None and root.springs.any()):
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
-        n0, t0 = np.split(traces.apply(root.particular), 2)
+        n0, t0 = np.split(traces.apply(root.particular).ravel(), 2)
         n0, t0 = rule.at_rows(n0), rule.at_rows(t0)
     if has_body_force(problem) or any(contact.has_fluid for contact in problem.contacts):
         fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]

@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -54,8 +54,7 @@ _SOFTEST: Final = 1e-300  # stiffness of a spring
 _AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine function is made of
 
 
-@dataclass(frozen=True, eq=False)
-class BodyLoad:
+class BodyLoad(NamedTuple):
     """What body forces and initial strains add to the energies of n triangles."""
 
     constants: FloatArray  # (n, k): U⁻ᵀ s
@@ -176,8 +175,7 @@ class TriangleEnergy(PicklesFields):
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class Springs:
+class Springs(NamedTuple):
     """The rows of all springs, dimensionless."""
 
     rows: sparse.csr_array  # (r, N) sparse: S
@@ -195,7 +193,7 @@ class Springs:
                 continue
             points = EdgePoints(space, rows.points.edges, space.degree + 1)
             x, y = physical(problem, scales, points.coordinates)
-            table = space.trace_rows([points.edges], points.reference).matrix(space.size)
+            table = space.trace_rows([points.edges], points.reference).matrix()
             count = len(points.weights)
             given = {"normal_stiffness": contact.normal_stiffness, "tangential_stiffness": contact.tangential_stiffness}
             for half, (name, field) in enumerate(given.items()):

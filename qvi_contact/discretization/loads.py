@@ -6,12 +6,12 @@ In `docs/theory.md`: (D1).
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, acts, evaluate
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, StressSpace
 from qvi_contact.element import bernstein, legendre
@@ -101,7 +101,7 @@ def potential_at(problem: ContactProblem, scales: Scales, points: FloatArray) ->
 
 def has_body_force(problem: ContactProblem) -> bool:
     """Whether there is a potential, be it constant."""
-    return callable(problem.body_potential) or problem.body_potential != 0.0
+    return acts(problem.body_potential)
 
 
 def physical(problem: ContactProblem, scales: Scales, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -134,7 +134,7 @@ def displacements_at_points(
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
     """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length])."""
     for given in problem.prescribed(Displacement):
-        if not callable(given.value) and given.value == 0.0:
+        if not acts(given.value):
             continue
         points = EdgePoints(space, given.edges, LOAD_POINTS)
         x, y = physical(problem, scales, points.coordinates)
@@ -181,8 +181,7 @@ def spanned(values: FloatArray, functions: FloatArray) -> bool:
     return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * np.abs(values).max())
 
 
-@dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(NamedTuple):
     """What bounds |σ_T| by min(c + μ|σ_N|, t_max), at points or for rows of a contact."""
 
     friction: FloatArray  # (m,): μ

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -110,41 +110,17 @@ def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:
     return EdgeRule(law_on, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Rows of a matrix, each with l entries at most."""
+class Functionals(NamedTuple):
+    """Linear functionals of the degrees of freedom u (N,) of a body: r of them on each of n edges, or another group."""
 
-    # (m, l): entries of each row, at different columns; zeros are none
+    # (n, l): the degrees of freedom of each group, of edges (Φ, Φ_x, Φ_y) at the first end, at the second, its own
     columns: IntArray
-    values: FloatArray
+    values: FloatArray  # (n, r, l): the functionals; zeros are none
+    size: int  # degrees of freedom N
 
-    def take(self, index: IntArray) -> Rows:
-        """Some of them."""
-        return Rows(self.columns[index], self.values[index])
-
-    def matrix(self, width: int) -> sparse.csr_array:
-        """The same as a matrix with so many columns, zeros left out."""
-        kept = self.values != 0.0
-        starts = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-        return sparse.csr_array((self.values[kept], self.columns[kept], starts), shape=(len(kept), width))
-
-    def apply(self, u: FloatArray) -> FloatArray:
-        """Their values (m,) of u (N,)."""
-        return np.asarray((self.values * u[self.columns]).sum(axis=1))
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeFunctionals:
-    """The same r linear functionals on each of n edges."""
-
-    # (n, l): degrees of freedom of each edge: (Φ, Φ_x, Φ_y) at its first end, at its second, and its own
-    columns: IntArray
-    values: FloatArray  # (n, r, l): the functionals
-    size: int  # degrees of freedom N of the body
-
-    def take(self, index: IntArray) -> EdgeFunctionals:
-        """Those of some of the edges."""
-        return EdgeFunctionals(self.columns[index], self.values[index], self.size)
+    def take(self, index: IntArray) -> Functionals:
+        """Those of some of the groups."""
+        return Functionals(self.columns[index], self.values[index], self.size)
 
     def apply(self, u: FloatArray) -> FloatArray:
         """Their values (n, r) of degrees of freedom u (N,)."""
@@ -155,14 +131,20 @@ class EdgeFunctionals:
         sums = (weights[:, None, :] @ self.values)[:, 0]
         return np.asarray(np.bincount(self.columns.ravel(), sums.ravel(), self.size), dtype=np.float64)
 
-    def rows(self) -> Rows:
-        """The functionals as n r rows, edge by edge."""
+    def rows(self) -> Functionals:
+        """The same one by one: n r groups of one, group by group."""
         n, r, width = self.values.shape
-        return Rows(np.repeat(self.columns, r, axis=0), self.values.reshape(n * r, width))
+        return Functionals(np.repeat(self.columns, r, axis=0), self.values.reshape(n * r, 1, width), self.size)
+
+    def matrix(self) -> sparse.csr_array:
+        """The same as rows of a matrix (n r, N), zeros left out."""
+        there = self.values != 0.0
+        starts = np.concatenate([[0], np.cumsum(there.sum(axis=2))])
+        columns = np.broadcast_to(self.columns[:, None], there.shape)[there]
+        return sparse.csr_array((self.values[there], columns, starts), shape=(len(starts) - 1, self.size))
 
 
-@dataclass(frozen=True, eq=False)
-class Differences:
+class Differences(NamedTuple):
     """Degrees of freedom of a body, triangle by triangle as differences w to an affine function."""
 
     arms: FloatArray  # (n, 2, 2): from the first corner of each triangle to the others
@@ -328,7 +310,7 @@ class StressSpace(PicklesFields):
         length = edges.length / edges.stretch if edges.curved else edges.length
         return length / self.mesh.length
 
-    def traces(self, edges: Edges) -> EdgeFunctionals:
+    def traces(self, edges: Edges) -> Functionals:
         """Coefficients of Legendre of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge."""
         found = self._traces.get(edges)
         if found is None:
@@ -341,10 +323,10 @@ class StressSpace(PicklesFields):
         return found
 
     @cached_property
-    def _traces(self) -> WeakKeyDictionary[Edges, EdgeFunctionals]:
+    def _traces(self) -> WeakKeyDictionary[Edges, Functionals]:
         return WeakKeyDictionary()
 
-    def _traces_of(self, edges: Edges) -> EdgeFunctionals:
+    def _traces_of(self, edges: Edges) -> Functionals:
         count, k = self.degree - 1, np.arange(2, self.degree - 1)
         h = self.lengths(edges)
         columns, sign = self._columns(edges)
@@ -369,7 +351,7 @@ class StressSpace(PicklesFields):
         values[:, count:] *= factor[:, None, None]
         return self._scaled(edges, columns, values)
 
-    def resultants(self, edges: Edges) -> EdgeFunctionals:
+    def resultants(self, edges: Edges) -> Functionals:
         """What both tractions prescribe, 2p − 2 an edge: ∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_k, Q_k."""
         columns, values = self._resultants(edges)
         return self._scaled(edges, columns, values)
@@ -387,7 +369,7 @@ class StressSpace(PicklesFields):
         return columns, values
 
     def _columns(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """Degrees of freedom of edges (n, l), see `EdgeFunctionals`, and whether they run along their tangents (±1).
+        """Degrees of freedom of edges (n, l), see `Functionals`, and whether they run along their tangents (±1).
 
         Behind the six of its ends an edge has N_2 … N_(p−2), then Q_1 … Q_(p−2).
         """
@@ -396,26 +378,21 @@ class StressSpace(PicklesFields):
         sign = np.where(edges.first < edges.second, 1.0, -1.0)
         return np.hstack([*ends, own + np.arange(self.element.on_edge)]), sign
 
-    def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> EdgeFunctionals:
+    def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> Functionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
         frames, on_dofs = self.frames, values * self.units[columns][:, None]
         if not len(frames.origins):
-            return EdgeFunctionals(columns, on_dofs, self.size)
+            return Functionals(columns, on_dofs, self.size)
         for first, ends in ((0, edges.first), (3, edges.second)):
             on_dofs[:, :, first : first + 3] *= ~frames.is_centre[ends, None, None]
         places, more = frames.on_edges(edges, values[:, :, 3:6])
         more = more * self.units[places][:, None]
-        return EdgeFunctionals(np.hstack([columns, places]), np.concatenate([on_dofs, more], axis=2), self.size)
+        return Functionals(np.hstack([columns, places]), np.concatenate([on_dofs, more], axis=2), self.size)
 
     @property
     def traction_degree(self) -> int:
         """Degree of σ_N and σ_T on an edge (without φ)."""
         return self.degree - 2
-
-    @cached_property
-    def cell_sizes(self) -> FloatArray:
-        """Areas of the triangles, dimensionless; without what arcs add to them, see `cell_measures`."""
-        return self.triangles.areas
 
     def transformations(self, cells: slice = slice(None)) -> FloatArray:
         """From differences w to the degrees of freedom of the reference triangle behind the third, (cells, k, k)."""
@@ -447,15 +424,14 @@ class StressSpace(PicklesFields):
         weights = np.stack([normal, shear]).reshape(2, len(edges), -1) @ legendre.basis(self.traction_degree, t)
         return self.traces(edges).adjoint(weights.swapaxes(0, 1).reshape(len(edges), -1))
 
-    def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Rows:
-        """Rows of σ_N without φ at the points t (q,) along each of these edges, set after set, then rows of σ_T."""
+    def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Functionals:
+        """(2 n, q): σ_N without φ at the points t (q,) along each of these edges, set after set, then σ_T."""
         if not edges:
-            return Rows(np.zeros((0, 1), dtype=np.int64), np.zeros((0, 1)))
+            return Functionals(np.zeros((0, 1), dtype=np.int64), np.zeros((0, len(t), 1)), self.size)
         values, parts = legendre.basis(self.traction_degree, t), [self.traces(part) for part in edges]
         halves = slice(self.degree - 1), slice(self.degree - 1, None)
-        found = [values @ part.values[:, half] for half in halves for part in parts]
-        columns = np.concatenate([np.repeat(part.columns, len(t), axis=0) for part in parts])
-        return Rows(np.tile(columns, (2, 1)), np.concatenate([part.reshape(-1, part.shape[2]) for part in found]))
+        found = np.concatenate([values @ part.values[:, half] for half in halves for part in parts])
+        return Functionals(np.tile(np.concatenate([part.columns for part in parts]), (2, 1)), found, self.size)
 
     def points(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Dimensionless coordinates (k, q, 2) of reference points t, (q, 3) or (k, q, 3), in the triangles (k,)."""
@@ -475,7 +451,7 @@ class StressSpace(PicklesFields):
 
     def cell_measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
         """Weights (cells, q), dimensionless areas, at reference points t (q, 3) with weights (q,) of sum 1."""
-        found = np.asarray(self.cell_sizes[:, None] * weights)
+        found = np.asarray(self.triangles.areas[:, None] * weights)
         curved = self.curved
         if len(curved):
             found[curved.numbers] = curved.areas(t) * weights

@@ -34,7 +34,7 @@ from scipy.sparse.linalg import splu
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.kept import Kept
 from qvi_contact.discretization.curved import resultant_shapes
-from qvi_contact.discretization.space import EdgeFunctionals, Rows, StressSpace, frame
+from qvi_contact.discretization.space import Functionals, StressSpace, frame
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
@@ -66,7 +66,7 @@ class _Conditions(NamedTuple):
     makes d (r,) of what Φ has to make up for each of the components.
     """
 
-    C: Rows
+    C: Functionals
     is_load: BoolArray
     number: IntArray
     data: Callable[[Sequence[EdgeQuadrature]], FloatArray]
@@ -170,12 +170,12 @@ class Supports(PicklesFields):
             vectors[:, 2:3] *= lengths**2
             return np.concatenate([vectors.ravel(), (found.coefficients(degree)[single] * scale).ravel()])
 
-        rows = [space.resultants(both).rows(), EdgeFunctionals(traces.columns, combined, space.size).rows()]
-        C = Rows(np.concatenate([part.columns for part in rows]), np.concatenate([part.values for part in rows]))
+        rows = [space.resultants(both).rows(), Functionals(traces.columns, combined, space.size).rows()]
+        columns, entries = np.concatenate([r.columns for r in rows]), np.concatenate([r.values for r in rows])
         of_both, of_alone = np.arange(2 * degree + 2), np.arange(degree + 1)
         is_load = np.concatenate([np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))])
         numbers = np.concatenate([np.repeat(number[one], len(of_both)), np.repeat(number[single], len(of_alone))])
-        return _Conditions(C, is_load, numbers, data)
+        return _Conditions(Functionals(columns, entries, space.size), is_load, numbers, data)
 
     @cached_property
     def _walk(self) -> tuple[IntArray, IntArray, int]:
@@ -203,7 +203,8 @@ class Supports(PicklesFields):
         space, (order, age, gauge) = self.space, self._walk
         C, width = self._conditions.C.take(order), self._conditions.C.columns.shape[1]
         at_gauge = np.broadcast_to(3 * gauge + np.arange(width), (3, width))
-        C = Rows(np.concatenate([at_gauge, C.columns]), np.concatenate([np.eye(3, width), C.values]))
+        values = np.concatenate([np.eye(3, width)[:, None], C.values])
+        C = Functionals(np.concatenate([at_gauge, C.columns]), values, space.size)
         on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
         of_holes = np.zeros(3 * len(space.frames.cuts), dtype=np.int64)
         return Elimination.of(C, np.concatenate([np.repeat(age, 3), on_edges, of_holes]))
@@ -251,12 +252,13 @@ class Basis:
         more = np.bincount(self.column, self.factor * functional[self._source], len(self.kept))
         return np.asarray(functional[self.kept] + more)
 
-    def rows(self, given: Rows) -> Any:
+    def rows(self, given: Functionals) -> Any:
         """Rows of u as rows of z (m, n), dense where they are few, else sparse."""
-        count = len(given.columns)
+        n, r, _ = given.values.shape
+        count = n * r
         if not are_few(count, self._width):
-            return given.matrix(self.size) @ self.matrix
-        places = self._width * np.arange(count)[:, None] + self._number[given.columns]
+            return given.matrix() @ self.matrix
+        places = self._width * np.arange(count).reshape(n, r, 1) + self._number[given.columns][:, None]
         sums = np.bincount(places.ravel(), given.values.ravel(), count * self._width)
         found = np.asarray(sums, dtype=np.float64).reshape(count, self._width)
         self._without_following(found)
@@ -315,7 +317,7 @@ class Basis:
 class Elimination:
     """The solutions u = B z + u₀ of C u = d, by as many degrees of freedom as there are independent rows."""
 
-    C: Rows  # (m, N)
+    C: Functionals  # one by one, (m, 1)
     # (r,): independent rows in the order in which they were taken, and the degree of freedom that each is solved
     # for
     rows: IntArray
@@ -323,14 +325,14 @@ class Elimination:
     basis: Basis
 
     @classmethod
-    def of(cls, C: Rows, age: IntArray) -> Elimination:
+    def of(cls, C: Functionals, age: IntArray) -> Elimination:
         """Solve rows (m, N) one after the other, in units of degrees of freedom that make entries comparable.
 
         Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
         """
         solved, ages, taken = dict[int, dict[int, float]](), age.tolist(), list[int]()
-        largest = np.abs(C.values).max(axis=1, initial=0.0).tolist()
-        entries = zip(largest, C.columns.tolist(), C.values.tolist(), strict=True)
+        largest = np.abs(C.values).max(axis=(1, 2), initial=0.0).tolist()
+        entries = zip(largest, C.columns.tolist(), C.values[:, 0].tolist(), strict=True)
         for row, (most, columns, values) in enumerate(entries):
             terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
             sizes = list(map(abs, terms.values()))
@@ -354,12 +356,12 @@ class Elimination:
         if d.any():
             u[self.pivots] = self._factor.solve(d[self.rows])
         rest = np.setdiff1d(np.arange(len(d)), self.rows)
-        return u, d[rest] - (self.C.values[rest] * u[self.C.columns[rest]]).sum(axis=1)
+        return u, d[rest] - self.C.take(rest).apply(u)[:, 0]
 
     @cached_property
     def _factor(self) -> Any:
         """LU of the independent rows and their pivots, in the order in which they were found."""
-        matrix = self.C.take(self.rows).matrix(self.basis.size)[:, self.pivots]
+        matrix = self.C.take(self.rows).matrix()[:, self.pivots]
         return splu(matrix.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
 
 

@@ -9,7 +9,7 @@ asked to be followed: what that explains is no reason to halve a part.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -80,8 +80,7 @@ class EdgeQuadrature:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Parts:
+class _Parts(NamedTuple):
     """Parts of edges, from `start` (k,) on and so `long` (k,), and the function at their Gauss points (k, q)."""
 
     edge: IntArray
@@ -177,8 +176,6 @@ def _divided(
 
 
 def _quadrature(count: int, parts: list[_Parts], error: float) -> EdgeQuadrature:
-    edge, start, long, values = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in _Parts.__annotations__
-    )
+    edge, start, long, values = (np.concatenate([getattr(part, name) for part in parts]) for name in _Parts._fields)
     t, w = gauss_legendre(values.shape[1])
     return EdgeQuadrature(count, edge, start[:, None] + long[:, None] * t, long[:, None] * w, values, error)

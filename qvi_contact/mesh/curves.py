@@ -5,7 +5,7 @@ parameter; derivatives are those of the polynomial through these points, and its
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
@@ -209,8 +209,7 @@ _KEPT: Final = 0.2  # share of that below which the highest coefficients are non
 _LOST: Final = 64.0 * np.finfo(float).eps  # of coordinates by the differences that angles are made of
 
 
-@dataclass(frozen=True, eq=False)
-class _Given:
+class _Given(NamedTuple):
     """A curve as a function, asked for points between its ends; a closed one goes round and round."""
 
     name: str
@@ -270,7 +269,7 @@ def fitted(
     size = float(np.ptp(samples, axis=0).max())
     if not size > 0.0:
         raise InputError(name, tuple(samples[0].tolist()), "all points of the curve are this one")
-    given = replace(given, closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
+    given = given._replace(closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
     numbers, places = np.unique(edges, return_inverse=True)
     # (γ − x)·d vanishes at a vertex x, d being from the sample before the nearest to that after: by halving, which
     # needs no derivative, and no smoothness but between vertices

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -104,8 +104,7 @@ class Polygon:
         return inside
 
 
-@dataclass(frozen=True, eq=False)
-class Polygons:
+class Polygons(NamedTuple):
     """An outline as polygons."""
 
     outer: Polygon

@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, finite_number, positive_number
+from qvi_contact.basics.checks import Field, FloatArray, acts, finite_number, positive_number
 from qvi_contact.basics.schema import (
     NO_KEY,
     Key,
@@ -333,7 +333,7 @@ class Contact:
     @property
     def has_fluid(self) -> bool:
         """Whether a pore pressure is given."""
-        return callable(self.pore_pressure) or self.pore_pressure != 0.0
+        return acts(self.pore_pressure)
 
     @classmethod
     def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> Contact:
@@ -380,8 +380,8 @@ Condition: TypeAlias = Traction | Displacement | Symmetry | Contact
 
 def has_coulomb(contact: Contact) -> bool:
     """Whether the friction bound depends on the pressure."""
-    limited = not callable(contact.shear_limit) and contact.shear_limit == 0.0
-    return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)
+    limited = contact.shear_limit is not None and not acts(contact.shear_limit)
+    return contact.law != "tied" and not limited and acts(contact.friction)
 
 
 def is_frictionless(contact: Contact) -> bool:
@@ -391,5 +391,4 @@ def is_frictionless(contact: Contact) -> bool:
 
 def bears_shear(contact: Contact) -> bool:
     """Whether a contact that is not tied has friction or cohesion."""
-    fields = (contact.friction, contact.cohesion)
-    return contact.law != "tied" and any(callable(field) or field != 0.0 for field in fields)
+    return contact.law != "tied" and (acts(contact.friction) or acts(contact.cohesion))

@@ -107,7 +107,7 @@ def test_tractions_on_edges_of_every_slope(degree):
 def test_rows_of_contacts_give_the_tractions_at_their_points(degree, kind):
     basis = StressSpace(unstructured(), degree)
     rule, edges = edge_rule(kind, degree), basis.mesh.edges("top")
-    traces = basis.trace_rows([edges, basis.mesh.edges("left")], rule.points).matrix(basis.size)
+    traces = basis.trace_rows([edges, basis.mesh.edges("left")], rule.points).matrix()
     u = np.random.default_rng(0).normal(size=basis.size)
     rows = (traces @ u).reshape(2, -1, degree - 1)[:, : len(edges)] @ rule.from_points.T
     V = rule.to_points
@@ -216,7 +216,7 @@ def test_body_force_enters_load_and_root(degree):
     z = np.random.default_rng(0).normal(size=body.K.shape[0])
     coefficients = body.energy.coefficients(body.supports.basis.expanded(z), root.body)
     stress = basis.stress(coefficients, cells, basis.cell_points) + potential[..., None] * np.array([1, 1, 0])
-    weights = np.multiply.outer(basis.cell_sizes, basis.cell_weights)
+    weights = np.multiply.outer(basis.triangles.areas, basis.cell_weights)
     by_points = 0.5 * np.einsum("cg,cgi,ij,cgj->", weights, stress, COMPLIANCE, stress)
     r = root.apply(z)
     assert 0.5 * r @ r == pytest.approx(by_points, rel=1e-10)
