@@ -42,6 +42,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import StressSpace
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
+from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import PicklesFields
 from solvers.inequality.body import Stiffness
@@ -189,14 +190,14 @@ class Springs(NamedTuple):
         """Those of the contacts of a problem; None if all are rigid."""
         parts = []
         for rows, contact in zip(contacts, problem.contacts, strict=True):
-            if contact.normal_stiffness is None and contact.tangential_stiffness is None:
+            if not contact.has_springs:
                 continue
             points = EdgePoints(space, rows.points.edges, space.degree + 1)
             x, y = physical(problem, scales, points.coordinates)
             table = space.trace_rows([points.edges], points.reference).matrix()
             count = len(points.weights)
-            given = {"normal_stiffness": contact.normal_stiffness, "tangential_stiffness": contact.tangential_stiffness}
-            for half, (name, field) in enumerate(given.items()):
+            for half, name in enumerate(SPRINGS):
+                field = getattr(contact, name)
                 if field is not None:
                     stiffness = evaluate(f"Contact.{name}", field, x, y, minimum=_SOFTEST)
                     roots = np.sqrt(points.weights / (stiffness * scales.compliance * scales.length))

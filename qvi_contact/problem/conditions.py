@@ -46,6 +46,9 @@ _STIFF: Final = Varying(0.0, instead="leave it out if it is rigid, and the conta
 SHEAR_LAW: Final = ("friction", "cohesion", "shear_limit")
 """Data of a contact that bound its shear by min(c + μ|σ_N|, t_max); none but friction has a unit, that of stress."""
 
+SPRINGS: Final = ("normal_stiffness", "tangential_stiffness")
+"""Data of a contact that make it compliant, across its line and along it."""
+
 CARTESIAN: Final = ("x", "y")
 LOCAL: Final = ("normal", "tangential")
 
@@ -328,7 +331,7 @@ class Contact:
     @property
     def has_springs(self) -> bool:
         """Whether it is compliant."""
-        return self.normal_stiffness is not None or self.tangential_stiffness is not None
+        return any(getattr(self, name) is not None for name in SPRINGS)
 
     @property
     def has_fluid(self) -> bool:

@@ -23,7 +23,7 @@ from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import SHEAR_LAW, Contact, Displacement, components
+from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import QVISolution
@@ -117,7 +117,7 @@ def _of_contact(
     for name in _LAWS:
         if getattr(contact, name) is not None and (contact.law != "tied" or name in ("gap", "offset")):
             yield f"{contact.name}.{name}", _of_condition(problem, scales, number, name)
-    for name in ("normal_stiffness", "tangential_stiffness"):
+    for name in SPRINGS:
         stiffness = getattr(contact, name)
         if stiffness is not None and not callable(stiffness):
             softer = _changed(problem, number, **{name: stiffness / 2.0})
