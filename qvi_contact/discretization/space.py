@@ -295,15 +295,7 @@ class StressSpace(PicklesFields):
 
     def number(self, edges: Edges) -> IntArray:
         """Edges (n,) as `mesh.topology` counts them."""
-        found = self._numbers.get(edges)
-        if found is None:
-            pairs = np.column_stack([edges.first, edges.second])
-            found = self._numbers[edges] = self.mesh.topology.number(pairs)
-        return found
-
-    @cached_property
-    def _numbers(self) -> WeakKeyDictionary[Edges, IntArray]:
-        return WeakKeyDictionary()
+        return self.mesh.topology.number(np.column_stack([edges.first, edges.second]))
 
     def lengths(self, edges: Edges) -> FloatArray:
         """Dimensionless lengths of edges (n,), of arcs those of their chords."""
@@ -312,15 +304,9 @@ class StressSpace(PicklesFields):
 
     def traces(self, edges: Edges) -> Functionals:
         """Coefficients of Legendre of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge."""
-        found = self._traces.get(edges)
-        if found is None:
-            boundary = self.mesh.boundary
-            if edges is boundary or (edges.cells[:, 1] >= 0).any():
-                found = self._traces_of(edges)
-            else:
-                found = self.traces(boundary).take(np.searchsorted(self.mesh.topology.outer, self.number(edges)))
-            self._traces[edges] = found
-        return found
+        if edges not in self._traces:
+            self._traces[edges] = self._traces_of(edges)
+        return self._traces[edges]
 
     @cached_property
     def _traces(self) -> WeakKeyDictionary[Edges, Functionals]:
