@@ -32,7 +32,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.basics.kept import Kept
+from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.curved import resultant_shapes
 from qvi_contact.discretization.space import Functionals, StressSpace, frame
 from qvi_contact.element import legendre
@@ -217,100 +217,58 @@ def _edges_of(space: StressSpace, numbers: IntArray) -> Edges:
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """B of u = B z: degrees of freedom that are unknowns, that follow from these, and that vanish."""
+    """B of u = B z: degrees of freedom are unknowns, follow from these, or vanish."""
 
-    size: int  # N
     kept: IntArray  # (n,): degrees of freedom that are unknowns; z are their values
-    following: IntArray  # (a,): those that follow
-    # (k,): what they are of the unknowns, entry by entry: u[following[row]] = Σ factor z[column], sorted by rows
-    row: IntArray
-    column: IntArray
-    factor: FloatArray
+    matrix: sparse.csr_array  # B (N, n)
 
     @classmethod
-    def of(cls, solved: dict[int, dict[int, float]], pivots: IntArray, size: int) -> Basis:
-        """With the pivots solved for, as Σ factor u of kept degrees of freedom."""
+    def of(cls, solved: dict[int, dict[int, float]], size: int) -> Basis:
+        """With pivots solved for, as Σ factor u of kept degrees of freedom."""
         is_kept = np.ones(size, dtype=bool)
-        is_kept[pivots] = False
-        number = np.cumsum(is_kept) - 1
-        entries = {pivot: terms for pivot, terms in sorted(solved.items()) if terms}
-        lengths = np.array([len(terms) for terms in entries.values()], dtype=np.int64)
-        columns = np.array([column for terms in entries.values() for column in terms], dtype=np.int64)
-        factors = np.array([factor for terms in entries.values() for factor in terms.values()])
-        row, following = np.repeat(np.arange(len(lengths)), lengths), np.array(list(entries), dtype=np.int64)
-        return cls(size, np.flatnonzero(is_kept), following, row, number[columns], factors)
-
-    def expanded(self, z: FloatArray) -> FloatArray:
-        """B z (N,)."""
-        u = np.zeros(self.size)
-        u[self.kept] = z
-        u[self.following] = np.bincount(self.row, self.factor * z[self.column], len(self.following))
-        return u
-
-    def reduced(self, functional: FloatArray) -> FloatArray:
-        """A functional (N,) of u as one of z, (n,)."""
-        more = np.bincount(self.column, self.factor * functional[self._source], len(self.kept))
-        return np.asarray(functional[self.kept] + more)
-
-    def rows(self, given: Functionals) -> Any:
-        """Rows of u as rows of z (m, n), dense where they are few, else sparse."""
-        n, r, _ = given.values.shape
-        count = n * r
-        if not are_few(count, self._width):
-            return given.matrix() @ self.matrix
-        places = self._width * np.arange(count).reshape(n, r, 1) + self._number[given.columns][:, None]
-        sums = np.bincount(places.ravel(), given.values.ravel(), count * self._width)
-        found = np.asarray(sums, dtype=np.float64).reshape(count, self._width)
-        self._without_following(found)
-        return found[:, : len(self.kept)]
-
-    def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
-        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
-        if are_few(self._width, self._width):
-            at = self._number[dofs]
-            places = self._width * at[:, :, None] + at[:, None]
-            sums = np.bincount(places.ravel(), blocks.ravel(), self._width**2)
-            found = np.asarray(sums, dtype=np.float64).reshape(self._width, self._width)
-            self._without_following(found)
-            self._without_following(found.T)
-            return found[: len(self.kept), : len(self.kept)]
-        at = dofs.astype(np.int32 if self.size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
-        pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
-        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()
-        return (sparse.csr_array(self.matrix.T) @ (matrix @ self.matrix)).T  # symmetric, and compressed by columns
-
-    def _without_following(self, rows: FloatArray) -> None:
-        """Add columns of what follows to those of unknowns, in place; columns (…, w) by `_number`."""
-        more = rows[:, len(self.kept) + self.row] * self.factor
-        np.add.at(rows.T, self.column, more.T)
-
-    @property
-    def _width(self) -> int:
-        return len(self.kept) + len(self.following) + 1
+        is_kept[list(solved)] = False
+        kept, number = np.flatnonzero(is_kept), np.cumsum(is_kept) - 1
+        rows = np.array([pivot for pivot, terms in solved.items() for _ in terms], dtype=np.int64)
+        columns = np.array([column for terms in solved.values() for column in terms], dtype=np.int64)
+        factors = np.array([factor for terms in solved.values() for factor in terms.values()])
+        at = np.append(kept, rows), np.append(np.arange(len(kept)), number[columns])
+        matrix = sparse.csr_array((np.append(np.ones(len(kept)), factors), at), shape=(size, len(kept)))
+        read_only(matrix)
+        return cls(kept, matrix)
 
     @cached_property
-    def _source(self) -> IntArray:
-        """The degree of freedom that each factor belongs to (k,)."""
-        return self.following[self.row]
-
-    @cached_property
-    def _number(self) -> IntArray:
-        """Columns (N,): unknowns, then what follows, and a last one of what vanishes."""
-        n, found = len(self.kept), np.full(self.size, self._width - 1)
-        found[self.kept], found[self.following] = np.arange(n), np.arange(n, self._width - 1)
-        return found
-
-    @cached_property
-    def matrix(self) -> sparse.csr_array:
-        """B (N, n)."""
-        n = len(self.kept)
-        data, columns = np.append(np.ones(n), self.factor), np.append(np.arange(n), self.column)
-        return sparse.csr_array((data, (np.append(self.kept, self._source), columns)), shape=(self.size, n))
+    def _transposed(self) -> sparse.csr_array:
+        return sparse.csr_array(self.matrix.T)
 
     @cached_property
     def magnitudes(self) -> sparse.csr_array:
         """|B| (N, n)."""
         return abs(self.matrix)
+
+    def expanded(self, z: FloatArray) -> FloatArray:
+        """B z (N,)."""
+        return np.asarray(self.matrix @ z)
+
+    def reduced(self, functional: FloatArray) -> FloatArray:
+        """A functional (N,) of u as one of z, (n,)."""
+        return np.asarray(self._transposed @ functional)
+
+    def rows(self, given: Functionals) -> Any:
+        """Functionals of u as rows on z (m, n), dense where they are few, else sparse."""
+        found = given.matrix() @ self.matrix
+        return found.toarray() if are_few(*found.shape) else found
+
+    def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
+        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
+        size, count = self.matrix.shape
+        if are_few(count, count):
+            places = size * dofs[:, :, None] + dofs[:, None]
+            whole = np.bincount(places.ravel(), blocks.ravel(), size**2).reshape(size, size)
+            return self._transposed @ (self._transposed @ whole).T
+        at = dofs.astype(np.int32 if size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
+        pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
+        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
+        return (self._transposed @ (matrix @ self.matrix)).T  # symmetric, and compressed by columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,11 +306,11 @@ class Elimination:
             if solved[pivot]:
                 solved[pivot] = _reduced(solved[pivot].items(), solved)
         pivots = np.array(list(solved), dtype=np.int64)
-        return cls(C, np.array(taken, dtype=np.int64), pivots, Basis.of(solved, pivots, len(age)))
+        return cls(C, np.array(taken, dtype=np.int64), pivots, Basis.of(solved, len(age)))
 
     def particular(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
         """u₀ (N,), zero for unknowns, and what d (m,) misses in the rows that follow from the others."""
-        u = np.zeros(self.basis.size)
+        u = np.zeros(self.C.size)
         if d.any():
             u[self.pivots] = self._factor.solve(d[self.rows])
         rest = np.setdiff1d(np.arange(len(d)), self.rows)
