@@ -33,9 +33,9 @@ from skfem.element import Element  # type: ignore[import-untyped]
 from skfem.refdom import RefTri  # type: ignore[import-untyped]
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature
+from qvi_contact.element.triangle import EDGES, bernstein, exponents, gradient, quadrature
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import OPPOSITE, Edges, arc_offsets
+from qvi_contact.mesh.edges import Edges, arc_offsets
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
@@ -195,7 +195,7 @@ class CurvedCells:
         t = (1.0 + nodes) / 2.0
         project = (np.arange(terms) + 0.5)[:, None] * (legvander(nodes, terms - 1) * weights[:, None]).T
         found = np.zeros((3, len(self), terms, 2))
-        for s, (a, b) in enumerate(OPPOSITE):
+        for s, (a, b) in enumerate(EDGES):
             chord = self.corners[:, b] - self.corners[:, a]
             bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
             found[s] = project @ (bulge / (t * (1.0 - t))[:, None])
@@ -205,7 +205,7 @@ class CurvedCells:
         """Points (k, q, 2) at reference points t, (q, 2) or (k, q, 2), of some of the cells (k,)."""
         barycentric = _barycentric(t, len(which))
         found = barycentric @ self.corners[which]
-        for s, (a, b) in enumerate(OPPOSITE):
+        for s, (a, b) in enumerate(EDGES):
             bent = self._bent(which, s)
             first, second = barycentric[bent, :, a], barycentric[bent, :, b]
             found[bent] += (first * second)[..., None] * _sum(self._bulges[s, which[bent]], second - first)
@@ -217,7 +217,7 @@ class CurvedCells:
         found = np.broadcast_to(
             (self.corners[which].swapaxes(1, 2) @ _SLOPES)[:, None], (*barycentric.shape[:2], 2, 2)
         ).copy()
-        for s, (a, b) in enumerate(OPPOSITE):
+        for s, (a, b) in enumerate(EDGES):
             bent = self._bent(which, s)
             first, second = barycentric[bent, :, a], barycentric[bent, :, b]
             q = self._bulges[s, which[bent]]

@@ -24,6 +24,7 @@ from qvi_contact.basics.units import Certainty
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.measure import Measure
 from qvi_contact.solution.contact_line import ContactState
@@ -196,7 +197,7 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
         xx, yy, xy = np.moveaxis(missed(own, located(fine, own, points), points), -1, 0)
         normals, tangents = frames_along(edges, t)
         force = np.stack([xx * normals[..., 0] + xy * normals[..., 1], xy * normals[..., 0] + yy * normals[..., 1]], -1)
-        for name, along in (("normal_stiffness", normals), ("tangential_stiffness", tangents)):
+        for name, along in zip(SPRINGS, (normals, tangents), strict=True):
             field = getattr(contact, name)
             if field is not None:
                 stiffness = evaluate(f"Contact.{name}", field, x, y)

@@ -23,7 +23,7 @@ from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import QVISolution
@@ -34,7 +34,7 @@ from solvers.derivative import Change, change
 Side: TypeAlias = Literal["above", "below"]
 """From where a parameter comes to its value."""
 
-_LAWS: Final = ("friction", "cohesion", "shear_limit", "gap", "offset")
+_LAWS: Final = (*SHEAR_LAW, "gap", "offset")
 _AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
 
 _NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are compared
@@ -117,7 +117,7 @@ def _of_contact(
     for name in _LAWS:
         if getattr(contact, name) is not None and (contact.law != "tied" or name in ("gap", "offset")):
             yield f"{contact.name}.{name}", _of_condition(problem, scales, number, name)
-    for name in ("normal_stiffness", "tangential_stiffness"):
+    for name in SPRINGS:
         stiffness = getattr(contact, name)
         if stiffness is not None and not callable(stiffness):
             softer = _changed(problem, number, **{name: stiffness / 2.0})
@@ -138,7 +138,7 @@ def _of_condition(
     problem: ContactProblem, scales: Scales, number: int, name: str, *, of_plate: bool = False
 ) -> _Parameter:
     """A field of a condition or of its plate, which grows by its unit."""
-    units = {"friction": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress}
+    units = dict.fromkeys(SHEAR_LAW, scales.stress) | {"friction": 1.0}
     units |= {"rotation": scales.displacement / scales.length, "moment": scales.stress * scales.length**2}
     units |= dict.fromkeys(("force_x", "force_y"), scales.stress * scales.length)
     step, condition = units.get(name, scales.displacement), problem.conditions[number]
@@ -242,7 +242,7 @@ def _limit_data(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, 
     """Data of limit loads by name."""
     for number, contact in enumerate(problem.conditions):
         if isinstance(contact, Contact) and contact.law != "tied":
-            for name in ("friction", "cohesion", "shear_limit"):
+            for name in SHEAR_LAW:
                 value = getattr(contact, name)
                 if value is not None:
                     unit = _unit(value, 1.0 if name == "friction" else scales.stress)
