@@ -26,6 +26,7 @@ from qvi_contact.discretization.loads import ContactRows, joined, scaled_stress_
 from qvi_contact.discretization.space import edge_rule, split_points
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.stress import cell_stresses, normal_and_shear
@@ -173,7 +174,7 @@ def _springs(discretization: Discretization, u: FloatArray) -> Iterator[SpringFi
     problem, (t, w) = discretization.problem, gauss_legendre(EDGE_POINTS)
     for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
         edges = problem.mesh.edges(contact.edges)
-        for half, name in enumerate(("normal_stiffness", "tangential_stiffness")):
+        for half, name in enumerate(SPRINGS):
             field = getattr(contact, name)
             if field is not None:
                 part = tractions_on(discretization, u, rows)[half] * discretization.scales.stress

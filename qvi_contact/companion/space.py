@@ -28,8 +28,9 @@ from numpy.polynomial.legendre import legder, legvander
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
-from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature
-from qvi_contact.mesh.edges import OPPOSITE, Edges, arc_offsets, coefficients, gauss, linked
+from qvi_contact.element.legendre import from_values, gauss_legendre
+from qvi_contact.element.triangle import EDGES, bernstein, exponents, gradient, quadrature
+from qvi_contact.mesh.edges import Edges, arc_offsets, linked
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
@@ -75,7 +76,7 @@ class Triangle:
     def sides(self) -> IntArray:
         """The coefficients (3, 3, p + 1) from one corner to another along a side; −1 from a corner to itself."""
         alpha, found = exponents(self.degree), np.full((3, 3, self.degree + 1), -1)
-        for first, last in OPPOSITE:
+        for first, last in EDGES:
             on_side = np.flatnonzero(alpha[:, first] + alpha[:, last] == self.degree)
             side = on_side[np.argsort(alpha[on_side, last])]
             found[first, last], found[last, first] = side, side[::-1]
@@ -156,19 +157,19 @@ class CurvedCells:
     @cached_property
     def _bulges(self) -> FloatArray:
         """Coefficients of Legendre of q of all sides, (3, c, terms, 2)."""
-        t = gauss(_TERMS + self.bends.shape[2])[0]
-        found = np.zeros((3, len(self), len(t), 2))
-        for s, (a, b) in enumerate(OPPOSITE):
+        terms = _TERMS + self.bends.shape[2]
+        t, found = gauss_legendre(terms)[0], np.zeros((3, len(self), terms, 2))
+        for s, (a, b) in enumerate(EDGES):
             chord = self.corners[:, b] - self.corners[:, a]
             bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
-            found[s] = coefficients((bulge / (t * (1.0 - t))[:, None]).swapaxes(1, 2)).swapaxes(1, 2)
+            found[s] = from_values(terms - 1, terms) @ (bulge / (t * (1.0 - t))[:, None])
         return found
 
     def points(self, which: IntArray, t: FloatArray) -> FloatArray:
         """Points (k, q, 2) at reference points t, (q, 2) or (k, q, 2), of some of the cells (k,)."""
         barycentric = _barycentric(t, len(which))
         found = barycentric @ self.corners[which]
-        for s, (a, b) in enumerate(OPPOSITE):
+        for s, (a, b) in enumerate(EDGES):
             bent = self._bent(which, s)
             first, second = barycentric[bent, :, a], barycentric[bent, :, b]
             found[bent] += (first * second)[..., None] * _sum(self._bulges[s, which[bent]], second - first)
@@ -180,7 +181,7 @@ class CurvedCells:
         found = np.broadcast_to(
             (self.corners[which].swapaxes(1, 2) @ _SLOPES)[:, None], (*barycentric.shape[:2], 2, 2)
         ).copy()
-        for s, (a, b) in enumerate(OPPOSITE):
+        for s, (a, b) in enumerate(EDGES):
             bent = self._bent(which, s)
             first, second = barycentric[bent, :, a], barycentric[bent, :, b]
             q = self._bulges[s, which[bent]]

@@ -28,9 +28,10 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
+from qvi_contact.problem.conditions import DRIVES
 from qvi_contact.problem.problem import ContactProblem
 
-COMPONENTS = ("force_x", "force_y", "moment")
+COMPONENTS = tuple(DRIVES)
 
 _DEPENDENT = 1e-9  # a row that is shorter than this, less its part along the others, follows from equilibrium
 _BALANCED = 1e-9  # imbalance, relative to the loads, that passes as round-off
@@ -38,8 +39,7 @@ _STEPS = 8  # of an edge, at whose ends distances are taken
 _SAME = 1e-9  # share of a distance up to which two are one
 
 
-@dataclass(frozen=True)
-class PlateRow:
+class PlateRow(NamedTuple):
     """One equality row."""
 
     contact: str
@@ -50,8 +50,7 @@ class PlateRow:
     motion: float
 
 
-@dataclass(frozen=True, eq=False)
-class PlateRows:
+class PlateRows(NamedTuple):
     """Equality rows in the unknowns z."""
 
     resultants: Resultants

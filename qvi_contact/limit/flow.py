@@ -50,7 +50,7 @@ from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbere
 from qvi_contact.limit.stresses import YieldCones
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges, linked
-from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
+from qvi_contact.problem.conditions import SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
@@ -378,7 +378,7 @@ class FlowProgram:
                 edges.length / (mesh.length * p * self.scales.stress),
                 np.full(len(edges), contact.law == "unilateral"),
             ]
-            for name in ("friction", "cohesion", "shear_limit"):  # the largest value along each edge
+            for name in SHEAR_LAW:  # the largest value along each edge
                 field = getattr(contact, name)
                 values = np.inf if field is None else evaluate(f"Contact.{name}", field, *places, minimum=0.0)
                 laws.append(np.broadcast_to(values, places[0].shape).max(axis=1))

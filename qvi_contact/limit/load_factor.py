@@ -21,7 +21,7 @@ from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
-from qvi_contact.problem.conditions import Condition, Contact, Traction, components
+from qvi_contact.problem.conditions import SHEAR_LAW, Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
@@ -508,9 +508,7 @@ def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> 
         for region in problem.regions
     ]
     conditions = [
-        weaker(each, ("friction", "cohesion", "shear_limit"))
-        if isinstance(each, Contact) and each.name in chosen and each.law != "tied"
-        else each
+        weaker(each, SHEAR_LAW) if isinstance(each, Contact) and each.name in chosen and each.law != "tied" else each
         for each in problem.conditions
     ]
     material = weakened(problem.material) if BODY in chosen else problem.material

@@ -47,7 +47,7 @@ from qvi_contact.limit.split import Nodes, lattice, numbered, part_corners
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism
 from qvi_contact.mesh.edges import Edges, linked
-from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
+from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import Mises, MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
@@ -238,7 +238,7 @@ class Statement:
     def _contact(self, contact: Contact) -> dict[str, Any]:
         """A contact that limits tractions; `InputError` if a part of its law varies."""
         edges, found = self.mesh.edges(contact.edges), dict[str, Any]()
-        for name in ("friction", "cohesion", "shear_limit"):
+        for name in SHEAR_LAW:
             field, places = getattr(contact, name), self.mesh.points_along(edges, np.linspace(0.0, 1.0, 9))
             found[name] = None if field is None else _number(f"Contact.{name}", field, *places)
         if contact.has_fluid:
@@ -310,8 +310,8 @@ def _second_derivatives(stated: Statement, k: int, factor: Fraction) -> Given:
 def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     """Φ in floating point: its ordinates (cells, 3, count)."""
     low, high, space = program.low, program.high, program.low.space
-    if len(space.cuts):
-        raise InputError("proof", f"{len(space.cuts)} holes", _STRAIGHT)
+    if len(space.frames.cuts):
+        raise InputError("proof", f"{len(space.frames.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
     u = low.basis @ unknowns[:n] + low.particular + (unknowns[-1] - 1.0) * (high.particular - low.particular)
     factors = low.root.stiffness.energy.coefficients(u, None)

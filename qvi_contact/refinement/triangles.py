@@ -31,7 +31,7 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import has_coulomb
+from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.measure import Measure
 from qvi_contact.refinement.outcome import RefinementStatus, Round, Settings, StopError, TooLargeError, bulk
@@ -354,7 +354,7 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
         xx, yy, xy = np.moveaxis(missed(own, located(fine, own, points), points), -1, 0)
         normals, tangents = frames_along(edges, t)
         force = np.stack([xx * normals[..., 0] + xy * normals[..., 1], xy * normals[..., 0] + yy * normals[..., 1]], -1)
-        for name, along in (("normal_stiffness", normals), ("tangential_stiffness", tangents)):
+        for name, along in zip(SPRINGS, (normals, tangents), strict=True):
             field = getattr(contact, name)
             if field is not None:
                 stiffness = evaluate(f"Contact.{name}", field, x, y)

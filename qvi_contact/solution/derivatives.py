@@ -22,7 +22,7 @@ from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import QVISolution
@@ -33,8 +33,6 @@ from solvers.derivative import Change, change
 Side: TypeAlias = Literal["above", "below"]
 """From where a parameter comes to its value."""
 
-_LAWS: Final = ("friction", "cohesion", "shear_limit")
-_STIFFNESSES: Final = ("normal_stiffness", "tangential_stiffness")
 _OF_PLATES: Final = ("x", "y", "rotation", "force_x", "force_y", "moment")
 _AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
 
@@ -98,8 +96,8 @@ def _paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
     for number, condition in enumerate(problem.conditions):
         at = "conditions", number
         if isinstance(condition, Contact):
-            names = [name for name in _STIFFNESSES if not callable(getattr(condition, name))]
-            names += ["gap", "offset", *(() if condition.law == "tied" else _LAWS)]
+            names = [name for name in SPRINGS if not callable(getattr(condition, name))]
+            names += ["gap", "offset", *(() if condition.law == "tied" else SHEAR_LAW)]
             known: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
             known += [("plate", name) for name in _OF_PLATES if getattr(condition.plate, name, None) is not None]
             yield from ((f"{condition.name}.{path[-1]}", (*at, *path)) for path in known)
@@ -118,7 +116,7 @@ def _limit_paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
     """Data of limit loads by name."""
     for number, contact in enumerate(problem.conditions):
         if isinstance(contact, Contact) and contact.law != "tied":
-            known = (name for name in _LAWS if getattr(contact, name) is not None)
+            known = (name for name in SHEAR_LAW if getattr(contact, name) is not None)
             yield from ((f"{contact.name}.{name}", ("conditions", number, name)) for name in known)
     yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
     for title, path in _materials(problem):
@@ -172,7 +170,7 @@ def _datum(
     if path[0] == "load":
         return _Datum(lambda step: multiplied(problem, [name], 1.0 + step), 1.0, least=False)
     value = _at(problem, path)
-    if name == "young" or name in _STIFFNESSES:
+    if name == "young" or name in SPRINGS:
         return _Datum(lambda step: _with(problem, path, value / (1.0 + step)), -value, least=False)
     force = scales.stress * scales.length
     units = {"friction": 1.0, "phi": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress, "force_x": force}

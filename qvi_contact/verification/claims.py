@@ -10,13 +10,12 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.loads import prescribed_tractions
-from qvi_contact.discretization.supports import PrescribedTraction
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import field_arrays
 from qvi_contact.mesh.edges import vectors_along
+from qvi_contact.problem.conditions import Traction
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, certify
@@ -228,7 +227,7 @@ def missed_tractions(result: ContactResult) -> float:
     """
     known = result.discretization
     unit = result.certificate.scales.get("stress", 1.0)
-    given = prescribed_tractions(result.problem, known.scales)
+    given = result.problem.prescribed(Traction)
     parts = list(zip(given, prescribed_and_computed(known, result.dofs), strict=True))
     ends = [(part.turns and part.edges.curved, tuple(part.edges.first)) for part, _ in parts]
     missed, forces, sizes = list[float](), dict[tuple[int, ...], FloatArray](), dict[tuple[int, ...], float]()
@@ -240,13 +239,8 @@ def missed_tractions(result: ContactResult) -> float:
             continue
         t, weights = gauss_legendre(computed.shape[1])
         values = weights * (computed @ legendre.basis(computed.shape[1] - 1, t).T)
-        along = np.einsum("kq,kqd->kd", values, _along(part, t))
-        due = wanted.integrals(_along(part.take(wanted.edge), wanted.t))
+        along = np.einsum("kq,kqd->kd", values, vectors_along(part.edges, part.direction, t))
+        due = wanted.integrals(vectors_along(part.edges.take(wanted.edge), part.direction[wanted.edge], wanted.t))
         forces[edges] = forces.get(edges, np.zeros(2)) + length @ (along - due)
         sizes[edges] = max(size, sizes.get(edges, 0.0))
     return _largest([*missed, *(np.abs(force) / sizes[edges] for edges, force in forces.items())])
-
-
-def _along(part: PrescribedTraction, t: FloatArray) -> FloatArray:
-    """The direction of a component at reference points of its edges, (n, q, 2)."""
-    return vectors_along(part.edges, part.direction, t, turns=part.turns)
