@@ -279,10 +279,7 @@ def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], Floa
         If there is no stress state, no displacement was found, or this is a step of a history after slip along arcs.
 
     """
-    companion = result.bracket.companion
-    if companion is None:
-        raise InputError("displacement(x, y)", result.status.value, f"no displacement was found: {result.message}")
-    return companion.displacement
+    return result.bracket.companion.displacement
 
 
 def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
@@ -323,7 +320,6 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
     return Bracket(
-        problem=problem,
         kind=given.kind,
         reasons=_reasons(given, stress, companion, balance, (upper - lower) / max(strain, held, 1e-300)),
         lower=lower,
