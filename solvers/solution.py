@@ -239,10 +239,10 @@ class Outcome:
     near: bool | None = None
 
     @classmethod
-    def nothing(cls, qvi: FrictionQVI, reason: Status, message: str, advice: str = "") -> Outcome:
+    def nothing(cls, qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
         """Nothing but the reason why there is no result."""
         z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
-        return cls(reason, z, rows, rows, nu, message=message, advice=advice)
+        return cls(reason, z, rows, rows, nu, message=message)
 
     def certified(self, qvi: FrictionQVI, tolerance: float) -> Certificate:
         """What it is worth."""

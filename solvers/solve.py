@@ -282,8 +282,7 @@ class Search:
                         break
         except (FactorisationError, MemoryError) as error:
             reason = error.reason if isinstance(error, FactorisationError) else "memory"
-            advice = "Nothing was begun, as the limit could not be met." if reason == "time" else ""
-            nothing = Outcome.nothing(qvi, _FAILURES[reason], str(error) or "out of memory", advice)
+            nothing = Outcome.nothing(qvi, _FAILURES[reason], str(error) or "out of memory")
             self.best, certificate = dataclasses.replace(nothing, hopeless=True), None
             self.attempts += (Attempt(method, why, nothing.reason, 0),)
         best, before = self.best, time.perf_counter()

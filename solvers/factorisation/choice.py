@@ -2,8 +2,6 @@
 
 import os
 from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,16 +11,9 @@ from solvers.basics.checks import whole_number
 from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
-from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError, Reason
+from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
 from solvers.factorisation.pardiso import thread_count
-from solvers.factorisation.superlu import (
-    Refactorisation,
-    RefactorisedBySuperLU,
-    SuperLU,
-    filled,
-    interior_groups,
-    nested_dissection,
-)
+from solvers.factorisation.superlu import Refactorisation, RefactorisedBySuperLU, SuperLU, nested_dissection
 
 BACKENDS: Final = ("pardiso", "superlu")
 """Names of the sparse back ends, the fastest first."""
@@ -67,8 +58,7 @@ def factorise(
         The back end does not exist or is not installed.
     FactorisationError
         K_II is not positive definite, memory is lacking, or the back end fails. An indefinite S is found by `solve`.
-        Before it begins: if it is estimated to take more than twice the time that is left (`deadline`), or twice the
-        memory of the machine.
+        With the reason "time": K is large, and the time is over (`deadline`).
 
     """
     K, interface = _checked(K, interface)
@@ -89,7 +79,7 @@ def factorise(
         if name == DENSE:
             return DenseFactor(K if isinstance(K, np.ndarray) else K.toarray(), interface)
         K = csc_array(K)
-        check_limits(K, interface, name, threads)
+        _begin(K.shape[0], name)
         if name == BACKENDS[-1]:
             return SuperLU(K, interface, places)
         return _module(name).Pardiso(K, interface, threads)  # type: ignore[no-any-return]
@@ -131,13 +121,22 @@ def refactorisation(
     """
     backend = resolve(backend if backend in BACKENDS else "auto")
     threads = threads or _sensible_threads(len(starts) - 1)
-    pattern = csc_array((np.ones(len(columns)), columns, starts))
-    check_limits(pattern, np.zeros(0, dtype=np.int64), backend, threads, symmetric=False)
+    _begin(len(starts) - 1, backend)
     if backend == "pardiso":
         return _module(backend).Refactorised(starts, columns, threads)  # type: ignore[no-any-return]
     return RefactorisedBySuperLU(
         starts, columns, None if places is None else nested_dissection(places, starts, columns)
     )
+
+
+def _begin(unknowns: int, backend: str) -> None:
+    """Say so before a factorisation that takes seconds; it is not begun where the time is over already."""
+    if unknowns < _WORTH_THREADS:
+        return
+    if deadline.over:
+        raise FactorisationError("time", backend, f"{unknowns} unknowns are left, and the time limit is over")
+    report(Progress(backend, stage=f"factorising {unknowns} unknowns"))
+    LOGGER.info("%s: factorising %d unknowns", backend, unknowns)
 
 
 def _sensible_threads(unknowns: int) -> int:
@@ -245,123 +244,3 @@ def condensing_pays(K: Sparse | Matrix, interface: int) -> bool:
     if interface <= _ALWAYS_CONDENSED or isinstance(K, np.ndarray):
         return True
     return bool(2.0 / 3.0 * float(interface) ** 3 <= _SLOWER * 20.0 * float(K.nnz / 9.0) ** 1.5)
-
-
-# What a factorisation will take: told before it begins, and refused if it is far beyond the limits.
-#
-# Two numbers say how much work a factor L is, its entries |L| and its operations Σ_j |L_j|² over the columns. A law
-# gives them from the size of K alone,
-#
-#     |L| ≈ nnz(K) (0.45 log₂ n − 3.65),    operations ≈ 0.1 |L|^1.5,
-#
-# as for nested dissection in the plane (A. George, SIAM J. Numer. Anal. 10, 1973). Constants are fitted to K of
-# `compressed_plate` on 2 000 to 60 000 triangles with the degrees 3 to 7, on which the law is within 25 %. Long bodies
-# need much less, so that nothing is refused by it: where the law is beyond a limit both numbers are counted, by minimum
-# degree on groups of unknowns with the same neighbours. Times and bytes of a back end are proportional to them,
-#
-#     seconds = a |L| + b operations,    bytes = c |L| + 16 k²    (k: unknowns of the dense Schur complement),
-#
-# with constants measured on one core of an AMD EPYC. What is refused is beyond a limit by a factor of 2, or would begin
-# when the time is over.
-
-
-_CLEAR: Final = 2.0  # times a limit that is refused: machines differ, and so do bodies
-_WORTH_TELLING: Final = 2.0  # seconds
-_SMALL: Final = 20_000  # unknowns that every back end factorises in a second
-_GIGABYTE: Final = 1e9
-_CGROUP: Final = Path("/sys/fs/cgroup/memory.max")  # of a container
-_RATES: Final = {"pardiso": (3e-8, 4e-11, 7.0), "superlu": (2.2e-7, 2e-10, 55.0)}  # a, b, c
-
-
-class Work(NamedTuple):
-    """How much a factor L is: its entries |L|, and operations Σ_j |L_j|²."""
-
-    entries: float
-    operations: float
-
-    @classmethod
-    def by_law(cls, n: int, nnz: int) -> "Work":
-        """From the size of K (n, n) alone."""
-        entries = nnz * max(1.0, 0.45 * float(np.log2(max(n, 2))) - 3.65)
-        return cls(entries, 0.1 * entries**1.5)
-
-    @classmethod
-    def counted(cls, K: Sparse, interface: IntVector) -> "Work":
-        """Of the interior of K, in the order of minimum degree; takes about a tenth of SuperLU's time for K."""
-        _, graph, group = interior_groups(K, interface)
-        order, rows, starts = filled(graph)
-        width = np.bincount(group)[order].astype(np.float64)
-        height = np.add.reduceat(width[rows], starts[:-1])  # of the columns of a group, its own rows included
-        return cls(float((width * height - width * (width - 1.0) / 2.0).sum()), float((width * height**2).sum()))
-
-
-class Forecast(NamedTuple):
-    """Seconds and bytes that a factorisation is estimated to take."""
-
-    seconds: float
-    bytes: float
-
-    @classmethod
-    def of(cls, work: Work, backend: str, interface: int = 0, threads: int = 1, factors: float = 1.0) -> "Forecast":
-        """By a back end on so many threads, which share the operations; SuperLU has one."""
-        entry, operation, memory = _RATES[backend]
-        shared = 1 if backend == "superlu" else threads
-        seconds = factors * (entry * work.entries + operation * work.operations / shared)
-        return cls(seconds, factors * memory * work.entries + 16.0 * float(interface) ** 2)
-
-    @property
-    def cost(self) -> str:
-        """Time and memory in words."""
-        time = f"{self.seconds:.2g} s" if self.seconds < 100.0 else f"{self.seconds:.0f} s"
-        return f"about {time} and {self.bytes / _GIGABYTE:.2g} GB"
-
-
-def check_limits(K: Sparse, interface: IntVector, backend: str, threads: int, *, symmetric: bool = True) -> None:
-    """Tell what the factorisation of K will take if that is long, and refuse what is far beyond the limits.
-
-    The limits are the time that is left (`deadline`) and the memory of the machine. L U of a K that is not `symmetric`
-    is twice the work.
-
-    Raises
-    ------
-    FactorisationError
-        With the reason "time" or "memory".
-
-    """
-    n, k, factors = K.shape[0], len(interface), 1.0 if symmetric else 2.0
-    if n < _SMALL:
-        return
-    work = Work.by_law(n, K.nnz)
-    expected = Forecast.of(work, backend, k, threads, factors)
-    late, seconds, memory = deadline.over, deadline.left, machine_memory()
-    if not late and (expected.seconds > seconds or expected.bytes > memory):
-        work = Work.counted(K, interface)
-        expected = Forecast.of(work, backend, k, threads, factors)
-    beyond: tuple[Reason, str] | None = None
-    if late and expected.seconds >= _WORTH_TELLING:
-        beyond = "time", "and the time limit is over"
-    elif not late and expected.seconds > _CLEAR * seconds:
-        beyond = "time", f"far beyond the time limit, of which {seconds:.3g} s are left"
-    elif not late and expected.bytes > _CLEAR * memory:
-        beyond = "memory", f"far beyond the memory of this machine, {memory / _GIGABYTE:.3g} GB"
-    if beyond is not None:
-        advice = ""
-        if backend != BACKENDS[0]:
-            how = missing_backends().get(BACKENDS[0], f"factorisation={BACKENDS[0]!r}")
-            advice = f"; PARDISO takes {Forecast.of(work, BACKENDS[0], k, threads, factors).cost}: {how}"
-        estimate = f"{n} unknowns are estimated to take {expected.cost}"
-        raise FactorisationError(beyond[0], backend, f"{estimate}, {beyond[1]}{advice}")
-    if expected.seconds >= _WORTH_TELLING:
-        stage = f"factorising {n} unknowns, {expected.cost} (an estimate)"
-        LOGGER.info("%s: %s", backend, stage)
-        report(Progress(backend, stage=stage))
-
-
-def machine_memory() -> float:
-    """Bytes of memory that this machine, or the container on it, has; infinity where nobody says."""
-    found = [float("inf")]
-    with suppress(ValueError, OSError, AttributeError):
-        found.append(float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE")))
-    with suppress(ValueError, OSError):
-        found.append(float(_CGROUP.read_text(encoding="ascii")))  # "max" where there is no limit
-    return min(found)
