@@ -10,7 +10,7 @@ from scipy.sparse import csc_array
 from solvers.basics.checks import whole_number
 from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
-from solvers.errors import InputError, SolverUnavailableError
+from solvers.errors import SolverUnavailableError
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
 from solvers.factorisation.pardiso import thread_count
 from solvers.factorisation.superlu import Refactorisation, RefactorisedBySuperLU, SuperLU, nested_dissection
@@ -38,7 +38,7 @@ def factorise(
     Parameters
     ----------
     K : (n, n)
-        Symmetric positive definite, both triangles stored; the symmetry is not checked.
+        Symmetric positive definite and finite, both triangles stored, which is not checked.
     interface : IntVector (k,)
         Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
     backend : str
@@ -52,8 +52,6 @@ def factorise(
 
     Raises
     ------
-    InputError
-        K is not square, holds numbers that are not finite, or the interface is not increasing or out of range.
     SolverUnavailableError
         The back end does not exist or is not installed.
     FactorisationError
@@ -61,11 +59,7 @@ def factorise(
         With the reason "time": K is large, and the time is over (`deadline`).
 
     """
-    K, interface = _checked(K, interface)
-    n = K.shape[0]
-    if threads is not None and threads < 1:
-        raise InputError("threads", threads, "give 1 or more, or None for all cores")
-    threads = threads or _sensible_threads(n)
+    n, threads = K.shape[0], threads or _sensible_threads(K.shape[0])
     small = backend == "auto" and chosen() is None and n <= SMALL
     nothing = interface.size == n  # is eliminated: S = K
     name = DENSE if small or nothing or backend == DENSE else resolve(backend)
@@ -79,32 +73,15 @@ def factorise(
         if name == DENSE:
             return DenseFactor(K if isinstance(K, np.ndarray) else K.toarray(), interface)
         K = csc_array(K)
+        if not K.has_canonical_format:
+            K = K.copy()
+            K.sum_duplicates()
         _begin(K.shape[0], name)
         if name == BACKENDS[-1]:
             return SuperLU(K, interface, places)
         return _module(name).Pardiso(K, interface, threads)  # type: ignore[no-any-return]
     except MemoryError as error:
         raise FactorisationError("memory", name, "out of memory") from error
-
-
-def _checked(K: Sparse | Matrix, interface: IntVector) -> tuple[Sparse | Matrix, IntVector]:
-    """K as it is if it is dense, else in compressed columns with sorted indices; the interface as int64."""
-    if len(K.shape) != 2 or K.shape[0] != K.shape[1]:
-        raise InputError("K", K.shape, "give a square matrix")
-    if not isinstance(K, np.ndarray):
-        K = csc_array(K, dtype=np.float64)
-        if not K.has_canonical_format:
-            K = K.copy()
-            K.sum_duplicates()
-    if not np.isfinite(K if isinstance(K, np.ndarray) else K.data).all():
-        raise InputError("K", "not finite", "give finite entries")
-    indices = np.asarray(interface)
-    if indices.size:
-        if indices.ndim != 1 or indices.dtype.kind not in "iu" or np.any(np.diff(indices) <= 0):
-            raise InputError("interface", indices, "give indices in increasing order, none twice: np.unique(indices)")
-        if indices[0] < 0 or indices[-1] >= K.shape[0]:
-            raise InputError("interface", indices, f"give indices from 0 to {K.shape[0] - 1}")
-    return K, indices.astype(np.int64).ravel()
 
 
 def refactorisation(
