@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
-from scipy.sparse import csr_array, eye_array
+from scipy.sparse import csc_array, csr_array, eye_array
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
@@ -110,7 +110,7 @@ class ContactMatrices(PicklesFields):
     @cached_property
     def factor(self) -> TractionFactor:
         """The traces; the rows themselves where none are given."""
-        return self.traces or TractionFactor(self.rows, eye_array(self.rows.shape[0]))
+        return self.traces or TractionFactor(self.rows, csc_array(eye_array(self.rows.shape[0])))
 
     @cached_property
     def tractions(self) -> tuple[Any, Vector]:
