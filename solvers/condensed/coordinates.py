@@ -30,7 +30,7 @@ from solvers.condensed.systems import (
     Solve,
 )
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.superlu import Refactorisation
+from solvers.factorisation.choice import Refactorisation
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, transposed
 

@@ -1,19 +1,20 @@
 """Names of the back ends, the one taken by default, and `factorise`."""
 
 import os
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.sparse import csc_array
 
 from solvers.basics.checks import whole_number
 from solvers.basics.progress import LOGGER, Progress, deadline, report
-from solvers.basics.types import IntVector, Matrix, Module, Sparse, load
+from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.errors import SolverUnavailableError
+from solvers.factorisation import pardiso, superlu
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
-from solvers.factorisation.pardiso import thread_count
-from solvers.factorisation.superlu import Refactorisation, RefactorisedBySuperLU, SuperLU, nested_dissection
+from solvers.factorisation.pardiso import Pardiso, RefactorisedByPardiso, thread_count
+from solvers.factorisation.superlu import RefactorisedBySuperLU, SuperLU, nested_dissection
 
 BACKENDS: Final = ("pardiso", "superlu")
 """Names of the sparse back ends, the fastest first."""
@@ -21,6 +22,7 @@ BACKENDS: Final = ("pardiso", "superlu")
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
+_VERSIONS: Final[Mapping[str, Callable[[], str | None]]] = {"pardiso": pardiso.version, "superlu": superlu.version}
 _INSTALL: Final = {"pardiso": "pip install mkl"}
 _WORTH_INSTALLING: Final = 20_000  # unknowns from which on PARDISO is at least twice as fast
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
@@ -79,9 +81,12 @@ def factorise(
         _begin(K.shape[0], name)
         if name == BACKENDS[-1]:
             return SuperLU(K, interface, places)
-        return _module(name).Pardiso(K, interface, threads)  # type: ignore[no-any-return]
+        return Pardiso(K, interface, threads)
     except MemoryError as error:
         raise FactorisationError("memory", name, "out of memory") from error
+
+
+Refactorisation: TypeAlias = RefactorisedByPardiso | RefactorisedBySuperLU
 
 
 def refactorisation(
@@ -100,7 +105,7 @@ def refactorisation(
     threads = threads or _sensible_threads(len(starts) - 1)
     _begin(len(starts) - 1, backend)
     if backend == "pardiso":
-        return _module(backend).Refactorised(starts, columns, threads)  # type: ignore[no-any-return]
+        return RefactorisedByPardiso(starts, columns, threads)
     return RefactorisedBySuperLU(
         starts, columns, None if places is None else nested_dissection(places, starts, columns)
     )
@@ -122,20 +127,20 @@ def _sensible_threads(unknowns: int) -> int:
 
 def available_backends() -> dict[str, str]:
     """Back ends that load here, with their library and version, e.g. ``{"pardiso": "mkl 2026.2.0", …}``."""
-    found = {name: _module(name).version() for name in BACKENDS}
+    found = {name: version() for name, version in _VERSIONS.items()}
     return {name: version for name, version in found.items() if version is not None}
 
 
 def missing_backends() -> dict[str, str]:
     """Back ends that do not load here, with the command that installs them."""
-    return {name: command for name, command in _INSTALL.items() if _module(name).version() is None}
+    return {name: command for name, command in _INSTALL.items() if _VERSIONS[name]() is None}
 
 
 def resolve(backend: str = "auto") -> str:
     """Name of the back end that `backend` means; `SolverUnavailableError` if it cannot be used."""
     if backend != "auto":
         return usable("backend", backend)
-    return chosen() or next(name for name in BACKENDS if _module(name).version() is not None)
+    return chosen() or next(name for name in BACKENDS if _VERSIONS[name]() is not None)
 
 
 def chosen() -> str | None:
@@ -155,15 +160,10 @@ def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
     """
     if name not in BACKENDS:
         raise SolverUnavailableError(field, name, f"choose one of {', '.join((*others, *BACKENDS))}")
-    if _module(name).version() is None:
+    if _VERSIONS[name]() is None:
         remedy = f"its library does not load ({_INSTALL.get(name, 'reinstall scipy')}); choose one of"
         raise SolverUnavailableError(field, name, f"{remedy} {', '.join((*others, *available_backends()))}")
     return name
-
-
-def _module(name: str) -> Module:
-    """Module of a back end, which has a `version()`."""
-    return load(f"solvers.factorisation.{name}")
 
 
 # Which factorisation a problem gets: the one asked for, or the first installed.

@@ -7,7 +7,7 @@ matrix K' = K + [0 0; 0 D] has the Schur complement S' = S + D, well conditioned
 """
 
 from time import perf_counter
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -200,26 +200,8 @@ def nested_dissection(places: Matrix, starts: IntVector, columns: IntVector) -> 
 _THRESHOLD = 1e-3  # a pivot on the diagonal may be so much smaller than the largest of its column
 
 
-class Refactorisation(Protocol):
-    """One matrix after the other."""
-
-    backend: str  # name in `BACKENDS`, and the library with its version
-    version: str
-
-    def factorise(self, values: Vector) -> None:
-        """Factorise H, its entries row by row; solves are by this matrix from now on.
-
-        Raises `FactorisationError` where H is singular.
-        """
-        ...
-
-    def solve(self, right: Vector) -> Vector:
-        """H⁻¹ right (n,)."""
-        ...
-
-
 class RefactorisedBySuperLU:
-    """Pivots on the diagonal as long as they are large enough; one thread."""
+    """One matrix after the other: pivots on the diagonal as long as they are large enough; one thread."""
 
     backend = "superlu"
 
@@ -234,7 +216,10 @@ class RefactorisedBySuperLU:
         self._factor: Module = None
 
     def factorise(self, values: Vector) -> None:
-        """See `Refactorisation`; rows of H are columns of its transpose."""
+        """Factorise H, its entries row by row; solves are by this matrix from now on.
+
+        Raises `FactorisationError` where H is singular. Rows of H are columns of its transpose.
+        """
         places = self._entries
         transposed = csc_array((values[places.data], places.indices, places.indptr), places.shape)
         ordering: Literal["MMD_AT_PLUS_A", "NATURAL"] = "MMD_AT_PLUS_A" if self._own else "NATURAL"
@@ -244,7 +229,7 @@ class RefactorisedBySuperLU:
             raise FactorisationError("singular", self.backend, str(error)) from error
 
     def solve(self, right: Vector) -> Vector:
-        """See `Refactorisation`."""
+        """H⁻¹ right (n,)."""
         found = np.empty_like(right)
         found[self._order] = self._factor.solve(right[self._order], "T")
         return found
