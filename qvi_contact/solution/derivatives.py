@@ -23,7 +23,8 @@ from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.conditions import Contact, Displacement
+from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import QVISolution
@@ -34,7 +35,8 @@ from solvers.derivative import Change, change
 Side: TypeAlias = Literal["above", "below"]
 """From where a parameter comes to its value."""
 
-_LAWS: Final = ("friction", "cohesion", "shear_limit", "gap", "offset")
+_Grow: TypeAlias = Callable[[Any, float], Any]  # a value and a step, the larger value
+
 _AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
 
 _NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are compared
@@ -43,11 +45,12 @@ _SAME: Final = 1e-4  # relative difference of these that counts as none: they ar
 
 
 @dataclass(frozen=True, eq=False)
-class _Parameter:
-    """A datum: the problem with it larger by a step, and the derivative by it over that by the step's direction."""
+class _Datum:
+    """A number or function among the data."""
 
-    moved: Callable[[], ContactProblem]
-    factor: float
+    unit: float  # a step of its size; of moduli and stiffnesses minus themselves, which doubles their compliance
+    larger: Callable[[float], ContactProblem]  # the problem with it larger by a step, to first order
+    may_be_less: bool = True
 
 
 def derivative(result: ContactResult, quantity: str, parameter: str, side: Side | None = None) -> float:
@@ -61,10 +64,11 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
     known = result.discretization
-    parameters = dict(_parameters(result.problem, known.scales))
-    chosen = parameters[known_name("parameter", parameter, {"parameters": parameters})]
+    given = result.problem, known.scales
+    data = {**_laws(*given), **_moved(*given), **_elastic(*given)}
+    datum = data[known_name("parameter", parameter, {"parameters": data})]
     base = known.with_data(known.problem, known.scales)
-    moved = known.with_data(chosen.moved(), known.scales)
+    moved = known.with_data(datum.larger(datum.unit), known.scales)
     if moved.qvi.A.shape != base.qvi.A.shape or moved.qvi.n != base.qvi.n:
         raise InputError("parameter", parameter, "a step changes which unknowns there are: give its load a value first")
     value = measure.value
@@ -74,8 +78,8 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
 
     def one_sided(sign: float) -> tuple[float, bool]:
         found = change(result.solution, base.qvi, moved.qvi, sign)
-        there = value(ContactResult(known, _moved(result.solution, found))) - value(result)
-        return chosen.factor * (there * sign + at_rest), found.changes_state
+        there = value(ContactResult(known, _changed(result.solution, found))) - value(result)
+        return (there * sign + at_rest) / datum.unit, found.changes_state
 
     above, changes = one_sided(1.0)
     if not changes or side == "above":
@@ -87,7 +91,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     raise InputError("side", None, remedy + "ask for one of them")
 
 
-def _moved(solution: QVISolution, by: Change) -> QVISolution:
+def _changed(solution: QVISolution, by: Change) -> QVISolution:
     return replace(
         solution,
         z=solution.z + by.z,
@@ -95,99 +99,6 @@ def _moved(solution: QVISolution, by: Change) -> QVISolution:
         tangential_multiplier=solution.tangential_multiplier + by.tangential,
         equality_multiplier=solution.equality_multiplier + by.equality,
     )
-
-
-def _parameters(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Parameter]]:
-    """All of them by name."""
-    for number, condition in enumerate(problem.conditions):
-        if isinstance(condition, Contact):
-            yield from _of_contact(problem, scales, number, condition)
-        elif isinstance(condition, Displacement):
-            for name in components(condition):
-                yield f"{condition.edges}.{name}", _of_condition(problem, scales, number, name)
-    for name in loads_of(problem):
-        yield f"load.{name}", _Parameter(partial(multiplied, problem, [name], 2.0), 1.0)
-    yield from _of_body(problem, scales)
-
-
-def _of_contact(
-    problem: ContactProblem, scales: Scales, number: int, contact: Contact
-) -> Iterator[tuple[str, _Parameter]]:
-    """Law, place, springs and plate of one contact."""
-    for name in _LAWS:
-        if getattr(contact, name) is not None and (contact.law != "tied" or name in ("gap", "offset")):
-            yield f"{contact.name}.{name}", _of_condition(problem, scales, number, name)
-    for name in ("normal_stiffness", "tangential_stiffness"):
-        stiffness = getattr(contact, name)
-        if stiffness is not None and not callable(stiffness):
-            softer = _changed(problem, number, **{name: stiffness / 2.0})
-            yield f"{contact.name}.{name}", _Parameter(softer, -1.0 / stiffness)
-    for name in ("x", "y", "rotation", "force_x", "force_y", "moment"):
-        if getattr(contact.plate, name, None) is not None:
-            yield f"{contact.name}.{name}", _of_condition(problem, scales, number, name, of_plate=True)
-
-
-def _changed(problem: ContactProblem, number: int, **changes: Any) -> Callable[[], ContactProblem]:
-    """The problem with other fields of one condition."""
-    conditions = list(problem.conditions)
-    conditions[number] = replace(conditions[number], **changes)
-    return partial(replace, problem, conditions=conditions)
-
-
-def _of_condition(
-    problem: ContactProblem, scales: Scales, number: int, name: str, *, of_plate: bool = False
-) -> _Parameter:
-    """A field of a condition or of its plate, which grows by its unit."""
-    units = {"friction": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress}
-    units |= {"rotation": scales.displacement / scales.length, "moment": scales.stress * scales.length**2}
-    units |= dict.fromkeys(("force_x", "force_y"), scales.stress * scales.length)
-    step, condition = units.get(name, scales.displacement), problem.conditions[number]
-    part: Any = condition.plate if of_plate and isinstance(condition, Contact) else condition
-    changes = {name: _plus(getattr(part, name), step)}
-    if of_plate:
-        changes = {"plate": replace(part, **changes)}
-    return _Parameter(_changed(problem, number, **changes), 1.0 / step)
-
-
-def _of_body(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Parameter]]:
-    """Temperature, which grows by what has the unit of stress, and moduli, where the compliance doubles."""
-    swelling = max(abs(material.expansion) for material in problem.materials)
-    step = scales.stress * scales.compliance / swelling if swelling else 0.0
-    if swelling:
-        yield (
-            "temperature",
-            _Parameter(lambda: replace(problem, temperature=_plus(problem.temperature, step)), 1 / step),
-        )
-    main = problem.material
-    yield (
-        "material.young",
-        _Parameter(lambda: replace(problem, material=replace(main, young=main.young / 2.0)), -1.0 / main.young),
-    )
-
-    def with_region(number: int, **changes: Any) -> ContactProblem:
-        regions = list(problem.regions)
-        regions[number] = replace(regions[number], **changes)
-        return replace(problem, regions=regions)
-
-    for number, region in enumerate(problem.regions):
-        if region.name is not None:
-            young, softer = region.material.young, replace(region.material, young=region.material.young / 2.0)
-            yield f"{region.name}.young", _Parameter(partial(with_region, number, material=softer), -1.0 / young)
-            if swelling and region.temperature is not None:
-                warmer = _plus(region.temperature, step)
-                moved = partial(with_region, number, temperature=warmer)
-                yield f"{region.name}.temperature", _Parameter(moved, 1.0 / step)
-
-
-def _plus(field: Field, step: float) -> Field:
-    """The field, larger by a step."""
-    if not callable(field):
-        return field + step
-
-    def larger(x: FloatArray, y: FloatArray) -> FloatArray:
-        return np.asarray(field(x, y), dtype=float) + step
-
-    return larger
 
 
 def limit_derivative(
@@ -204,11 +115,11 @@ def limit_derivative(
         raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
     if side not in (None, "above", "below"):
         raise InputError("side", side, "give 'above' or 'below', or leave it out")
-    data = dict(_limit_data(problem, posed.low.scales))
-    unit, least, moved = data[known_name("parameter", parameter, {"parameters": data})]
+    data = {**_laws(problem, posed.low.scales), **_strengths(problem, posed.low.scales)}
+    datum = data[known_name("parameter", parameter, {"parameters": data})]
 
     def program(step: float) -> ConicProgram:
-        low, high = (multiplied(moved(step * unit), posed.names, factor) for factor in (1.0, 2.0))
+        low, high = (multiplied(datum.larger(step * datum.unit), posed.names, factor) for factor in (1.0, 2.0))
         first = posed.low.with_data(low, posed.low.scales)
         return StressProgram(first, first.with_data(high, posed.low.scales)).program()
 
@@ -220,65 +131,149 @@ def limit_derivative(
                 "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
             )
         moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
-        return float(found.multipliers @ moved) / (_NEXT * unit)
+        return float(found.multipliers @ moved) / (_NEXT * datum.unit)
 
     above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
-    if not least or side == "above":
+    if not datum.may_be_less or side == "above":
         return above
     below = 2.0 * at(-_NEAR) - at(-2.0 * _NEAR)
     if side == "below":
         return below
-    if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / unit):
+    if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / datum.unit):
         return at(0.0)
     remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
     raise InputError("side", None, remedy + "ask for one of them")
 
 
-_Datum: TypeAlias = tuple[float, bool, Callable[[float], ContactProblem]]
-"""A unit, whether the datum may be less than it is, and the problem with it larger by a step."""
+# Data by name.
 
 
-def _limit_data(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Datum]]:
-    """Data of limit loads by name."""
+def _laws(problem: ContactProblem, scales: Scales) -> dict[str, _Datum]:
+    """What stresses and limit loads both depend on: friction, cohesion and caps of contacts, factors of loads."""
+    found = {f"load.{name}": _Datum(1.0, partial(_heavier, problem, name)) for name in loads_of(problem)}
     for number, contact in enumerate(problem.conditions):
         if isinstance(contact, Contact) and contact.law != "tied":
             for name in ("friction", "cohesion", "shear_limit"):
                 value = getattr(contact, name)
                 if value is not None:
-                    unit = _unit(value, 1.0 if name == "friction" else scales.stress)
-                    yield f"{contact.name}.{name}", (*unit, partial(_rougher, problem, number, name))
-    for name in loads_of(problem):
-        yield f"load.{name}", (1.0, True, partial(_heavier, problem, name))
-    owners = [("material", problem.material), *((region.name, region.material) for region in problem.regions)]
-    for number, (title, material) in enumerate(owners):
-        strength = material.strength
-        for each in fields(strength) if strength is not None and title is not None else ():
-            value = getattr(strength, each.name)
+                    larger = partial(_condition, problem, number, name, _plus)
+                    otherwise = 1.0 if name == "friction" else scales.stress
+                    found[f"{contact.name}.{name}"] = _of_size(value, otherwise, larger)
+    return found
+
+
+def _strengths(problem: ContactProblem, scales: Scales) -> dict[str, _Datum]:
+    """What limit loads alone depend on."""
+    found = dict[str, _Datum]()
+    for number, (title, material) in enumerate(_named_materials(problem)):
+        for each in fields(material.strength) if material.strength is not None and title is not None else ():
+            value = getattr(material.strength, each.name)
             if value is not None:
-                unit = _unit(value, 1.0 if each.name == "phi" else scales.stress)
-                yield f"{title}.{each.name}", (*unit, partial(_stronger, problem, number, each.name))
+                larger = partial(_material, problem, number, each.name, _plus)
+                found[f"{title}.{each.name}"] = _of_size(value, 1.0 if each.name == "phi" else scales.stress, larger)
+    return found
 
 
-def _unit(value: Field, otherwise: float) -> tuple[float, bool]:
-    return (otherwise, True) if callable(value) else (abs(float(value)) or otherwise, value != 0.0)
+def _moved(problem: ContactProblem, scales: Scales) -> dict[str, _Datum]:
+    """Places and motions of obstacles and supports, forces on plates, springs."""
+    found, moved, force = dict[str, _Datum](), scales.displacement, scales.stress * scales.length
+    units = dict.fromkeys(("gap", "offset", "x", "y", "normal", "tangential"), moved)
+    units |= {"rotation": moved / scales.length, "force_x": force, "force_y": force, "moment": force * scales.length}
+    for number, condition in enumerate(problem.conditions):
+        changed = partial(_condition, problem, number)
+        parts: list[Any] = [condition] if isinstance(condition, Displacement) else []
+        title = condition.edges
+        if isinstance(condition, Contact):
+            parts, title = [condition, condition.plate], condition.name
+            for name in ("normal_stiffness", "tangential_stiffness"):
+                stiffness = getattr(condition, name)
+                if stiffness is not None and not callable(stiffness):
+                    found[f"{title}.{name}"] = _Datum(-stiffness, partial(changed, name, _stiffer))
+        for of_plate, part in enumerate(parts):
+            for name in units:
+                if getattr(part, name, None) is not None:
+                    larger = partial(changed, name, _plus, of_plate=bool(of_plate))
+                    found[f"{title}.{name}"] = _Datum(units[name], larger)
+    return found
 
 
-def _rougher(problem: ContactProblem, number: int, name: str, step: float) -> ContactProblem:
-    return _changed(problem, number, **{name: _plus(getattr(problem.conditions[number], name), step)})()
+def _elastic(problem: ContactProblem, scales: Scales) -> dict[str, _Datum]:
+    """Temperatures, and moduli of materials."""
+    found = dict[str, _Datum]()
+    for number, (title, material) in enumerate(_named_materials(problem)):
+        if title is not None:
+            larger = partial(_material, problem, number, "young", _stiffer)
+            found[f"{title}.young"] = _Datum(-material.young, larger)
+    swelling = max(abs(material.expansion) for material in problem.materials)
+    if swelling:
+        rise = scales.stress * scales.compliance / swelling  # strains as the unit of stress does
+        found["temperature"] = _Datum(rise, lambda step: replace(problem, temperature=_plus(problem.temperature, step)))
+        for number, region in enumerate(problem.regions):
+            if region.name is not None and region.temperature is not None:
+                found[f"{region.name}.temperature"] = _Datum(rise, partial(_warmer, problem, number))
+    return found
+
+
+def _of_size(value: Field, otherwise: float, larger: Callable[[float], ContactProblem]) -> _Datum:
+    """A datum that is not negative, whose unit is its own size where it has one."""
+    if callable(value):
+        return _Datum(otherwise, larger)
+    return _Datum(abs(float(value)) or otherwise, larger, may_be_less=value != 0.0)
+
+
+def _named_materials(problem: ContactProblem) -> Iterator[tuple[str | None, Material]]:
+    """In the order of `ContactProblem.materials`."""
+    return zip(("material", *(region.name for region in problem.regions)), problem.materials, strict=True)
+
+
+# Problems with a datum that is larger by a step.
 
 
 def _heavier(problem: ContactProblem, name: str, step: float) -> ContactProblem:
     return multiplied(problem, [name], 1.0 + step)
 
 
-def _stronger(problem: ContactProblem, number: int, name: str, step: float) -> ContactProblem:
-    """With another strength of the body, 0, or of a region, from 1."""
-    material = problem.material if number == 0 else problem.regions[number - 1].material
-    changes: Any = {name: _plus(getattr(material.strength, name), step)}
-    assert material.strength is not None  # as listed
-    material = replace(material, strength=replace(material.strength, **changes))
-    if number == 0:
-        return replace(problem, material=material)
+def _condition(
+    problem: ContactProblem, number: int, name: str, grow: _Grow, step: float, *, of_plate: bool = False
+) -> ContactProblem:
+    """With a field of a condition, or of its plate."""
+    conditions: list[Any] = list(problem.conditions)
+    part = conditions[number].plate if of_plate else conditions[number]
+    part = replace(part, **{name: grow(getattr(part, name), step)})
+    conditions[number] = replace(conditions[number], plate=part) if of_plate else part
+    return replace(problem, conditions=conditions)
+
+
+def _material(problem: ContactProblem, number: int, name: str, grow: _Grow, step: float) -> ContactProblem:
+    """With Young's modulus or a strength of the body, 0, or of a region, from 1."""
+    material: Any = problem.materials[number]
+    owner = material if name == "young" else material.strength
+    owner = replace(owner, **{name: grow(getattr(owner, name), step)})
+    material = owner if name == "young" else replace(material, strength=owner)
+    return replace(problem, material=material) if number == 0 else _region(problem, number - 1, material=material)
+
+
+def _warmer(problem: ContactProblem, number: int, step: float) -> ContactProblem:
+    return _region(problem, number, temperature=_plus(problem.regions[number].temperature, step))
+
+
+def _region(problem: ContactProblem, number: int, **changes: Any) -> ContactProblem:
     regions = list(problem.regions)
-    regions[number - 1] = replace(regions[number - 1], material=material)
+    regions[number] = replace(regions[number], **changes)
     return replace(problem, regions=regions)
+
+
+def _stiffer(modulus: float, step: float) -> float:
+    """Larger by a step to first order; its compliance grows linearly with the step."""
+    return modulus / (1.0 - step / modulus)
+
+
+def _plus(field: Field, step: float) -> Field:
+    """The field, larger by a step."""
+    if not callable(field):
+        return field + step
+
+    def larger(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(field(x, y), dtype=float) + step
+
+    return larger
