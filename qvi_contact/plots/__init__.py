@@ -56,6 +56,7 @@ __getattr__ = front(
         "fields": ("draw_contours",),
         "labels": ("beside", "value_range"),
         "shape": ("Shape",),
+        "figures": ("mesh_figure",),
         "mechanism": ("block_outlines",),
         "style": ("cell_outlines", "edge_lines", "new_figure"),
         "symbols": ("runs",),

@@ -11,17 +11,25 @@ from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
 from qvi_contact.mechanism import Mechanism
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.body import THRUST, Drawn, Scales, draw_body
 from qvi_contact.plots.labels import Written, beside, spread
 from qvi_contact.plots.mechanism import draw_collapse, draw_mechanism
 from qvi_contact.plots.problem import draw_problem, draw_symbols
 from qvi_contact.plots.style import (
     BLUE,
+    GREEN,
     GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
     VERMILLION,
     bounding_box,
+    draw_grid,
     draw_outline,
+    edge_lines,
     legend_below,
+    lines,
     new_figure,
     plain_text,
     plain_units,
@@ -39,6 +47,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_PARTS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # of named edges
 _PANELS: Final = 2  # at most so many charts unless some are asked for
 _WIDTH: Final = 6.3  # of a picture of a result [inch]: that of the text on a page
 _BODY: Final = 4.6  # about the width of the body in it
@@ -201,6 +210,22 @@ def _explained(axes: "Axes", drawn: Drawn, result: ContactResult, units: Units) 
     text = f"before; displacements × {drawn.factor:g}"
     entries.append(Line2D([], [], color=GREY, linestyle=(0, (4, 3)), linewidth=0.6, label=text))
     legend_below(axes, entries)
+
+
+def mesh_figure(mesh: TriangleMesh, units: Units | None = None) -> "Figure":
+    """One picture of a mesh: its triangles, and its named edges and joints, which differ without colour too."""
+    with settings():
+        sides = np.ptp(mesh.vertices, axis=0)
+        figure = new_figure(*(5.0 * sides / sides.max() + [3.0, 1.0]))
+        axes = figure.subplots()
+        draw_grid(axes, mesh)
+        draw_outline(axes, mesh)
+        for number, name in enumerate((*mesh.edge_names, *mesh.joint_names)):
+            look = _PARTS[number % 6], ("-", "--", ":", "-.")[number % 4], 2.0
+            axes.add_collection(lines(edge_lines(mesh, mesh.edges(name)), *look, plain_text(name)))
+        show_all(axes, mesh.vertices, plain_units(units))
+        figure.legend(loc="outside right upper", frameon=False)
+    return figure
 
 
 def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figure":

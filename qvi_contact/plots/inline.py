@@ -1,11 +1,13 @@
-"""Pictures inside a page: no id twice, a name for those who cannot see them, a size that can be read."""
+"""Pictures inside pages and notebooks: no id twice, a name for those who cannot see them, a size that can be read."""
 
 import html
 import io
 import re
 from typing import TYPE_CHECKING, Final
 
-from qvi_contact.plots.style import laid_out, settings
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.plots.style import has_matplotlib, laid_out, settings
+from qvi_contact.problem.problem import ContactProblem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,6 +20,24 @@ _STYLE_SHEET: Final = re.compile(r"(<style[^>]*>)\s*\*\s*\{")
 
 _READABLE: Final = 0.85  # of the natural size; exponents of numbers, 6.3 points, are then 7 pixels high
 _PIXELS_PER_POINT: Final = 4.0 / 3.0
+_DOTS: Final = 120.0  # of pixels, an inch
+
+
+def png_bytes(figure: "Figure") -> bytes:
+    """The figure as pixels."""
+    picture = io.BytesIO()
+    with settings(), laid_out(figure, "png", _DOTS):
+        figure.savefig(picture, format="png", dpi=_DOTS, metadata={"Software": None})
+    return picture.getvalue()
+
+
+def notebook_png(shown: TriangleMesh | ContactProblem) -> bytes | None:
+    """What a notebook shows for a mesh or a problem at the end of a cell; None without matplotlib."""
+    if not has_matplotlib():
+        return None
+    from qvi_contact.plots.figures import mesh_figure, problem_figure
+
+    return png_bytes(problem_figure(shown) if isinstance(shown, ContactProblem) else mesh_figure(shown))
 
 
 def svg_text(figure: "Figure", name: str) -> str:

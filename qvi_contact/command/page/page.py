@@ -5,7 +5,6 @@ the page's own script, which draws them and answers the pointer.
 """
 
 import base64
-import io
 import platform
 import sys
 import tomllib
@@ -43,7 +42,7 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.body import Scales
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
-from qvi_contact.plots.inline import inline_svg, svg_text
+from qvi_contact.plots.inline import inline_svg, png_bytes, svg_text
 from qvi_contact.plots.style import laid_out, magnified, new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions, pieces_along
 from qvi_contact.problem.material import is_strained
@@ -62,7 +61,6 @@ if TYPE_CHECKING:
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
 _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
-_DOTS: Final = 120.0  # of their pixels, an inch
 
 
 @dataclass(frozen=True)
@@ -191,11 +189,8 @@ def _pictures(
     chosen = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_STEPS)).round().astype(int)).tolist()
     found, scales = [], Scales.of(step for step in map(steps.__getitem__, chosen) if step.has_state)
     for step in chosen:
-        picture = io.BytesIO()
-        figure = result_figure(steps[step], file.units, panels=(), scales=scales)
-        with settings(), laid_out(figure, "png", _DOTS):
-            figure.savefig(picture, format="png", dpi=_DOTS, metadata={"Software": None})
-        source = f"data:image/png;base64,{base64.b64encode(picture.getvalue()).decode('ascii')}"
+        picture = png_bytes(result_figure(steps[step], file.units, panels=(), scales=scales))
+        source = f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
         found.append((f"{values[step]:g}", Markup('<img src="{}" alt="The deformed body">').format(source)))
     return found
 
@@ -262,17 +257,17 @@ def number(value: float, digits: int = 5, least: float = 0.0) -> str:
     return shown(value, least, digits).replace("-", "−")
 
 
-def result_tables(result: ContactResult, units: Units) -> list[Titled]:
-    """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
+def _row(name: str, *numbers: tuple[float, float]) -> list[str]:
+    """A name, and numbers with the size up to which each is rounding."""
+    return [name, *(number(float(value), least=least) for value, least in numbers)]
 
-    def row(name: str, *numbers: tuple[float, float]) -> list[str]:
-        return [name, *(number(float(value), least=least) for value, least in numbers)]
 
+def contacts_table(lines: Sequence[ContactLine], units: Units) -> Titled:
+    """What contacts carry and do: forces, extremes, shares of their length in each state."""
     force, stress, length = units.engineering_force, units.stress, units.displacement
-    lines, least = list(result.contacts.values()), result.rounding
     states = [state for state in STATES if any(state in line.shares for line in lines)]
     contacts = [
-        row(
+        _row(
             line.name,
             *((value, line.rounding.force) for value in (line.normal_force, line.tangential_force)),
             ((-line.normal_stress).max(), line.rounding.stress),
@@ -285,18 +280,44 @@ def result_tables(result: ContactResult, units: Units) -> list[Titled]:
         "contact", f"N [{force}]", f"T [{force}]", f"largest pressure [{stress}]", f"largest |σ_T| [{stress}]",
         f"largest gap [{length}]", f"largest |slip| [{length}]", *states,
     ]  # fmt: skip
+    return "Contacts", headings, contacts
+
+
+def result_tables(result: ContactResult, units: Units) -> list[Titled]:
+    """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
+    force, least = units.engineering_force, result.rounding
     loaded = {name: result.resultant(name) for name in dict.fromkeys(each.edges for each in result.problem.conditions)}
     resultants = [
-        row(name, (each.x, least.force), (each.y, least.force), (each.moment, least.moment))
+        _row(name, (each.x, least.force), (each.y, least.force), (each.moment, least.moment))
         for name, each in loaded.items()
     ]
     about = ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
-    plates = [row(name, *zip(plate_numbers(result, name), plate_limits(least), strict=True)) for name in result.plates]
+    plates = [_row(name, *zip(plate_numbers(result, name), plate_limits(least), strict=True)) for name in result.plates]
     tables = [
-        ("Contacts", headings, contacts), ("Resultants of the tractions on the body", about, resultants),
+        contacts_table(list(result.contacts.values()), units),
+        ("Resultants of the tractions on the body", about, resultants),
         ("Rigid plates and pins", ["contact", *plate_headings(units)], plates),
     ]  # fmt: skip
     return [table for table in tables if table[2]]
+
+
+def result_html(result: ContactResult) -> Markup:
+    """How a solve ended, and its tables, which a notebook shows for a result at the end of a cell."""
+    said = [result.message, *(f"Remark: {remark}" for remark in result.remarks)]
+    lines = [Markup("<div>{}</div>").format(line) for line in said]
+    tables = result_tables(result, Units()) if result.has_state else []
+    return Markup("<div>{}</div>").format(Markup("").join([*lines, *map(_table_html, tables)]))
+
+
+def contact_html(line: ContactLine) -> Markup:
+    """The table of one contact, which a notebook shows for it."""
+    return _table_html(contacts_table([line], Units()))
+
+
+def _table_html(table: Titled) -> Markup:
+    _, headings, rows = table
+    module: Any = page_template("qvi_contact.command.page", "table.html").module
+    return Markup(module.table(headings, rows))
 
 
 _PARTS: Final = (64, 48, 32, 24, 16, 8, 1)  # along the body's length: the first with few enough points is taken
