@@ -1,38 +1,29 @@
 """What commands say of results, problems and limit loads: plain text for a terminal, and documents for programs."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
+from qvi_contact.bracket import Branches
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary
-from qvi_contact.files.problem_file import ProblemFile
+from qvi_contact.limit.check_proof import check, sentences
+from qvi_contact.limit.load_factor import LimitLoad
+from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
+from qvi_contact.refinement.measure import unit_of
+from qvi_contact.refinement.outcome import Outcome
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult, plate_numbers
 from solvers.solution import WHAT_TO_DO
 
-if TYPE_CHECKING:
-    from qvi_contact.bracket import Branches
-    from qvi_contact.files.problem_file import ProblemFile
-    from qvi_contact.limit.load_factor import LimitLoad
-    from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
-    from qvi_contact.refinement.outcome import Outcome
-
 STATES = [state.name.lower() for state in ContactState]
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
 _SAID = ("x", "y", "normal", "tangential", "friction")  # of conditions, also where they are 0
 _HIDDEN = ("kind", "edges", "length", "joint")
-
-
-def heading_lines(file: ProblemFile) -> Iterator[str]:
-    """Title and description."""
-    yield from filter(None, (file.title, *file.description.strip().splitlines()))
 
 
 def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
@@ -264,7 +255,7 @@ def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
         "status": found.status.value,
         "quantity": found.quantity,
         **told(found),
-        "value": {"value": found.value, "unit": _unit(found, units)},
+        "value": {"value": found.value, "unit": unit_of(found.quantity, units)},
         "target": found.target,
         "message": found.message,
         "advice": found.status.advice,
@@ -286,7 +277,7 @@ def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
 
 def refinement_headings(found: Refinement, units: Units) -> list[str]:
     """Headings of `refinement_rows`."""
-    return ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
+    return ["round", "cells", "unknowns", f"{found.quantity} [{unit_of(found.quantity, units)}]", "relative error", ""]
 
 
 def refinement_rows(found: Refinement) -> list[list[str]]:
@@ -301,7 +292,7 @@ def trust(found: Refinement, units: Units) -> str:
     """Whether the last error is a bound, in a sentence."""
     if not math.isfinite(found.estimate):
         return "Error: not known."
-    size = f"{shown(found.error, digits=2)} {_unit(found, units)}"
+    size = f"{shown(found.error, digits=2)} {unit_of(found.quantity, units)}"
     if found.certainty is Certainty.ESTIMATE:
         return f"Error: about {size}. This is an estimate, not a guaranteed bound."
     return f"Error: at most {size}. This is a guaranteed bound, up to rounding."
@@ -320,12 +311,6 @@ def _error(each: RefinementRound) -> tuple[str, str]:
     return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
 
 
-def _unit(found: Outcome, units: Units) -> str:
-    from qvi_contact.refinement.measure import unit_of
-
-    return unit_of(found.quantity, units)
-
-
 _REMEDY = "give a file written by qvi-contact limit --proof"
 
 
@@ -338,8 +323,6 @@ def checked_proof(path: str) -> tuple[bool, str]:
         If the file cannot be read, or is no proof file.
 
     """
-    from qvi_contact.limit.check_proof import check, sentences
-
     try:
         proof = json.loads(Path(path).read_text(encoding="utf-8"))
         *proved, counted = check(proof)

@@ -22,6 +22,7 @@ from markupsafe import Markup
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units, shown
 from qvi_contact.basics.writing import page_template
+from qvi_contact.bracket import Bracket
 from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.report import (
     STATES,
@@ -35,6 +36,7 @@ from qvi_contact.command.report import (
     trust,
 )
 from qvi_contact.command.series import Series
+from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.limit.load_factor import LimitLoad
@@ -55,9 +57,6 @@ from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from qvi_contact.bracket import Bracket
-    from qvi_contact.companion import CompanionResult
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
 _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
@@ -196,7 +195,7 @@ def _pictures(
 
 
 def _shown(
-    result: ContactResult, bracket: "Bracket | None", units: Units, panels: Sequence[str] | None
+    result: ContactResult, bracket: Bracket | None, units: Units, panels: Sequence[str] | None
 ) -> dict[str, Any]:
     """Tables and pictures of a stress state."""
     companion = bracket.companion if bracket is not None and bracket.companion is not None else None
@@ -327,7 +326,7 @@ _LARGEST: Final = 120_000  # points: with more the page would be too heavy to ma
 _COLOURS: Final = 33  # of a colour map
 
 
-def field_data(result: ContactResult, companion: "CompanionResult | None", units: Units) -> dict[str, Any] | None:
+def field_data(result: ContactResult, companion: CompanionResult | None, units: Units) -> dict[str, Any] | None:
     """Points, small triangles, stresses and displacements of a result; None where there are too many for a page.
 
     Arrays are little-endian, in base64: float32, triangles as uint16 or uint32, materials as uint16.
@@ -393,7 +392,7 @@ def _rounded(values: FloatArray) -> list[float | None]:
     return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
-def _segments(mesh: TriangleMesh, edges: Edges, companion: "CompanionResult | None") -> dict[str, Any]:
+def _segments(mesh: TriangleMesh, edges: Edges, companion: CompanionResult | None) -> dict[str, Any]:
     """Both ends of the two halves of edges, x and y of each, and their displacements in the first cell beside."""
     points = np.stack(mesh.points_along(edges, np.array([0.0, 0.5, 1.0])), axis=-1)
     moved = None
