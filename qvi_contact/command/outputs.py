@@ -6,22 +6,23 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
-from qvi_contact.bracket import Bracket, bracket
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.companion import CompanionResult
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import json_ready, write_contacts_vtu, write_npz, write_vtu
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.plots import history_figure, picture_suffix, require_matplotlib, result_figure, save_figure
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.names import known_name
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
+    from qvi_contact.companion import CompanionResult
 
 
 def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
@@ -44,9 +45,11 @@ def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
             raise InputError(name, path, f"needs {target.library}: python -m pip install {target.library}")
         if target.suffix:
             check_suffix(name, path, target.suffix)
-        if option == "plot":
-            picture_suffix(path)
         if target.library == "matplotlib":
+            from qvi_contact.plots.style import picture_suffix, require_matplotlib
+
+            if option == "plot":
+                picture_suffix(path)
             require_matplotlib()
     return dict(given)
 
@@ -57,15 +60,17 @@ class SecondModel:
     `missing` says why there is no bracket, or no displacement in it, once one of them was asked for.
     """
 
-    def __init__(self, result: ContactResult, time_limit: float | None = None, known: Bracket | None = None) -> None:
+    def __init__(self, result: ContactResult, time_limit: float | None = None, known: "Bracket | None" = None) -> None:
         self.result, self.missing = result, ""
         self._time_limit = time_limit
         if known is not None:
             self.bracket = known
 
     @cached_property
-    def bracket(self) -> Bracket | None:
+    def bracket(self) -> "Bracket | None":
         """The bracket; None without a stress state, for incompressible materials, and after earlier slip along arcs."""
+        from qvi_contact.bracket import bracket
+
         if not self.result.has_state:
             self.missing = "there is no stress state"
             return None
@@ -76,7 +81,7 @@ class SecondModel:
             return None
 
     @cached_property
-    def companion(self) -> CompanionResult | None:
+    def companion(self) -> "CompanionResult | None":
         """The result of the displacement model that has a displacement."""
         if self.bracket is None:
             return None
@@ -117,15 +122,18 @@ def write_all(
     The displacement model has the result. The picture is that of the result or history.
     """
     result, units = second.result, file.units
-    has_loops = history is not None and history.steps[0].has_state and result.problem.contacts
+
+    def plot(path: str) -> None:
+        from qvi_contact import plots
+
+        if history is not None and history.steps[0].has_state and result.problem.contacts:
+            plots.save_figure(path, plots.history_figure(history, units, file.times, file.title))
+        else:
+            plots.save_figure(path, plots.result_figure(result, units, file.title, panels))
+
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, json_text(document) + "\n"),
-        "plot": lambda path: save_figure(
-            path,
-            history_figure(history, units, file.times, file.title)
-            if history is not None and has_loops
-            else result_figure(result, units, file.title, panels),
-        ),
+        "plot": plot,
         "npz": lambda path: write_npz(path, result, units, file.title),
         "report": lambda path: write_text(path, page()),
         "vtk": lambda path: second.write(path, units),
@@ -146,6 +154,17 @@ def write_all(
             click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
             complete = False
     return complete
+
+
+def page_of(path: str, file: ProblemFile, *found: Any, **more: Any) -> Callable[[], str]:
+    """What makes the page of --report about a problem file; other arguments are those of `result_page`."""
+
+    def made() -> str:
+        from qvi_contact.command.page.page import Request, result_page
+
+        return result_page(Request.read(path, file), *found, **more)
+
+    return made
 
 
 def json_text(document: object) -> str:

@@ -1,24 +1,27 @@
 """What commands say of results, problems and limit loads: plain text for a terminal, and documents for programs."""
 
+from __future__ import annotations
+
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
-from qvi_contact.bracket import Branches
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary
 from qvi_contact.limit.check_proof import check, sentences
-from qvi_contact.limit.load_factor import LimitLoad
-from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
-from qvi_contact.refinement.measure import unit_of
-from qvi_contact.refinement.outcome import Outcome
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult, plate_numbers
 from solvers.solution import WHAT_TO_DO
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Branches
+    from qvi_contact.limit.load_factor import LimitLoad
+    from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
+    from qvi_contact.refinement.outcome import Outcome
 
 STATES = [state.name.lower() for state in ContactState]
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
@@ -255,7 +258,7 @@ def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
         "status": found.status.value,
         "quantity": found.quantity,
         **told(found),
-        "value": {"value": found.value, "unit": unit_of(found.quantity, units)},
+        "value": {"value": found.value, "unit": _unit(found, units)},
         "target": found.target,
         "message": found.message,
         "advice": found.status.advice,
@@ -277,7 +280,7 @@ def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
 
 def refinement_headings(found: Refinement, units: Units) -> list[str]:
     """Headings of `refinement_rows`."""
-    return ["round", "cells", "unknowns", f"{found.quantity} [{unit_of(found.quantity, units)}]", "relative error", ""]
+    return ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
 
 
 def refinement_rows(found: Refinement) -> list[list[str]]:
@@ -288,11 +291,17 @@ def refinement_rows(found: Refinement) -> list[list[str]]:
     ]
 
 
+def _unit(found: Outcome, units: Units) -> str:
+    from qvi_contact.refinement.measure import unit_of
+
+    return unit_of(found.quantity, units)
+
+
 def trust(found: Refinement, units: Units) -> str:
     """Whether the last error is a bound, in a sentence."""
     if not math.isfinite(found.estimate):
         return "Error: not known."
-    size = f"{shown(found.error, digits=2)} {unit_of(found.quantity, units)}"
+    size = f"{shown(found.error, digits=2)} {_unit(found, units)}"
     if found.certainty is Certainty.ESTIMATE:
         return f"Error: about {size}. This is an estimate, not a guaranteed bound."
     return f"Error: at most {size}. This is a guaranteed bound, up to rounding."

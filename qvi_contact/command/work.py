@@ -1,4 +1,7 @@
-"""What the commands do: a function for each command of `cli`, with its options; what it returns is the exit status."""
+"""What the commands do: a function for each command of `cli`, with its options; what it returns is the exit status.
+
+Rooms that only one of them needs are loaded in its function.
+"""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -10,26 +13,18 @@ import numpy as np
 
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.basics.writing import write_text
-from qvi_contact.bracket import bounds, other_solutions, outcome
 from qvi_contact.command import report
 from qvi_contact.command import series as several
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.command.outline import outline
-from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, write_all
-from qvi_contact.command.page.page import Request, limit_page, result_page
+from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, page_of, write_all
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary, write_collapse_vtu
 from qvi_contact.files.keys import listed
 from qvi_contact.files.options import RefineOptions
 from qvi_contact.files.problem_file import ProblemFile, load_problem
-from qvi_contact.limit import check_proof as proofs
-from qvi_contact.limit.load_factor import limit_load_factor, limit_proof, strength_reduction_factor
-from qvi_contact.limit.proof import save_proof
-from qvi_contact.plots import limit_figure, problem_figure, save_figure
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement import LimitFactor
-from qvi_contact.refinement import refine as refined
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solve as solve_one
 from qvi_contact.verification.verification import verify_file
@@ -106,10 +101,8 @@ def solve(
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
         history = None if series is None else series.history
-        complete = write_all(
-            targets, problem_file, second, document,
-            lambda: result_page(Request.read(file, problem_file), steps, second, None, series, charts), history, charts,
-        )  # fmt: skip
+        page = page_of(file, problem_file, steps, second, series=series, panels=charts)
+        complete = write_all(targets, problem_file, second, document, page, history, charts)
     lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
     _show(problem_file, document if as_json else lines)
     return 2 if not complete else 0 if solved else 1
@@ -128,12 +121,16 @@ def check(file: str, as_json: bool, **given: Any) -> None:
     with _opened(file, given) as (problem_file, targets, options):
         problem, found = outline(problem_file, _space(options))
     if "plot" in targets:
-        save_figure(targets["plot"], problem_figure(problem, problem_file.units))
+        from qvi_contact import plots
+
+        plots.save_figure(targets["plot"], plots.problem_figure(problem, problem_file.units))
     _show(problem_file, found if as_json else report.outline_lines(found, problem_file.units))
 
 
 def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound energy and forces by a displacement model."""
+    from qvi_contact.bracket import bounds, outcome
+
     with _opened(file, given, "a bracket") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "bracket", problem_file.units
         with solving(title, 3, verbose=verbose) as advance, deadline(limit):
@@ -157,6 +154,8 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
 
 def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     """Look for other solutions."""
+    from qvi_contact.bracket import other_solutions
+
     with _opened(file, given, "a search for other solutions") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "branches", problem_file.units
         with solving(title, 2, verbose=verbose) as advance, deadline(limit):
@@ -172,6 +171,8 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
 def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     """Refine the mesh until a number is accurate."""
+    from qvi_contact.refinement import refine as refined
+
     with _opened(file, given, "a refinement") as (problem_file, targets, options):
         asked = {name: given[name] for name in keys_of(RefineOptions) if given[name] is not None}
         units = problem_file.units
@@ -183,10 +184,8 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
         document = {"title": problem_file.title, **summary(found.result, units)}
         document["refinement"] = report.refinement_document(found, units)
         second = SecondModel(found.result, options.get("time_limit"))
-        complete = write_all(
-            targets, problem_file, second, document,
-            lambda: result_page(Request.read(file, problem_file), (found.result,), second, found),
-        )  # fmt: skip
+        page = page_of(file, problem_file, (found.result,), second, refinement=found)
+        complete = write_all(targets, problem_file, second, document, page)
     last = [line for line in report.result_lines(found.result, units) if not line or line not in found.message]
     _show(
         problem_file, document if as_json else (*report.refinement_lines(found, units), *([""] if last else []), *last)
@@ -196,6 +195,12 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
+    from qvi_contact import plots
+    from qvi_contact.command.page.page import Request, limit_page
+    from qvi_contact.limit.load_factor import limit_load_factor
+    from qvi_contact.refinement import LimitFactor
+    from qvi_contact.refinement import refine as refined
+
     with (
         _opened(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
@@ -217,7 +222,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         if found.mechanism is None and found.collapse is None:
             missing.append(f"there is no mechanism to draw in {targets['plot']}")
         else:
-            save_figure(targets["plot"], limit_figure(problem, found, units, problem_file.title, f"{said[0]}."))
+            figure = plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}.")
+            plots.save_figure(targets["plot"], figure)
     if "vtk" in targets:
         if found.collapse is None:
             reason = "no part of the body yields, or it has no largest load"
@@ -238,6 +244,10 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 
 def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degree: int | None) -> list[str]:
     """Write a proof file; what people read of it."""
+    from qvi_contact.limit import check_proof as proofs
+    from qvi_contact.limit.load_factor import limit_proof
+    from qvi_contact.limit.proof import save_proof
+
     proof = limit_proof(problem, list(loads), degree=degree)
     save_proof(path, proof)
     found = proofs.sentences(*proofs.check(proof)[:2])
@@ -246,6 +256,8 @@ def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degre
 
 def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the factor of safety."""
+    from qvi_contact.limit.load_factor import strength_reduction_factor
+
     with (
         _opened(file, given) as (problem_file, _, options),
         solving(problem_file.title or "safety", verbose=verbose),
