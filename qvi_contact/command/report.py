@@ -14,7 +14,7 @@ from qvi_contact.files.export import summary
 from qvi_contact.limit.check_proof import check, sentences
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
-from qvi_contact.solution.result import ContactResult, plate_numbers
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
 from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
@@ -51,13 +51,9 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         if line.has_fluid:
             effective = shown(line.effective_normal_force, least.force)
             yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
-    for name, motion in result.plates.items():
-        x, y = (shown(part, least.displacement) for part in (motion.x, motion.y))
-        turned = shown(motion.rotation, least.rotation)
+    for name in result.plates:
+        x, y, turned, across, up, moment = map(shown, plate_numbers(result, name), least_shown(PLATE_COLUMNS, least))
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
-        pushed = result.plate_force(name)
-        across, up = (shown(part, least.force) for part in (pushed.x, pushed.y))
-        moment = shown(pushed.moment, least.moment)
         yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
 
 
@@ -128,7 +124,7 @@ def _contact_tables(
         title = f"contact {name}, forces in {units.engineering_force}"
         yield title, [*headings, "normal", "tangential", *states], rows
     for name in driven:
-        rows = [[*start, *map(shown, each.get(name, ()), plate_limits(least))]
+        rows = [[*start, *map(shown, each.get(name, ()), least_shown(PLATE_COLUMNS, least))]
                 for start, each in zip(begun, moved, strict=True)]  # fmt: skip
         yield f"obstacle {name}, motion and what it does to the body", [*headings, *plate_headings(units)], rows
 
@@ -142,14 +138,17 @@ def _in_lines(tables: Iterable[Titled]) -> Iterator[str]:
 
 def plate_headings(units: Units) -> list[str]:
     """Headings of the motion, the force and the moment of a plate."""
-    length, force = units.displacement, units.engineering_force
-    turned, moment = "turned [rad]", f"moment [{units.engineering_moment}]"
-    return [f"moved x [{length}]", f"moved y [{length}]", turned, f"F_x [{force}]", f"F_y [{force}]", moment]
+    return with_units(("moved x", "moved y", "turned", "F_x", "F_y", "moment"), PLATE_COLUMNS, units)
 
 
-def plate_limits(least: Rounding) -> tuple[float, ...]:
-    """Sizes up to which `plate_numbers` are rounding."""
-    return least.displacement, least.displacement, least.rotation, least.force, least.force, least.moment
+def with_units(labels: Iterable[str], columns: Mapping[str, str], units: Units) -> list[str]:
+    """Headings of columns that have these of the `Units`; rotations are in rad."""
+    return [f"{label} [{getattr(units, kind, 'rad')}]" for label, kind in zip(labels, columns.values(), strict=True)]
+
+
+def least_shown(columns: Mapping[str, str], least: Rounding) -> tuple[float, ...]:
+    """Sizes up to which numbers of these columns are rounding."""
+    return tuple(getattr(least, kind.removeprefix("engineering_") or "rotation") for kind in columns.values())
 
 
 def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]:

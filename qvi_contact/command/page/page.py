@@ -27,13 +27,14 @@ from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.report import (
     STATES,
     Titled,
+    least_shown,
     plate_headings,
-    plate_limits,
     refinement_headings,
     refinement_rows,
     series_tables,
     shares,
     trust,
+    with_units,
 )
 from qvi_contact.command.series import Series
 from qvi_contact.companion import CompanionResult
@@ -50,8 +51,8 @@ from qvi_contact.plots.tractions import contact_tractions, pieces_along
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
-from qvi_contact.solution.contact_line import ContactLine, ContactState
-from qvi_contact.solution.result import ContactResult, plate_numbers
+from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
 from qvi_contact.solution.stress import held_along_z, out_of_plane_factors, sample_body
 from qvi_contact.version import __version__
 
@@ -263,23 +264,14 @@ def _row(name: str, *numbers: tuple[float, float]) -> list[str]:
 
 def contacts_table(lines: Sequence[ContactLine], units: Units) -> Titled:
     """What contacts carry and do: forces, extremes, shares of their length in each state."""
-    force, stress, length = units.engineering_force, units.stress, units.displacement
     states = [state for state in STATES if any(state in line.shares for line in lines)]
-    contacts = [
-        _row(
-            line.name,
-            *((value, line.rounding.force) for value in (line.normal_force, line.tangential_force)),
-            ((-line.normal_stress).max(), line.rounding.stress),
-            (np.abs(line.tangential_stress).max(), line.rounding.stress),
-            *((value, line.rounding.displacement) for value in (line.gap.max(), np.abs(line.slip).max())),
-        ) + shares(line.shares, states)
-        for line in lines
-    ]  # fmt: skip
-    headings = [
-        "contact", f"N [{force}]", f"T [{force}]", f"largest pressure [{stress}]", f"largest |σ_T| [{stress}]",
-        f"largest gap [{length}]", f"largest |slip| [{length}]", *states,
-    ]  # fmt: skip
-    return "Contacts", headings, contacts
+    labels = ("N", "T", "largest pressure", "largest |σ_T|", "largest gap", "largest |slip|")
+    rows = []
+    for line in lines:
+        found = line.summary()
+        numbers = zip([found[name] for name in SUMMARY], least_shown(SUMMARY, line.rounding), strict=True)
+        rows.append([*_row(line.name, *numbers), *shares(line.shares, states)])
+    return "Contacts", ["contact", *with_units(labels, SUMMARY, units), *states], rows
 
 
 def result_tables(result: ContactResult, units: Units) -> list[Titled]:
@@ -291,7 +283,10 @@ def result_tables(result: ContactResult, units: Units) -> list[Titled]:
         for name, each in loaded.items()
     ]
     about = ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
-    plates = [_row(name, *zip(plate_numbers(result, name), plate_limits(least), strict=True)) for name in result.plates]
+    plates = [
+        _row(name, *zip(plate_numbers(result, name), least_shown(PLATE_COLUMNS, least), strict=True))
+        for name in result.plates
+    ]
     tables = [
         contacts_table(list(result.contacts.values()), units),
         ("Resultants of the tractions on the body", about, resultants),
