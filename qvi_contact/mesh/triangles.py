@@ -97,7 +97,7 @@ class TriangleMesh(PicklesFields):
 
     def _repr_png_(self) -> bytes | None:
         """The mesh drawn, for notebooks; None without matplotlib."""
-        found: bytes | None = load("qvi_contact.plots.inline").notebook_png(self)
+        found: bytes | None = load("qvi_contact.plots.figures").notebook_png(self)
         return found
 
     @classmethod

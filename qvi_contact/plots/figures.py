@@ -1,25 +1,26 @@
-"""Whole figures: a result, a problem, a limit load."""
+"""Whole figures: a result, a history with its loops, a problem, a mesh, how a body gives way at its limit load."""
 
 import textwrap
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
 from qvi_contact.mechanism import Mechanism
+from qvi_contact.mesh.edges import cross, turned
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.body import THRUST, Drawn, Scales, draw_body
-from qvi_contact.plots.labels import Written, beside, spread
-from qvi_contact.plots.mechanism import draw_collapse, draw_mechanism
 from qvi_contact.plots.problem import draw_problem, draw_symbols
 from qvi_contact.plots.style import (
     BLUE,
     GREEN,
     GREY,
+    LONGEST,
     ORANGE,
     PURPLE,
     SKY,
@@ -28,16 +29,21 @@ from qvi_contact.plots.style import (
     draw_grid,
     draw_outline,
     edge_lines,
+    has_matplotlib,
     legend_below,
     lines,
     new_figure,
     plain_text,
     plain_units,
+    png_bytes,
     settings,
     show_all,
 )
+from qvi_contact.plots.symbols import Written, beside, spread
 from qvi_contact.plots.tractions import contact_tractions
+from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 from solvers.basics.names import known_name
@@ -291,3 +297,229 @@ def _motion_figure(
         box = show_all(axes, np.concatenate(ends), units)
         _placed(figure, box, title, answer, foot)
     return figure
+
+
+_DEEPEST: Final = 0.95  # share of the triangles that dissipate less than what has the deepest colour
+_STILL: Final = 0.02  # share of the largest velocity below which nothing is drawn
+_ARROW: Final = 0.002  # width of arrows, as a share of the picture's
+
+
+def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:
+    """Draw all blocks where a mechanism moves them, over dashed outlines of where they were; the corners (n, 2).
+
+    Its motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and
+    rotations without the growth that comes with that.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw; axes are in units of length.
+    mesh : TriangleMesh
+        The mesh of the problem.
+    mechanism : Mechanism
+        What `ContactResult.mechanism` or `LimitLoad.mechanism` gives.
+
+    """
+    from matplotlib.collections import PolyCollection
+
+    cells = _moved(mesh, mechanism, mesh.corners, mechanism.blocks)
+    look: dict[str, Any] = {"facecolors": "#d6e6f2", "edgecolors": "#d6e6f2", "linewidths": 0.3}
+    axes.add_collection(PolyCollection(list(cells), zorder=1.0, **look))
+    before, after = block_outlines(mesh, mechanism)
+    axes.add_collection(lines(before, GREY, (0, (4, 3)), 0.7))
+    axes.add_collection(lines(after, BLUE, "solid", 1.0, "mechanism"))
+    return np.concatenate([before.reshape(-1, 2), after.reshape(-1, 2)])
+
+
+def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
+    """Draw where a body yields, how it flows, and which contacts slide.
+
+    The deeper the orange of a triangle, the more power it dissipates for its area; white ones dissipate none. Arrows
+    are velocities in the middle of triangles. Contacts that slide are thick blue lines.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw, over a picture of the problem; axes are in units of length.
+    mesh : TriangleMesh
+        The mesh of the analysis.
+    collapse : Collapse
+        What `LimitLoad.collapse` gives.
+
+    """
+    from matplotlib.collections import PolyCollection
+
+    motion = collapse.motion
+    a, b, c = mesh.corners.swapaxes(0, 1)
+    density = motion.dissipation / np.abs(cross(b - a, c - a))
+    shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
+    colours = np.column_stack([np.tile([0.9, 0.45, 0.0], (len(shade), 1)), 0.85 * shade])
+    axes.add_collection(PolyCollection(list(mesh.corners), facecolors=colours, edgecolors="none", zorder=1.5))
+    speed = motion.velocities.mean(axis=1)
+    largest = float(np.hypot(*speed.T).max())
+    moving = np.hypot(*speed.T) > _STILL * largest
+    x, y = mesh.corners.mean(axis=1)[moving].T
+    u, v = speed[moving].T * (LONGEST * mesh.length / max(largest, 1e-300))
+    axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=1.0, width=_ARROW, color=BLUE, zorder=4)
+    for name, moved in motion.contacts.items():
+        edges = mesh.edges(name) if name in (*mesh.edge_names, *mesh.joint_names) else None
+        sliding = np.abs(moved.slip).max(axis=1) > _STILL * largest
+        if edges is not None and sliding.any():
+            ends = mesh.vertices[np.stack([edges.first, edges.second], axis=1)][sliding]
+            axes.add_collection(lines(ends, BLUE, "solid", 3.0, f"sliding {name}"))
+
+
+def block_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Ends (n, 2, 2) of the edges around all blocks, before a mechanism moves them and after [length]."""
+    boundary, interior = mesh.boundary, mesh.interior
+    beside = mechanism.blocks[interior.cells]
+    joints = interior.take(beside[:, 0] != beside[:, 1])
+    first = np.concatenate([boundary.first, joints.first, joints.first])
+    second = np.concatenate([boundary.second, joints.second, joints.second])
+    cells = np.concatenate([boundary.cells[:, 0], joints.cells[:, 0], joints.cells[:, 1]])
+    ends = mesh.vertices[np.stack([first, second], axis=1)]
+    return ends, _moved(mesh, mechanism, ends, mechanism.blocks[cells])
+
+
+def _moved(mesh: TriangleMesh, mechanism: Mechanism, points: FloatArray, blocks: IntArray) -> FloatArray:
+    """Points (n, k, 2) of blocks (n,) where they are drawn [length]."""
+    found, scale = np.array(points), LONGEST * mesh.length
+    for number, motion in enumerate(mechanism.motions):
+        chosen = blocks == number
+        arm = points[chosen] - motion.centre
+        turn = np.arctan(scale * motion.rotation)
+        found[chosen] = motion.centre + turned(arm, turn) + scale * np.array([motion.x, motion.y])
+    return found
+
+
+_ROOM: Final = 0.12  # for numbers around the body, as a share of its drawing
+_LOOPS: Final = 4  # at most so many loops, and forces of contacts
+
+
+def history_figure(
+    history: History,
+    units: Units | None = None,
+    times: Sequence[float] | None = None,
+    title: str = "",
+    step: int | None = None,
+) -> "Figure":
+    """The deformed body in one step, hysteresis loops of up to four contacts, and forces of contacts step by step.
+
+    A loop needs something that moves, such as an obstacle or a prescribed displacement. Under loads alone there are
+    forces only.
+
+    Parameters
+    ----------
+    history : History
+        The history; its steps are read one by one.
+    units : Units, optional
+        Labels.
+    times : sequence of float, optional
+        The value of t in each step: forces are drawn over t instead of the number of the step, a hollow square at the
+        first step.
+    title : str
+        The problem's title; what the history says of itself stands below it.
+    step : int, optional
+        The step of the body, from 1; by default the last one that has a state.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to draw, no such step, or not a time for each step.
+
+    """
+    units = plain_units(units)
+    abscissa = None if times is None else real_array("times", times)
+    forces: dict[str, list[tuple[float, float]]] = {}
+    drawn = None
+    for number, each in enumerate(history.steps, 1):
+        if each.has_state:
+            drawn = (number, each) if step is None or number == step else drawn
+            for name, line in each.contacts.items():
+                forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
+    if drawn is None and step is not None:
+        raise InputError("step", step, "give the number of a step that has a state, the first is 1")
+    loops = {} if drawn is None else _loops(history, drawn[1].problem)
+    if drawn is None or not (forces or loops):
+        raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
+    count = max(map(len, forces.values()), default=0)
+    if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
+        raise InputError("times", times, f"give the times of all {count} steps")
+    rows = [names for names in (list(loops)[:_LOOPS], list(forces)[:_LOOPS]) if names]
+    with settings():
+        figure = new_figure(3.8 + 3.0 * max(map(len, rows)), 0.4 + 3.0 * len(rows))
+        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, 3.0 * max(map(len, rows))])[0]
+        body, (number, shown) = left.subplots(), drawn
+        picture = draw_body(body, shown, units=units)
+        low, high = picture.box + np.array([[-1.0], [1.0]]) * _ROOM * float(np.ptp(picture.box, axis=0).max())
+        body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
+        at = f"step {number}" if abscissa is None else f"t = {abscissa[number - 1]:g}"
+        body.set_title(f"{at}; displacements × {picture.factor:g}", fontsize="medium")
+        parts = right.subfigures(len(rows), 1, squeeze=False)[:, 0]
+        for part, names in zip(parts, rows, strict=True):
+            for axes, name in zip(part.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+                if part is parts[0] and loops:
+                    _draw_loop(axes, *loops[name])
+                    axes.set_title(plain_text(name), fontsize="medium")
+                    axes.set_xlabel(f"displacement [{units.displacement}]")
+                else:
+                    _draw_forces(axes, np.array(forces[name]), abscissa)
+                    axes.set_title(plain_text(f"{name}: forces"), fontsize="medium")
+                axes.set_ylabel(f"force [{units.engineering_force}]")
+        left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
+        said = "\n".join(filter(None, [title, history.message, *left_out]))
+        figure.suptitle(plain_text(said), x=0.02, ha="left", fontsize="medium")
+    return figure
+
+
+def _loops(history: History, problem: ContactProblem) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Loops of what is moved sideways: contacts, and edge sets whose tangential displacement is prescribed.
+
+    Edge sets moved across if these move the body; none if nothing moves, as under loads that change.
+    """
+    moved = [condition for condition in problem.conditions if isinstance(condition, Displacement)]
+    driven = []
+    for condition in moved:
+        tangent = problem.mesh.edges(condition.edges).tangent[0]
+        if {CARTESIAN[int(np.argmax(np.abs(tangent)))], "tangential"} & set(components(condition)):
+            driven.append(condition.edges)
+    loops: dict[str, tuple[FloatArray, FloatArray]] = {}
+    for name in (*(contact.name for contact in problem.contacts), *driven):
+        with suppress(InputError):  # an obstacle at rest while displacements move the body
+            loops.setdefault(name, history.loop(name))
+    for condition in moved if not loops else ():
+        loops.setdefault(condition.edges, history.loop(condition.edges))
+    return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
+
+
+def _draw_loop(axes: "Axes", moved: FloatArray, carried: FloatArray) -> None:
+    """Force over the displacement that drives it: a dot a step, the first in a square."""
+    axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
+    axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
+    axes.plot(moved, carried, color=BLUE, marker="o", markersize=3, linewidth=1.0)
+    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    axes.locator_params(axis="x", nbins=6)
+    axes.plot(moved[:1], carried[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
+
+
+def _draw_forces(axes: "Axes", forces: FloatArray, times: FloatArray | None) -> None:
+    """Normal and tangential force (steps, 2) of one contact step by step, over t where times are given."""
+    place = np.arange(1, len(forces) + 1) if times is None else times[: len(forces)]
+    looks: dict[str, dict[str, Any]] = {
+        "N": {"color": GREY, "marker": "s"},
+        "T": {"color": BLUE, "marker": "o", "linestyle": "--"},
+    }
+    for (label, look), values in zip(looks.items(), forces.T, strict=True):
+        axes.plot(place, values, markersize=3, linewidth=1.0, label=label, **look)
+        if times is not None:
+            axes.plot(place[:1], values[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
+    axes.set_xlabel("step [-]" if times is None else "t")
+    axes.locator_params(axis="x", integer=times is None)
+    axes.legend(frameon=False)
+
+
+def notebook_png(shown: TriangleMesh | ContactProblem) -> bytes | None:
+    """What a notebook shows for a mesh or a problem at the end of a cell; None without matplotlib."""
+    if not has_matplotlib():
+        return None
+    return png_bytes(problem_figure(shown) if isinstance(shown, ContactProblem) else mesh_figure(shown))

@@ -9,7 +9,6 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.basics.units import Units
-from qvi_contact.plots.labels import Spot, Written, alignment, merged, spread, value_range, wrapped
 from qvi_contact.plots.style import (
     BLUE,
     GREEN,
@@ -25,7 +24,22 @@ from qvi_contact.plots.style import (
     require_matplotlib,
     show_all,
 )
-from qvi_contact.plots.symbols import Places, Run, arrows, ground, has_springs, runs, springs
+from qvi_contact.plots.symbols import (
+    Places,
+    Run,
+    Spot,
+    Written,
+    alignment,
+    arrows,
+    ground,
+    has_springs,
+    merged,
+    runs,
+    spread,
+    springs,
+    value_range,
+    wrapped,
+)
 from qvi_contact.problem.conditions import (
     CARTESIAN,
     LOCAL,

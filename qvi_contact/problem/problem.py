@@ -105,7 +105,7 @@ class ContactProblem(PicklesFields):
 
     def _repr_png_(self) -> bytes | None:
         """Mesh, materials and conditions drawn, for notebooks; None without matplotlib."""
-        found: bytes | None = load("qvi_contact.plots.inline").notebook_png(self)
+        found: bytes | None = load("qvi_contact.plots.figures").notebook_png(self)
         return found
 
     @cached_property

@@ -45,8 +45,7 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.body import Scales
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
-from qvi_contact.plots.inline import inline_svg, png_bytes, svg_text
-from qvi_contact.plots.style import laid_out, magnified, new_figure, settings
+from qvi_contact.plots.style import inline_svg, laid_out, magnified, new_figure, png_bytes, settings, svg_text
 from qvi_contact.plots.tractions import contact_tractions, pieces_along
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
