@@ -10,22 +10,9 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.mesh.edges import cross
+from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, draw_symbols
 from qvi_contact.plots.shape import Shape, faces
-from qvi_contact.plots.style import (
-    BLUE,
-    CHORDS,
-    GREY,
-    LEAST,
-    VERMILLION,
-    colour_bar,
-    edge_lines,
-    lines,
-    magnified,
-    plain_text,
-    plain_units,
-    show_all,
-)
 from qvi_contact.plots.symbols import Written, alignment, beside, ground, has_springs, springs
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
@@ -49,7 +36,7 @@ _DEEP: Final = 0.005  # of the body's length: overlap of bodies that is not seen
 _HATCH: Final = 0.016  # of obstacles, as a share of the body's length
 
 _ARROW: Final[dict[str, Any]] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
-_PRESSURE: Final[dict[str, Any]] = {"color": VERMILLION, "width": 0.007, "headwidth": 5.0, "headlength": 6.0}
+_PRESSURE: Final[dict[str, Any]] = {"color": style.VERMILLION, "width": 0.007, "headwidth": 5.0, "headlength": 6.0}
 _FRICTION: Final[dict[str, Any]] = {"color": "black", "width": 0.011, "headwidth": 4.5, "headlength": 5.0}
 _RESULTANT: Final[dict[str, Any]] = {"color": "black", "width": 0.025, "headwidth": 4.0, "headlength": 4.5}
 THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
@@ -153,9 +140,11 @@ class Scales:
         for result in results:
             shape = Shape.of(result)
             moved = max(
-                float(np.hypot(*shape.coefficients.T).max()), LEAST * result.discretization.scales.displacement, moved
+                float(np.hypot(*shape.coefficients.T).max()),
+                style.LEAST * result.discretization.scales.displacement,
+                moved,
             )
-            most = min(most, _separate(result, shape, magnified(moved, _CALM * result.problem.mesh.length)))
+            most = min(most, _separate(result, shape, style.magnified(moved, _CALM * result.problem.mesh.length)))
             tractions += [
                 (float(np.abs(line.normal_stress).max()), float(np.abs(line.tangential_stress).max()))
                 for line in result.contacts.values()
@@ -233,7 +222,7 @@ def draw_body(
     """
     from scipy.spatial import cKDTree
 
-    units, mesh, shape = plain_units(units), result.problem.mesh, Shape.of(result)
+    units, mesh, shape = style.plain_units(units), result.problem.mesh, Shape.of(result)
     scales = Scales.of([result], component) if scales is None else scales
     factor = scales.factor
     samples = sample_body(result, _SAMPLES)
@@ -242,17 +231,17 @@ def draw_body(
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
     part = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
     field = draw_contours(axes, samples.points, places, samples.triangles, values, part[samples.cells], scales.stress)
-    t = np.linspace(0.0, 1.0, CHORDS + 1)
+    t = np.linspace(0.0, 1.0, style.CHORDS + 1)
     before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1)
     after = before + factor * shape.along(mesh.boundary, t)
-    axes.add_collection(lines(edge_lines(mesh, mesh.boundary), GREY, (0, (4, 3)), 0.6))
-    axes.add_collection(lines(after, "#333333", "solid", 0.8))
+    axes.add_collection(style.lines(style.edge_lines(mesh, mesh.boundary), style.GREY, (0, (4, 3)), 0.6))
+    axes.add_collection(style.lines(after, "#333333", "solid", 0.8))
     for joint in result.problem.joints:
         edges = mesh.edges(joint.edges)
         middle = np.stack(mesh.points_along(edges, t), axis=-1)
         for other in (False, True):
             face = middle + factor * shape.along(edges, t, other=other)
-            axes.add_collection(lines(face, "#333333", "solid", 0.6))
+            axes.add_collection(style.lines(face, "#333333", "solid", 0.6))
     carried = [part for name in result.contacts for part in _carried(result, name, shape, factor)]
     sprung = {contact.name for contact in result.problem.contacts if has_springs(contact)}
     for part in carried:
@@ -287,17 +276,17 @@ def draw_body(
     if 0 < len(labelled) <= _LABELLED:
         covered, written = _resultants(axes, labelled, mesh.length, units)
         extent.append(covered)
-    box = show_all(axes, np.concatenate(extent), units)
+    box = style.show_all(axes, np.concatenate(extent), units)
     across, up = box[1] - box[0]
     label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
-    colour_bar(axes, field, label, None, 0.04 * max(1.0, float(up / across)))
+    style.colour_bar(axes, field, label, None, 0.04 * max(1.0, float(up / across)))
     return Drawn(factor, box, pressure, friction, thrust, written)
 
 
 def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
     """The largest of 1, 2, 5 times a power of ten up to the factor that draws no block inside another; at least 1."""
     mesh, block, cells = result.problem.mesh, shape.space.block, np.arange(result.problem.mesh.cell_count)
-    t = np.linspace(0.0, 1.0, CHORDS + 1)
+    t = np.linspace(0.0, 1.0, style.CHORDS + 1)
     owner = np.repeat(block[mesh.boundary.cells[:, 0]], len(t))
     inwards = np.repeat(mesh.boundary.normal, len(t), axis=0) * (-_DEEP * mesh.length)
     before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1).reshape(-1, 2) + inwards
@@ -359,11 +348,13 @@ def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing:
 
     outer = part.place + scale * part.pressure[:, None] * part.normal
     outline = np.concatenate([part.place, outer[::-1]])
-    axes.add_patch(Polygon(outline, facecolor=to_rgba(VERMILLION, 0.22), edgecolor="none", zorder=3))
-    axes.plot(*np.concatenate([part.place[:1], outer, part.place[-1:]]).T, color=VERMILLION, linewidth=0.9, zorder=3.2)
+    axes.add_patch(Polygon(outline, facecolor=to_rgba(style.VERMILLION, 0.22), edgecolor="none", zorder=3))
+    axes.plot(
+        *np.concatenate([part.place[:1], outer, part.place[-1:]]).T, color=style.VERMILLION, linewidth=0.9, zorder=3.2
+    )
     if part.fluid.any():
         fluid = part.place + scale * part.fluid[:, None] * part.normal
-        axes.plot(*fluid.T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 1.5)), zorder=3.3)
+        axes.plot(*fluid.T, color=style.BLUE, linewidth=0.9, linestyle=(0, (4, 1.5)), zorder=3.3)
     length = part.s[-1] - part.s[0]
     count = int(length / spacing)  # none where there is no room for two
     at = part.s[0] + (np.arange(count) + 0.5) * length / max(count, 1)
@@ -405,7 +396,7 @@ def _resultants(
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
         look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box}
         (x, y), align = spots[0]
-        written.append((axes.text(x, y, plain_text(text), **look, **align), spots))
+        written.append((axes.text(x, y, style.plain_text(text), **look, **align), spots))
     return np.concatenate(ends), written
 
 
@@ -431,7 +422,7 @@ def _thrust(axes: "Axes", carried: Sequence[Carried]) -> bool:
         groups = [chosen for chosen in (along > 0.0, along < 0.0) if weights[chosen].sum() > _LEAST * largest]
         if len(groups) > 1:
             drawn.append([weights[chosen] @ centres[chosen] / weights[chosen].sum() for chosen in groups])
-    axes.add_collection(lines(np.array(drawn), *THRUST), autolim=False)
+    axes.add_collection(style.lines(np.array(drawn), *THRUST), autolim=False)
     return bool(drawn)
 
 

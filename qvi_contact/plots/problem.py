@@ -9,21 +9,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.basics.units import Units
-from qvi_contact.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    VERMILLION,
-    bounding_box,
-    cell_outlines,
-    draw_grid,
-    draw_outline,
-    plain_text,
-    plain_units,
-    require_matplotlib,
-    show_all,
-)
+from qvi_contact.plots import style
 from qvi_contact.plots.symbols import (
     Places,
     Run,
@@ -82,13 +68,13 @@ _ON_LINE: Final = (0.15, 0.5, 0.85)  # the same for lines inside the body
 _SLIM: Final = (0.8, 1.2)  # triangles of supports: one of equal sides would point three ways
 _ACROSS: Final = 0.7  # cosine of the angle to the normal below which a held component is a tangential one
 
-_FREE: Final[dict[str, Any]] = {"color": GREY, "linewidth": 1.0}
-_LOADED: Final[dict[str, Any]] = {"color": VERMILLION, "linewidth": 1.2}
-_HELD: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
-_MIRROR: Final[dict[str, Any]] = {"color": GREEN, "linewidth": 1.4, "linestyle": "-."}
+_FREE: Final[dict[str, Any]] = {"color": style.GREY, "linewidth": 1.0}
+_LOADED: Final[dict[str, Any]] = {"color": style.VERMILLION, "linewidth": 1.2}
+_HELD: Final[dict[str, Any]] = {"color": style.BLUE, "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
+_MIRROR: Final[dict[str, Any]] = {"color": style.GREEN, "linewidth": 1.4, "linestyle": "-."}
 _TOUCHING: Final[dict[str, Any]] = {"color": "black", "linewidth": 1.8}
-_HELD_TOGETHER: Final[dict[str, Any]] = {"color": GREY, "linewidth": 1.0, "linestyle": ":"}
-_JOINT: Final[dict[str, Any]] = {"color": ORANGE, "linewidth": 2.0, "linestyle": (0, (3, 1.5))}
+_HELD_TOGETHER: Final[dict[str, Any]] = {"color": style.GREY, "linewidth": 1.0, "linestyle": ":"}
+_JOINT: Final[dict[str, Any]] = {"color": style.ORANGE, "linewidth": 2.0, "linestyle": (0, (3, 1.5))}
 
 
 def draw_symbols(
@@ -125,16 +111,16 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
         If a function of the problem gives bad values.
 
     """
-    require_matplotlib()
-    sketch = _Sketch(axes, problem, plain_units(units))
+    style.require_matplotlib()
+    sketch = _Sketch(axes, problem, style.plain_units(units))
     sketch.body()
     for condition in merged(problem.conditions):
         sketch.condition(condition)
     sketch.names()
     sketch.legend()
-    low, high = bounding_box(problem.mesh)
+    low, high = style.bounding_box(problem.mesh)
     margin = (_AWAY + _ARROW + 0.06) * problem.mesh.length
-    show_all(axes, np.array([low - margin, high + margin]), sketch.units)
+    style.show_all(axes, np.array([low - margin, high + margin]), sketch.units)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
     spread(axes, sketch.written)
 
@@ -181,7 +167,7 @@ class _Sketch:
         from matplotlib.collections import PolyCollection
         from matplotlib.patches import Patch
 
-        mesh, outlines = self.problem.mesh, cell_outlines(self.problem.mesh)
+        mesh, outlines = self.problem.mesh, style.cell_outlines(self.problem.mesh)
         number = self.problem.cell_materials
         present = np.unique(number).tolist()
         for index, chosen in enumerate(present):
@@ -202,13 +188,13 @@ class _Sketch:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
                 middles = cells.mean(axis=1)  # its number stands in the cell nearest to the middle of all of its cells
                 place = middles[np.argmin(np.hypot(*(middles - middles.mean(axis=0)).T))]
-                box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.6}
+                box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": style.GREY, "linewidth": 0.6}
                 look_of = {"fontsize": "small", "bbox": box, "zorder": 6, **_CENTRED}
                 self.axes.text(place[0], place[1], str(index + 1), **look_of)
             if index < _MATERIALS:
                 self.entries.append(Patch(**look, edgecolor="#999999", label=wrapped(text)))
-        draw_grid(self.axes, mesh)
-        draw_outline(self.axes, mesh, "#999999", 0.6)
+        style.draw_grid(self.axes, mesh)
+        style.draw_outline(self.axes, mesh, "#999999", 0.6)
         values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *mesh.vertices.T)
         if np.ptp(values) > 0.0:
             self._entry(value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
@@ -231,7 +217,7 @@ class _Sketch:
                 self.groups["free"].append(condition.edges)
             return
         self._line(pieces, _LOADED)
-        self._arrows(condition, pieces, {"color": VERMILLION})
+        self._arrows(condition, pieces, {"color": style.VERMILLION})
         given = [value_range(_SIGNS[Traction][name], value, self.units.stress) for name, value in values.items()]
         self._entry(f"traction {condition.name}: {', '.join(given)}", _LOADED, marker=">", filled=True)
 
@@ -244,7 +230,7 @@ class _Sketch:
             self._supports(pieces, held)
         moved = len(held) < len(values)
         if moved:
-            self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": BLUE, "linewidth": 0.7})
+            self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": style.BLUE, "linewidth": 0.7})
         self._entry(
             f"{condition.edges}: {', '.join(given)}", _HELD, marker=">" if moved else "^", filled=len(held) == 2
         )
@@ -253,7 +239,7 @@ class _Sketch:
         self._line(pieces, _MIRROR)
         for run in pieces:
             places = self._beside(run)
-            self._symbols(places, np.ones(len(places.points), dtype=bool), "o", False, GREEN)
+            self._symbols(places, np.ones(len(places.points), dtype=bool), "o", False, style.GREEN)
         self.groups["symmetry"].append(condition.edges)
 
     def contact(self, contact: Contact, pieces: Sequence[Run]) -> None:
@@ -282,12 +268,12 @@ class _Sketch:
                 inside = [(at.points[0] - 0.015 * self.length * at.normals[0], -at.normals[0]) for at in spots]
                 outside = [(at.points[0] + 0.015 * self.length * at.normals[0], at.normals[0]) for at in spots]
                 rest = outside + inside[1:] if name in self.groups["free"] else inside[1:] + outside
-                self._write(name, [(place, alignment(way)) for place, way in inside[:1] + rest], GREY)
+                self._write(name, [(place, alignment(way)) for place, way in inside[:1] + rest], style.GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
                 pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
                 self._line(pieces, _HELD_TOGETHER)
-                self._write(name, self._on_line(pieces), GREY)
+                self._write(name, self._on_line(pieces), style.GREY)
                 self._entry(f"{name}: inner line without a contact", _HELD_TOGETHER)
 
     def legend(self) -> None:
@@ -361,11 +347,11 @@ class _Sketch:
             places = self._beside(run)
             along = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) <= _ACROSS
             along &= not both
-            self._symbols(places, along, "d", both, BLUE)
+            self._symbols(places, along, "d", both, style.BLUE)
             angles = np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0  # from "^" to the way into the body
             for angle in np.unique(np.round(angles[~along])):
                 marker = MarkerStyle("^", transform=Affine2D().scale(*_SLIM).rotate_deg(float(angle)))
-                self._symbols(places, ~along & (np.round(angles) == angle), marker, both, BLUE)
+                self._symbols(places, ~along & (np.round(angles) == angle), marker, both, style.BLUE)
 
     def _beside(self, run: Run) -> Places:
         """Places of symbols beside a run."""
@@ -432,7 +418,7 @@ class _Sketch:
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8}
         look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
         place, align = spots[0]
-        self.written.append((self.axes.text(place[0], place[1], plain_text(text), **look, **align), spots))
+        self.written.append((self.axes.text(place[0], place[1], style.plain_text(text), **look, **align), spots))
 
     def _law(self, contact: Contact, pieces: Sequence[Run]) -> Iterator[str]:
         """The contact's data, without those that do nothing."""
