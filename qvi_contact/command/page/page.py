@@ -23,19 +23,8 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units, shown
 from qvi_contact.basics.writing import page_template
 from qvi_contact.bracket import Bracket
+from qvi_contact.command import report
 from qvi_contact.command.outputs import SecondModel
-from qvi_contact.command.report import (
-    STATES,
-    Titled,
-    least_shown,
-    plate_headings,
-    refinement_headings,
-    refinement_rows,
-    series_tables,
-    shares,
-    trust,
-    with_units,
-)
 from qvi_contact.command.series import Series
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.space import FAMILY
@@ -121,11 +110,11 @@ def result_page(
         if result.has_state
         else {"field": None, "contacts": [], "tables": []}
     )
-    several: list[Titled] = []
+    several: list[report.Titled] = []
     if series is not None and len(steps) > 1:
         several = [
             (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
-            for title, headings, rows in series_tables(steps, series.label, series.values, file.units)
+            for title, headings, rows in report.series_tables(steps, series.label, series.values, file.units)
         ]
     text: str = page_template("qvi_contact.command.page").render(
         **_frame(request, result.problem, "Contact problem"),
@@ -134,10 +123,10 @@ def result_page(
         bracket=bracket,
         missing=missing,
         refinement=refinement,
-        refinement_table=(refinement_headings(refinement, file.units), refinement_rows(refinement))
+        refinement_table=(report.refinement_headings(refinement, file.units), report.refinement_rows(refinement))
         if refinement
         else None,
-        trust=trust(refinement, file.units) if refinement else "",
+        trust=report.trust(refinement, file.units) if refinement else "",
         several=several,
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
@@ -261,19 +250,19 @@ def _row(name: str, *numbers: tuple[float, float]) -> list[str]:
     return [name, *(number(float(value), least=least) for value, least in numbers)]
 
 
-def contacts_table(lines: Sequence[ContactLine], units: Units) -> Titled:
+def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
     """What contacts carry and do: forces, extremes, shares of their length in each state."""
-    states = [state for state in STATES if any(state in line.shares for line in lines)]
+    states = [state for state in report.STATES if any(state in line.shares for line in lines)]
     labels = ("N", "T", "largest pressure", "largest |σ_T|", "largest gap", "largest |slip|")
     rows = []
     for line in lines:
         found = line.summary()
-        numbers = zip([found[name] for name in SUMMARY], least_shown(SUMMARY, line.rounding), strict=True)
-        rows.append([*_row(line.name, *numbers), *shares(line.shares, states)])
-    return "Contacts", ["contact", *with_units(labels, SUMMARY, units), *states], rows
+        numbers = zip([found[name] for name in SUMMARY], report.least_shown(SUMMARY, line.rounding), strict=True)
+        rows.append([*_row(line.name, *numbers), *report.shares(line.shares, states)])
+    return "Contacts", ["contact", *report.with_units(labels, SUMMARY, units), *states], rows
 
 
-def result_tables(result: ContactResult, units: Units) -> list[Titled]:
+def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
     force, least = units.engineering_force, result.rounding
     loaded = {name: result.resultant(name) for name in dict.fromkeys(each.edges for each in result.problem.conditions)}
@@ -283,13 +272,13 @@ def result_tables(result: ContactResult, units: Units) -> list[Titled]:
     ]
     about = ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
     plates = [
-        _row(name, *zip(plate_numbers(result, name), least_shown(PLATE_COLUMNS, least), strict=True))
+        _row(name, *zip(plate_numbers(result, name), report.least_shown(PLATE_COLUMNS, least), strict=True))
         for name in result.plates
     ]
     tables = [
         contacts_table(list(result.contacts.values()), units),
         ("Resultants of the tractions on the body", about, resultants),
-        ("Rigid plates and pins", ["contact", *plate_headings(units)], plates),
+        ("Rigid plates and pins", ["contact", *report.plate_headings(units)], plates),
     ]  # fmt: skip
     return [table for table in tables if table[2]]
 
@@ -307,7 +296,7 @@ def contact_html(line: ContactLine) -> Markup:
     return _table_html(contacts_table([line], Units()))
 
 
-def _table_html(table: Titled) -> Markup:
+def _table_html(table: report.Titled) -> Markup:
     _, headings, rows = table
     module: Any = page_template("qvi_contact.command.page", "table.html").module
     return Markup(module.table(headings, rows))
