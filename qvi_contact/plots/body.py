@@ -45,41 +45,28 @@ THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """What one line of a contact carries, at its points and both ends, where it is drawn.
-
-    Attributes
-    ----------
-    name : str
-        The contact.
-    joint : bool
-        Whether it lies inside the body.
-    s : (k,) array
-        Length along the line [length].
-    place, obstacle : (k, 2) arrays
-        The deformed face of the body, and that of the obstacle, as drawn [length].
-    normal, tangent : (k, 2) arrays
-        Outward unit normal and unit tangent.
-    pressure, shear, fluid : (k,) arrays
-        −σ_N, σ_T and p_w [stress].
-    weights : (k,) array
-        Of integrals along the line, zero at the ends [length].
-    blocks : (k, 2) int array
-        The block inside and the one beyond, −1 on obstacles.
-
-    """
+    """What one line of a contact carries, at its k points and both ends, where it is drawn."""
 
     name: str
+    """The contact."""
     joint: bool
+    """Whether it lies inside the body."""
     s: FloatArray
+    """Length along the line [length]."""
     place: FloatArray
     obstacle: FloatArray
+    """The deformed face of the body, and that of the obstacle, as drawn [length], (k, 2)."""
     normal: FloatArray
     tangent: FloatArray
+    """Outward unit normal and unit tangent, (k, 2)."""
     pressure: FloatArray
     shear: FloatArray
     fluid: FloatArray
+    """−σ_N, σ_T and p_w [stress]."""
     weights: FloatArray
+    """Of integrals along the line, zero at the ends [length]."""
     blocks: IntArray
+    """The block inside and the one beyond, −1 on obstacles, (k, 2)."""
 
     def resultant(self, chosen: slice | FloatArray = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Force of some points on the body inside [stress × length], and the centre of pressure [length].
@@ -112,23 +99,15 @@ class Carried:
 
 @dataclass(frozen=True)
 class Scales:
-    """What drawings that are looked at beside each other have in common.
-
-    Attributes
-    ----------
-    factor : float
-        By how much displacements are exaggerated.
-    pressure, friction : float
-        The largest on contacts [stress].
-    stress : (float, float) or None
-        Ends of the bands of colour [stress]; None for those of each drawing.
-
-    """
+    """What drawings that are looked at beside each other have in common."""
 
     factor: float
+    """By how much displacements are exaggerated."""
     pressure: float
     friction: float
+    """The largest on contacts [stress]."""
     stress: tuple[float, float] | None = None
+    """Ends of the bands of colour [stress]; None for those of each drawing."""
 
     @classmethod
     def of(cls, results: Iterable[ContactResult], component: str = "von_mises") -> "Scales":
@@ -160,29 +139,19 @@ class Scales:
 
 @dataclass(frozen=True)
 class Drawn:
-    """What a drawing of a body says of itself.
-
-    Attributes
-    ----------
-    factor : float
-        By how much displacements are exaggerated.
-    box : (2, 2) array
-        Lower left and upper right corner of all that is drawn [length].
-    pressure, friction : float
-        The largest on all contacts [stress].
-    thrust : bool
-        Whether there is a line of thrust.
-    written : list
-        Numbers of resultants, each with other places that it may have, see `labels.spread`.
-
-    """
+    """What a drawing of a body says of itself."""
 
     factor: float
+    """By how much displacements are exaggerated."""
     box: FloatArray
+    """Lower left and upper right corner of all that is drawn [length], (2, 2)."""
     pressure: float
     friction: float
+    """The largest on all contacts [stress]."""
     thrust: bool
+    """Whether there is a line of thrust."""
     written: list[Written]
+    """Numbers of resultants, each with other places that it may have, see `symbols.spread`."""
 
 
 def draw_body(

@@ -111,36 +111,24 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
 
 @dataclass
 class _Sketch:
-    """A picture of a problem in the making.
-
-    Attributes
-    ----------
-    axes, problem, units
-        As in `draw_problem`.
-    moved : function
-        Takes points of the boundary to where they are drawn.
-    size : float
-        Of arrows and symbols, as a share of the usual one; with less the lines of conditions are left out.
-    ends : list of (n, 2) arrays
-        Ends of arrows [length].
-    entries : list of artists
-        What the legend shows, in the order of drawing.
-    groups : mapping
-        Edge sets of conditions that need no entry of their own, by what they have in common.
-    written : list
-        Names in the picture, each with other places that it may have.
-
-    """
+    """A picture of a problem in the making."""
 
     axes: "Axes"
     problem: ContactProblem
     units: Units
+    """As in `draw_problem`."""
     moved: Callable[[FloatArray], FloatArray] = np.asarray
+    """Takes points of the boundary to where they are drawn."""
     size: float = 1.0
+    """Of arrows and symbols, as a share of the usual one; with less the lines of conditions are left out."""
     ends: list[FloatArray] = field(default_factory=list)
+    """Ends of arrows [length], (n, 2)."""
     entries: list[Any] = field(default_factory=list)
+    """What the legend shows, in the order of drawing."""
     groups: dict[str, list[str]] = field(default_factory=lambda: {"free": [], "symmetry": []})
+    """Edge sets of conditions that need no entry of their own, by what they have in common."""
     written: list[symbols.Written] = field(default_factory=list)
+    """Names in the picture, each with other places that it may have."""
 
     @property
     def length(self) -> float:

@@ -76,31 +76,20 @@ _MEANINGS: Final = {
 
 @dataclass(frozen=True)
 class Check:
-    """One row of a verification.
-
-    Attributes
-    ----------
-    name : str
-        What was checked.
-    value : float, str or None
-        What was found, relative; a word for the status; None if there is nothing to tell.
-    limit : float or None
-        Largest absolute value that passes.
-    passed : bool or None
-        None for a fact that cannot fail.
-    meaning : str
-        What the value means.
-    worry : str
-        When to worry, and what to do then.
-
-    """
+    """One row of a verification."""
 
     name: str
+    """What was checked."""
     value: float | str | None
+    """What was found, relative; a word for the status; None if there is nothing to tell."""
     limit: float | None
+    """Largest absolute value that passes."""
     passed: bool | None
+    """None for a fact that cannot fail."""
     meaning: str
+    """What the value means."""
     worry: str = ""
+    """When to worry, and what to do then."""
 
     def line(self, width: int) -> str:
         """The row as text, the name filled up to `width`."""
@@ -112,22 +101,14 @@ class Check:
 
 @dataclass(frozen=True)
 class Verification:
-    """What became of a verification.
-
-    Attributes
-    ----------
-    rows : tuple of Check
-        All checks and facts.
-    status : Status
-        The status that the result claims.
-    tolerance : float
-        Of the certificate.
-
-    """
+    """What became of a verification."""
 
     rows: tuple[Check, ...]
+    """All checks and facts."""
     status: Status
+    """The status that the result claims."""
     tolerance: float
+    """Of the certificate."""
 
     @property
     def passed(self) -> bool:

@@ -53,25 +53,16 @@ _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked for.
-
-    Attributes
-    ----------
-    file : ProblemFile
-        The problem.
-    text : str
-        The problem file as it was read.
-    command : str
-        The command line.
-    files : tuple of (name, SHA-256)
-        Other files that were read.
-
-    """
+    """What was asked for."""
 
     file: ProblemFile
+    """The problem."""
     text: str
+    """The problem file as it was read."""
     command: str
+    """The command line."""
     files: tuple[tuple[str, str], ...] = ()
+    """Name and SHA-256 of other files that were read."""
 
     @classmethod
     def read(cls, path: str, file: ProblemFile) -> "Request":
