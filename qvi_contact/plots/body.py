@@ -166,28 +166,12 @@ def draw_body(
     On each contact stand the pressure, as a diagram in one scale for all contacts, with arrows towards the body; the
     friction stress on the body, as arrows inside it; and the resultant, as a heavy arrow with its number, on straight
     contacts with its eccentricity e. Blocks that are pressed from two sides have a line of thrust between the centres
-    of pressure. Loads, supports and obstacles are small symbols. Displacements are those of `Shape`, exaggerated by
-    one factor; dashed lines show the body before.
+    of pressure. Loads, supports and obstacles are small symbols. Displacements are those of `Shape`, exaggerated by one
+    factor; dashed lines show the body before. Axes are in units of length.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw; axes are in units of length.
-    result : ContactResult
-        The state.
-    component : str
-        "xx", "yy", "xy" (tension positive), "von_mises" (with σ_zz in plane strain), or "first", "second": the
-        principal stresses σ₁ ≥ σ₂ in the plane.
-    units : Units, optional
-        Labels.
-    scales : Scales, optional
-        Those of several results that are looked at beside each other; by default those of this one.
-
-    Raises
-    ------
-    InputError
-        If there is no such stress, or no stress state.
-
+    The component is "xx", "yy", "xy" (tension positive), "von_mises" (with σ_zz in plane strain), or "first", "second":
+    the principal stresses σ₁ ≥ σ₂ in the plane. Scales are those of several results that are looked at beside each
+    other; by default those of this one. `InputError` if there is no such stress, or no stress state.
     """
     from scipy.spatial import cKDTree
 

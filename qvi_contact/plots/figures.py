@@ -52,29 +52,11 @@ def result_figure(
 ) -> "Figure":
     """A result as one would put it in a report: the deformed body, and charts along contacts.
 
-    Title and answer stand above, what the solver says small below. `draw_body` says what is drawn. Without a stress
-    state, as of an infeasible problem, the loads are drawn, and how the mechanism moves the blocks, if there is one.
-
-    Parameters
-    ----------
-    result : ContactResult
-        The result.
-    units : Units, optional
-        Labels.
-    title : str
-        The problem's title.
-    panels : sequence of str, optional
-        Contacts with a chart of pressure and friction each; by default at most two, which are no more than one line.
-    component : str
-        The stress, see `draw_body`.
-    scales : Scales, optional
-        Those of several results that are looked at beside each other.
-
-    Raises
-    ------
-    InputError
-        If there is no contact of a name, or no such stress.
-
+    The problem's title and the answer stand above, what the solver says small below. `draw_body` says what is drawn,
+    and which stresses `component` names. Without a stress state, as of an infeasible problem, the loads are drawn, and
+    how the mechanism moves the blocks, if there is one. Contacts in `panels` have a chart of pressure and friction
+    each; by default at most two, which are no more than one line. `scales` are those of several results that are looked
+    at beside each other. `InputError` if there is no contact of a name, or no such stress.
     """
     units = style.plain_units(units)
     names = [contact.name for contact in result.problem.contacts]
@@ -231,24 +213,10 @@ def limit_figure(
 ) -> "Figure":
     """One picture of a limit load: how the body gives way, under its loads as small arrows.
 
-    A mechanism moves blocks; a body that yields flows, see `plots.mechanism.draw_collapse`.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem on the mesh of the analysis, such as `LimitRefinement.problem`.
-    limit : LimitLoad
-        What `limit_load_factor` has found.
-    units : Units, optional
-        Labels.
-    title, answer : str
-        What stands above: the problem's title, and how much it carries.
-
-    Raises
-    ------
-    InputError
-        If the limit load has no mechanism, since there is no upper limit, or no multiple at all.
-
+    A mechanism moves blocks; a body that yields flows, see `plots.figures.draw_collapse`. The problem is that on the
+    mesh of the analysis, such as `LimitRefinement.problem`; the limit is what `limit_load_factor` has found. The
+    problem's title and the answer, how much it carries, stand above. `InputError` if the limit load has no mechanism,
+    since there is no upper limit, or no multiple at all.
     """
     if limit.mechanism is None and limit.collapse is None:
         raise InputError("limit", repr(limit), "there is no mechanism to draw: no load is the largest one")
@@ -289,17 +257,8 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> Fl
     """Draw all blocks where a mechanism moves them, over dashed outlines of where they were; the corners (n, 2).
 
     Its motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and
-    rotations without the growth that comes with that.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw; axes are in units of length.
-    mesh : TriangleMesh
-        The mesh of the problem.
-    mechanism : Mechanism
-        What `ContactResult.mechanism` or `LimitLoad.mechanism` gives.
-
+    rotations without the growth that comes with that. `ContactResult.mechanism` or `LimitLoad.mechanism` give it; axes
+    are in units of length.
     """
     from matplotlib.collections import PolyCollection
 
@@ -313,20 +272,11 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> Fl
 
 
 def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
-    """Draw where a body yields, how it flows, and which contacts slide.
+    """Draw where a body yields, how it flows, and which contacts slide, over a picture of the problem.
 
     The deeper the orange of a triangle, the more power it dissipates for its area; white ones dissipate none. Arrows
-    are velocities in the middle of triangles. Contacts that slide are thick blue lines.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw, over a picture of the problem; axes are in units of length.
-    mesh : TriangleMesh
-        The mesh of the analysis.
-    collapse : Collapse
-        What `LimitLoad.collapse` gives.
-
+    are velocities in the middle of triangles. Contacts that slide are thick blue lines. The mesh is that of the
+    analysis, and `LimitLoad.collapse` gives the flow; axes are in units of length.
     """
     from matplotlib.collections import PolyCollection
 
@@ -387,27 +337,11 @@ def history_figure(
     """The deformed body in one step, hysteresis loops of up to four contacts, and forces of contacts step by step.
 
     A loop needs something that moves, such as an obstacle or a prescribed displacement. Under loads alone there are
-    forces only.
+    forces only. Steps are read one by one. With `times`, the value of t in each step, forces are drawn over t instead
+    of the number of the step, a hollow square at the first one. The body is that of a `step`, from 1, by default of the
+    last one that has a state. The problem's title, and what the history says of itself, stand above.
 
-    Parameters
-    ----------
-    history : History
-        The history; its steps are read one by one.
-    units : Units, optional
-        Labels.
-    times : sequence of float, optional
-        The value of t in each step: forces are drawn over t instead of the number of the step, a hollow square at the
-        first step.
-    title : str
-        The problem's title; what the history says of itself stands below it.
-    step : int, optional
-        The step of the body, from 1; by default the last one that has a state.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to draw, no such step, or not a time for each step.
-
+    `InputError` if there is nothing to draw, no such step, or not a time for each step.
     """
     units = style.plain_units(units)
     abscissa = None if times is None else real_array("times", times)

@@ -87,13 +87,8 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     Tractions and prescribed displacements are arrows that point the way they act on the body, full for tractions and
     hollow for displacements, each kind in a scale of its own; supports are triangles (full: both components, hollow:
     the normal one, diamonds: the tangential one); lines of symmetry stand on rollers; obstacles are hatched lines,
-    whose distance shows how the gap varies; joints are dashed lines inside the body.
-
-    Raises
-    ------
-    InputError
-        If a function of the problem gives bad values.
-
+    whose distance shows how the gap varies; joints are dashed lines inside the body. `InputError` if a function of the
+    problem gives bad values.
     """
     style.require_matplotlib()
     sketch = _Sketch(axes, problem, style.plain_units(units))

@@ -91,22 +91,10 @@ def new_figure(width: float, height: float) -> "Figure":
 
 
 def save_figure(path: str | Path, figure: "Figure", dpi: float = 150.0) -> None:
-    """Write a figure to a PNG, SVG or PDF file, by the suffix, whole or not at all.
+    """Write a figure of matplotlib to a PNG, SVG or PDF file, by the suffix, whole or not at all.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file; an earlier one of that name is replaced.
-    figure : matplotlib figure
-        What to write.
-    dpi : float
-        Dots per inch of pixels.
-
-    Raises
-    ------
-    InputError
-        If the suffix is another one, or the file cannot be written.
-
+    An earlier file of that name is replaced; pixels have so many dots per inch. `InputError` if the suffix is another
+    one, or the file cannot be written.
     """
     suffix = picture_suffix(path)
     with settings(), replacing(path) as temporary, laid_out(figure, suffix[1:], dpi):
@@ -274,13 +262,8 @@ def png_bytes(figure: "Figure") -> bytes:
 def svg_text(figure: "Figure", name: str) -> str:
     """The figure as an SVG element, to be put into a page; the same bytes for the same data.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Made by `qvi_contact.plots.style.new_figure` inside ``settings()``.
-    name : str
-        A word that no other picture of the page has: it makes the ids of the two different.
-
+    It was made by `new_figure` inside ``settings()``. The name is a word that no other picture of the page has: it
+    makes the ids of the two different.
     """
     from matplotlib import rc_context
 

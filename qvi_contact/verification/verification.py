@@ -157,29 +157,13 @@ class Verification:
 def verify_result(result: ContactResult, tolerance: float | None = None) -> Verification:
     """Check everything that a result claims.
 
-    Parameters
-    ----------
-    result : ContactResult
-        The result. A proof that the load cannot be carried is checked too; any other result without stresses fails.
-    tolerance : float, optional
-        Of the certificate, in (0, 1); by default the one the result was solved with, which must not be looser than
-        `solvers.solution.LOOSEST` then.
+    A proof that the load cannot be carried is checked too; any other result without stresses fails. The tolerance of
+    the certificate, in (0, 1), is by default the one the result was solved with, which must not be looser than
+    `solvers.solution.LOOSEST` then. Numbers have to agree with those computed anew to `AGREEMENT` of their size, or of
+    1e-4 of the largest of their kind, rounding of the unknowns aside. It costs one factorisation.
 
-    Returns
-    -------
-    Verification
-
-    Raises
-    ------
-    InputError
-        If the argument is no result, the tolerance is out of range, or multipliers have another shape than the problem.
-        The steps of a `History` are verified one by one.
-
-    Notes
-    -----
-    Numbers have to agree with those computed anew to `AGREEMENT` of their size, or of 1e-4 of the largest of their
-    kind, rounding of the unknowns aside. It costs one factorisation.
-
+    `InputError` if the argument is no result, the tolerance is out of range, or multipliers have another shape than the
+    problem. The steps of a `History` are verified one by one.
     """
     if isinstance(result, History):
         raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
@@ -213,21 +197,10 @@ def _fields(result: ContactResult) -> dict[str, Any]:
 def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:
     """Check everything that a file claims that `qvi_contact.export.write_npz` has written; from the file alone.
 
-    So is a step that `solve_history` has kept in its store. It claims no fields, but an answer and its certificate.
-
-    Parameters
-    ----------
-    path : str or Path
-        The archive.
-    tolerance : float, optional
-        Of the certificate; by default the one the result was solved with, which must not be looser than
-        `solvers.solution.LOOSEST` then: the file does not choose what it is measured by.
-
-    Raises
-    ------
-    InputError
-        If the file is no such archive, or has no problem, as `qvi_contact.files.archive.load_result` says.
-
+    So is a step that `solve_history` has kept in its store. It claims no fields, but an answer and its certificate. The
+    tolerance of the certificate is by default the one the result was solved with, which must not be looser than
+    `solvers.solution.LOOSEST` then: the file does not choose what it is measured by. `InputError` if the file is no
+    such archive, or has no problem, as `qvi_contact.files.archive.load_result` says.
     """
     archive = Archive(path)
     with np.errstate(all="ignore"):  # what is absurd fails by its numbers
