@@ -323,14 +323,7 @@ _REMEDY = "give a file written by qvi-contact limit --proof"
 
 
 def checked_proof(path: str) -> tuple[bool, str]:
-    """Whether a proof file holds, and what people read of it.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or is no proof file.
-
-    """
+    """Whether a proof file holds, and what people read of it; `InputError` if it is none, or cannot be read."""
     try:
         proof = json.loads(Path(path).read_text(encoding="utf-8"))
         *proved, counted = check(proof)
