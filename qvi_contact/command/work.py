@@ -16,7 +16,6 @@ from qvi_contact.basics.writing import write_text
 from qvi_contact.command import report
 from qvi_contact.command import series as several
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.command.outline import outline
 from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, page_of, write_all
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
@@ -27,7 +26,7 @@ from qvi_contact.files.problem_file import ProblemFile, load_problem
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solve as solve_one
-from qvi_contact.verification.verification import verify_file
+from qvi_contact.verification import verify_file
 from solvers import available
 from solvers.basics.progress import deadline
 from solvers.factorisation import available_backends, missing_backends
@@ -119,7 +118,7 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
 def check(file: str, as_json: bool, **given: Any) -> None:
     """Print what a problem file describes."""
     with _opened(file, given) as (problem_file, targets, options):
-        problem, found = outline(problem_file, _space(options))
+        problem, found = report.outline(problem_file, _space(options))
     if "plot" in targets:
         from qvi_contact import plots
 
