@@ -232,7 +232,8 @@ def draw_body(
     box = style.show_all(axes, np.concatenate(extent), units)
     across, up = box[1] - box[0]
     label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
-    style.colour_bar(axes, field, label, None, 0.04 * max(1.0, float(up / across)))
+    width = 0.04 * max(1.0, float(up / across))
+    axes.figure.colorbar(field, cax=axes.inset_axes((1.0 + 0.8 * width, 0.0, width, 1.0)), label=label, extend=None)
     return Drawn(factor, box, pressure, friction, thrust, written)
 
 

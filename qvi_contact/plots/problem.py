@@ -168,13 +168,8 @@ class _Sketch:
 
     def condition(self, condition: Condition) -> None:
         """One condition in its symbols."""
-        kind: dict[type, Any] = {
-            Traction: self.traction,
-            Displacement: self.displacement,
-            Symmetry: self.symmetry,
-            Contact: self.contact,
-        }
-        kind[type(condition)](condition, self._runs(condition))
+        drawn = getattr(self, type(condition).__name__.lower())
+        drawn(condition, self._runs(condition))
 
     def traction(self, condition: Traction, pieces: Sequence[symbols.Run]) -> None:
         values = self._values(condition, pieces)

@@ -27,7 +27,6 @@ from solvers.basics.types import load
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
@@ -165,12 +164,12 @@ def edge_lines(mesh: TriangleMesh, edges: Edges) -> FloatArray:
 
 
 def draw_grid(axes: "Axes", mesh: TriangleMesh) -> None:
-    """Draw the cells in light grey, thinner the smaller they are on the page."""
-    outlines = cell_outlines(mesh)
-    sides = outlines[:, :: (outlines.shape[1] - 1) // 3]
-    shortest = np.hypot(*np.diff(sides, axis=1).T).min(axis=0)
-    width = float(np.clip(0.05 * np.median(shortest) * points_per_length(axes, mesh), 0.1, 0.6))
-    axes.add_collection(lines(outlines, "#cccccc", "solid", width))
+    """Draw the edges between cells in light grey, thinner the smaller the cells are on the page."""
+    box, (across, up) = axes.get_window_extent(), np.ptp(mesh.vertices, axis=0).tolist()
+    points = 72.0 / axes.figure.dpi * min(box.width / across, box.height / up)  # printer's, that a unit of length takes
+    usual = np.median(np.concatenate([mesh.interior.length, mesh.boundary.length]))
+    width = float(np.clip(0.05 * usual * points, 0.1, 0.6))
+    axes.add_collection(lines(edge_lines(mesh, mesh.interior), "#cccccc", "solid", width))
 
 
 def draw_outline(axes: "Axes", mesh: TriangleMesh, colour: str = GREY, width: float = 0.8) -> None:
@@ -203,23 +202,6 @@ def magnified(largest: float, length: float) -> float:
     wanted = LONGEST * length / largest
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
-
-
-def colour_bar(
-    axes: "Axes", artist: "ScalarMappable", label: str, extend: str | None = "neither", width: float = 0.05
-) -> None:
-    """Add a colour bar as high as the axes to their right, its width a share of theirs."""
-    place = axes.inset_axes((1.0 + 0.8 * width, 0.0, width, 1.0))
-    axes.figure.colorbar(artist, cax=place, label=label, extend=extend)
-
-
-def points_per_length(axes: "Axes", mesh: TriangleMesh) -> float:
-    """About how many printer's points a unit of length takes on the page when the axes show the body."""
-    box = axes.get_window_extent()
-    dpi = axes.figure.dpi
-    low, high = bounding_box(mesh)
-    across = min(box.width / float(high[0] - low[0]), box.height / float(high[1] - low[1]))
-    return float(72.0 * across / dpi)
 
 
 def lines(points: FloatArray, colour: str, style: object, width: float, label: str | None = None) -> "LineCollection":
