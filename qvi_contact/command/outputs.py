@@ -160,7 +160,7 @@ def page_of(path: str, file: ProblemFile, *found: Any, **more: Any) -> Callable[
     """What makes the page of --report about a problem file; other arguments are those of `result_page`."""
 
     def made() -> str:
-        from qvi_contact.command.page.page import Request, result_page
+        from qvi_contact.command.page import Request, result_page
 
         return result_page(Request.read(path, file), *found, **more)
 

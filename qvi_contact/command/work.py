@@ -195,7 +195,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
     from qvi_contact import plots
-    from qvi_contact.command.page.page import Request, limit_page
+    from qvi_contact.command.page import Request, limit_page
     from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined

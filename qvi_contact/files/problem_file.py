@@ -434,11 +434,7 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
 
     A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
     """
-    return _from_tables(_tables_of(text.replace("\r\n", "\n")), folder)
-
-
-def _tables_of(text: str) -> dict[str, Any]:
-    """The tables in a TOML text; `InputError` if it is none, or has values that no table wants."""
+    text = text.replace("\r\n", "\n")
     if len(text) > _LONGEST:
         raise InputError("TOML", text[:200], _TOO_LONG)
     try:
@@ -453,7 +449,7 @@ def _tables_of(text: str) -> dict[str, Any]:
         raise InputError("TOML", line, f"correct the syntax: {error}") from error
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
-    return data
+    return _from_tables(data, folder)
 
 
 def _check_scalars(value: object, path: str) -> None:

@@ -193,7 +193,7 @@ class ContactResult(PicklesFields):
 
     def _repr_html_(self) -> str:
         """Outcome, and what contacts, edges and plates carry as tables, for notebooks."""
-        return str(load("qvi_contact.command.page.page").result_html(self))
+        return str(load("qvi_contact.command.page").result_html(self))
 
     @property
     def problem(self) -> ContactProblem:
