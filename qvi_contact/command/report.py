@@ -186,9 +186,10 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     for condition in outline["boundary"]:
         given = {name: value for name, value in condition.items() if name not in _HIDDEN}
         drives = given.pop("plate", {})  # also those of 0: without a force it stands still in that direction
-        shown_if_0 = ("x", "y", "normal", "tangential", "friction")
         given = {
-            name: v for name, v in given.items() if v not in (None, "unilateral") and (v != 0.0 or name in shown_if_0)
+            name: value
+            for name, value in given.items()
+            if value not in (None, "unilateral") and (value != 0.0 or name in _SAID)
         }
         text = ", ".join(f"{name} = {value}" for name, value in (given | drives).items())
         where = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"

@@ -181,7 +181,7 @@ def _explained(axes: "Axes", drawn: Drawn, result: ContactResult, units: Units) 
     style.legend_below(axes, entries)
 
 
-def mesh_figure(mesh: TriangleMesh, units: Units | None = None) -> "Figure":
+def mesh_figure(mesh: TriangleMesh) -> "Figure":
     """One picture of a mesh: its triangles, and its named edges and joints, which differ without colour too."""
     with style.settings():
         sides = np.ptp(mesh.vertices, axis=0)
@@ -192,7 +192,7 @@ def mesh_figure(mesh: TriangleMesh, units: Units | None = None) -> "Figure":
         for number, name in enumerate((*mesh.edge_names, *mesh.joint_names)):
             look = _PARTS[number % 6], ("-", "--", ":", "-.")[number % 4], 2.0
             axes.add_collection(lines(style.edge_lines(mesh, mesh.edges(name)), *look, style.plain_text(name)))
-        style.show_all(axes, mesh.vertices, style.plain_units(units))
+        style.show_all(axes, mesh.vertices, Units())
         figure.legend(loc="outside right upper", frameon=False)
     return figure
 
