@@ -200,8 +200,7 @@ def mesh_figure(mesh: TriangleMesh) -> "Figure":
 def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figure":
     """One picture of a problem: mesh, materials, conditions, loads, contacts, joints."""
     with style.settings():
-        low, high = style.bounding_box(problem.mesh)
-        sides = high - low
+        sides = np.ptp(problem.mesh.vertices, axis=0)
         scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # what is around the body takes room too
         figure = style.new_figure(scale * sides[0] + 6.5, max(3.2, scale * (sides[1] + 0.4 * max(sides)) + 0.7))
         draw_problem(figure.subplots(), problem, units)

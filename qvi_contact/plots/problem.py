@@ -97,7 +97,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
         sketch.condition(condition)
     sketch.names()
     sketch.legend()
-    low, high = style.bounding_box(problem.mesh)
+    low, high = problem.mesh.vertices.min(axis=0), problem.mesh.vertices.max(axis=0)
     margin = (_AWAY + _ARROW + 0.06) * problem.mesh.length
     style.show_all(axes, np.array([low - margin, high + margin]), sketch.units)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes

@@ -177,12 +177,6 @@ def draw_outline(axes: "Axes", mesh: TriangleMesh, colour: str = GREY, width: fl
     axes.add_collection(lines(edge_lines(mesh, mesh.boundary), colour, "solid", width))
 
 
-def bounding_box(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
-    """The lower left and the upper right corner of the body's bounding box, shape (2,) each [length]."""
-    vertices = mesh.vertices
-    return np.asarray(vertices.min(axis=0)), np.asarray(vertices.max(axis=0))
-
-
 def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
     """Show all of some points (n, 2), equal scales in both directions, labelled axes; the corners of the box (2, 2)."""
     low, high = points.min(axis=0), points.max(axis=0)
