@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.special import comb
 
 from qvi_contact import Contact, TriangleMesh, solve
+from qvi_contact.companion import solve_companions
 from qvi_contact.discretization import Discretization
 from solvers import Status
 
@@ -80,6 +81,13 @@ def solved(problem, tolerance=1e-9, **options):
     result = solve(problem, tolerance=tolerance, **options)
     assert result.status is Status.SOLVED, result.message
     return result
+
+
+def companion_of(problem, bounds=None, **options):
+    """The companion, with these bounds of friction, that must be solved."""
+    (found,) = solve_companions(problem, [bounds], **options)
+    assert found.status is Status.SOLVED, found.message
+    return found
 
 
 def difference(one, other):
