@@ -45,6 +45,11 @@ def polygon(count, layers, inner=1.0, outer=2.0):
     return mesh.with_edges("outside", lambda x, y: np.hypot(x, y) > middle)
 
 
+def area(mesh):
+    """Of all triangles, edges taken straight."""
+    return np.abs(np.linalg.det(np.diff(mesh.corners, axis=1))).sum() / 2.0
+
+
 def holed(divisions, places, low, high):
     """A rectangle with unit holes at these places, on cells of 1/divisions."""
     lines = [np.linspace(a, b, round((b - a) * divisions) + 1) for a, b in zip(low, high, strict=True)]

@@ -252,20 +252,6 @@ def test_orders(degree):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(degree, abs=0.5)
 
 
-def test_turned_as_a_whole():
-    """Fields turn with the body, forces on the plate stay."""
-    problem = compressed_plate(0.2, (3, 3))
-    straight = companion_of(problem, degree=3)
-    slanted = companion_of(replace(problem, mesh=oblique(problem.mesh)), degree=3)
-    points = np.column_stack(inside(problem.mesh))
-    found, expected = slanted.displacement(*turned(points, ANGLE).T), turned(straight.displacement(*points.T), ANGLE)
-    assert found == pytest.approx(expected, abs=1e-9 * 1e-3)
-    assert slanted.energy == pytest.approx(straight.energy, rel=1e-11)
-    for force in ("normal_force", "tangential_force"):
-        expected = getattr(straight.contacts["plate"], force)
-        assert getattr(slanted.contacts["plate"], force) == pytest.approx(expected, rel=1e-8)
-
-
 @pytest.mark.parametrize("slope", [0.3, -0.4])
 def test_a_closed_slanted_joint_is_not_there(slope):
     problem = squeezed(tilted(slope), 0.5)
