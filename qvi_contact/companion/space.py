@@ -157,12 +157,12 @@ class CurvedCells:
     @cached_property
     def _bulges(self) -> FloatArray:
         """Coefficients of Legendre of q of all sides, (3, c, terms, 2)."""
-        terms = _TERMS + self.bends.shape[2]
-        t, found = gauss_legendre(terms)[0], np.zeros((3, len(self), terms, 2))
+        t = gauss_legendre(_TERMS + self.bends.shape[2])[0]
+        found = np.zeros((3, len(self), len(t), 2))
         for s, (a, b) in enumerate(EDGES):
             chord = self.corners[:, b] - self.corners[:, a]
             bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
-            found[s] = from_values(terms - 1, terms) @ (bulge / (t * (1.0 - t))[:, None])
+            found[s] = from_values(len(t) - 1, len(t)) @ (bulge / (t * (1.0 - t))[:, None])
         return found
 
     def points(self, which: IntArray, t: FloatArray) -> FloatArray:

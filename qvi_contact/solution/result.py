@@ -197,8 +197,8 @@ class ContactResult(PicklesFields):
         return frame(pandas().DataFrame(rows), forces_units(units))
 
     def _repr_html_(self) -> str:
-        """Outcome, contacts and certificate as a table, for notebooks."""
-        return str(load("qvi_contact.files.notebook").result_html(self))
+        """Outcome, and what contacts, edges and plates carry as tables, for notebooks."""
+        return str(load("qvi_contact.command.page").result_html(self))
 
     @property
     def problem(self) -> ContactProblem:
