@@ -269,22 +269,6 @@ def wild(each: int, seed: int, only: tuple[str, ...]) -> Plan:
     return Plan([study.declared(only, each, seed)], study.report)
 
 
-@experiment(timeout=300.0, short_help="How often the error that refine estimates is that of its answer.")
-@click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
-def estimates(count: int) -> Plan:
-    """Refine generated problems on triangles to a target, and compare each answer with a much finer reference.
-
-    The report says how often the answer is as accurate as its estimated error says, and how far the two are apart.
-
-    \b
-    Example:
-        python -m comparisons estimates --count 6
-    """  # noqa: D301
-    from comparisons.wild import estimates as study
-
-    return Plan([study.declared(count)], study.report)
-
-
 @experiment(timeout=300.0, short_help="Whether both sides of limit loads, and their proofs, are in order.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
 def limits(count: int) -> Plan:
@@ -303,6 +287,6 @@ def limits(count: int) -> Plan:
 
 for command in (
     paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    bounds, wild, estimates, limits, export, import_file,
+    bounds, wild, limits, export, import_file,
 ):  # fmt: skip
     group.add_command(command)
