@@ -41,7 +41,7 @@ def paper(out: Path) -> None:
     """Recompute Table 1 and Figures 2-5 of Więckowski (1992), and compare them with the converged solution.
 
     The seven problems are solved by the paper's Uzawa iteration, for its 30 iterations and to convergence, by the fixed
-    point with quadratic and with second-order cone programs, and by every installed solver.
+    point with quadratic and with second-order cone programs, and by the condensed method.
     """
     from comparisons.lab.studies import progress
     from comparisons.paper import study
