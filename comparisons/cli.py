@@ -11,7 +11,7 @@ from typing import Final
 
 import click
 
-from comparisons.exchange.commands import export, import_file
+from comparisons.exchange.commands import export
 from comparisons.lab.commands import COUNT, Experiment, FiniteRange, ListCommand, Plan, experiment, folder_option
 from comparisons.peers import LEVELS
 from qvi_contact.basics.terminal import Command
@@ -29,7 +29,7 @@ def group(context: click.Context) -> None:
     Each command runs one experiment and writes a report: Markdown, pictures, and one HTML page.
     """
     missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
-    if missing and context.invoked_subcommand not in (export.name, import_file.name):
+    if missing and context.invoked_subcommand != export.name:
         remedy = f"is missing: python -m pip install {' '.join(missing)}"
         raise InputError("installation", ", ".join(missing), remedy)
 
@@ -287,6 +287,6 @@ def limits(count: int) -> Plan:
 
 for command in (
     paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    bounds, wild, limits, export, import_file,
+    bounds, wild, limits, export,
 ):  # fmt: skip
     group.add_command(command)
