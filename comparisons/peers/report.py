@@ -23,10 +23,10 @@ from comparisons.lab.numbers import (
 )  # fmt: skip
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import DONE, Row
-from comparisons.peers.meshes import FAMILIES, ratio
-from comparisons.peers.study import BRACKET, CODES, MODELS, TRIANGLES
+from comparisons.peers.meshes import FAMILIES
+from comparisons.peers.study import BRACKET, CODES, MODELS, NGSOLVE, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
-from qvi_contact.plots import BLUE, GREEN, GREY, VERMILLION
+from qvi_contact.plots import BLUE, GREY, VERMILLION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,9 +46,6 @@ TARGETS: Final = (1e-4, 2e-5, 3e-6, 1e-6, 1e-7, 1e-8)
 COARSE: Final = 3e-6
 """The error whose cost is told beside that of the smallest one that is compared."""
 
-OTHERS: Final = ("ngsolve", "getfem")
-"""Keys of the codes that are not this package's."""
-
 NUMBERS: Final = ("half_force", "unknowns", "iterations", "residual", "before", "peak")
 """Entries of a result that are numbers; NaN where a run has none."""
 
@@ -59,8 +56,8 @@ BOUNDS: Final = ("lower", "upper", "width", "strain_error")
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by μ, model and mesh.
 
-    The columns are friction (μ), model, code and mesh (keys of `CODES` and `FAMILIES`), number and label of the mesh,
-    run (model and mesh in words), status, message, solved,
+    The columns are friction (μ), model, code and mesh (keys of `CODES` and `FAMILIES`), number (the mesh's level),
+    run (model and level in words), status, message, solved,
     half_force (P/2) [N/mm], unknowns, iterations, residual of the code's own check, setup and solve (times of the
     repetitions) [s], seconds (the smallest sum of both: what else the machine does can only add to it), spread (the
     largest less the smallest over the median), before and peak (largest resident memory before the case and after its
@@ -80,7 +77,7 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
         whole = [sum(pair) for pair in zip(times["setup"], times["solve"], strict=True)]
         line = {
             "friction": row.case["friction"], "model": row.case["model"], "code": model.code, "mesh": model.mesh,
-            "number": number, "label": model.family.label(number), "order": list(MODELS).index(row.case["model"]),
+            "number": number, "order": list(MODELS).index(row.case["model"]),
             "rank": list(CODES).index(model.code), "status": result["status"], "message": result["message"],
             **{name: result.get(name) for name in NUMBERS}, **times, "seconds": min(whole, default=None),
             "spread": spread(whole), "version": result.get("version"),
@@ -90,7 +87,7 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     runs = DataFrame(lines)
     for name in (*NUMBERS, *BOUNDS, "seconds", "spread", "low", "high"):
         runs[name] = to_numeric(runs[name]).replace([math.inf, -math.inf], math.nan)
-    runs["run"] = runs.model + ", " + runs.label
+    runs["run"] = runs.model + ", level " + runs.number.astype(str)
     runs["solved"] = runs.status == "solved"
     runs["bounded"] = runs.solved & runs.low.notna()
     runs["first"] = factorize(runs.friction)[0]
@@ -130,16 +127,15 @@ def guaranteed(runs: DataFrame) -> DataFrame:
 def intervals_of(runs: DataFrame) -> DataFrame:
     """The narrowest guaranteed interval of P/2 at each μ that has one.
 
-    The columns are those of the runs, and for each code of `OTHERS` how many of its solved forces are outside, as
-    "5 of 88".
+    The columns are those of the runs, and outside, how many of NGSolve's solved forces are, as "5 of 88".
     """
     lines = []
     for friction, sure in runs[runs.bounded].groupby("friction", sort=False):
         best, here = sure.loc[(sure.high - sure.low).idxmin()], runs[(runs.friction == friction) & runs.solved]
-        forces = {key: here[here.code == key].half_force for key in OTHERS}
-        outside = {key: int((~each.between(best.low, best.high)).sum()) for key, each in forces.items()}
-        lines.append({**best, **{key: f"{outside[key]} of {len(each)}" for key, each in forces.items()}})
-    return DataFrame(lines, columns=[*runs, *OTHERS])
+        forces = here[here.code == NGSOLVE].half_force
+        outside = int((~forces.between(best.low, best.high)).sum())
+        lines.append({**best, "outside": f"{outside} of {len(forces)}"})
+    return DataFrame(lines, columns=[*runs, "outside"])
 
 
 def contradictory(runs: DataFrame) -> bool:
@@ -175,9 +171,8 @@ def costs_of(runs: DataFrame) -> DataFrame:
 
 
 def compared_of(costs: DataFrame) -> DataFrame:
-    """Triangles beside the quickest of the other codes: a line for each μ and target that both reach."""
-    others = costs[costs.code.isin(OTHERS) & costs.seconds_own.notna()]
-    return others.sort_values("seconds", kind="stable").drop_duplicates(["friction", "target"]).sort_index()
+    """Triangles beside NGSolve: a line for each μ and target that both reach."""
+    return costs[(costs.code == NGSOLVE) & costs.seconds_own.notna()]
 
 
 def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
@@ -189,7 +184,7 @@ def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
         "bounds": intervals_of(runs).to_dict("records"), "doubtful": contradictory(runs),
         "runs": len(runs), "solved": int(runs.solved.sum()),
         "failing": listing([f"{number} of {CODES[code].name}" for code, number in failed.code.value_counts().items()]),
-        "missing": [key for key in CODES if key not in set(runs.code)],
+        "missing": NGSOLVE not in set(runs.code),
         "chance": sorted({*costs[~costs.sure].run}),
     }  # fmt: skip
 
@@ -231,13 +226,10 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
         sure=runs.guaranteed & runs.solved, lower=runs.lower.where(runs.guaranteed),
         upper=runs.upper.where(runs.guaranteed),
     )  # fmt: skip
-    absent = [key for key in CODES if key not in set(runs.code)]
-    remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
     bracket = shown.code == BRACKET
     return {
         "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved],
-        "missing": remedies, "costs": costs,
-        "brackets": shown[bracket], "rows": shown[~bracket],
+        "costs": costs, "brackets": shown[bracket], "rows": shown[~bracket],
     }  # fmt: skip
 
 
@@ -256,11 +248,8 @@ def _settings(runs: DataFrame) -> dict[str, DataFrame]:
         })  # fmt: skip
     meshes = []
     for name, family in FAMILIES.items():
-        numbers = sorted(set(runs[runs.mesh == name].number))
-        told = [f"{each} (each cell {ratio(each):g} of the one before it)" if name == "graded" else str(each)
-                for each in numbers]  # fmt: skip
-        if numbers:
-            meshes.append({"family": name, "what it is": family.reading, "cells a side, or levels": listing(told)})
+        if (runs.mesh == name).any():
+            meshes.append({"family": name, "what it is": family.reading})
     frames = map(DataFrame, (references, models, meshes))
     return dict(zip(("Values that errors are relative to", "Models", "Meshes"), frames, strict=True))
 
@@ -269,22 +258,17 @@ def report(rows: Sequence[Row]) -> Report:
     """The report of these rows; the same rows give the same report."""
     runs = runs_of(rows)
     costs = costs_of(runs)
-    # the command that measures the same, without the place of its files and of other Pythons
-    counted = runs.mesh.isin([name for name, family in FAMILIES.items() if family.counted])
-    words = ["python -m comparisons peers --friction", *(f"{friction:g}" for friction in runs.friction.unique())]
-    words += ["--cells", *map(str, sorted(set(runs.number[counted])))] if counted.any() else []
-    words += [f"--levels {max(runs.number[~counted]) + 1}"] if not counted.all() else []
-    words += [f"--repeat {rows[0].case['repetitions']}"]
+    frictions = " ".join(f"{friction:g}" for friction in runs.friction.unique())
     values = {
-        **values_of(runs, costs), "resolution": RESOLUTION, "codes": CODES, "command": " ".join(words),
-        "floor": runs.floor.max(),
+        **values_of(runs, costs), "resolution": RESOLUTION, "floor": runs.floor.max(), "frictions": frictions,
+        "levels": runs.number.max() + 1, "repeat": rows[0].case["repetitions"],
     }  # fmt: skip
     figures = {"best": drawn("best", partial(_fronts, runs)) if runs.error.notna().any() else ""}
     return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows, _settings(runs),
                   forms=FORMS, failed=contradictory(runs))  # fmt: skip
 
 
-_COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfem": GREEN}
+_COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, NGSOLVE: VERMILLION}
 
 
 def _fronts(runs: DataFrame) -> "Figure":

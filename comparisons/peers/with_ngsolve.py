@@ -16,13 +16,15 @@ inside cells are condensed; the smaller matrix is factorised by UMFPACK or PARDI
 
 Source: Chouly, Fabre, Hild, Mlika, Pousin, Renard, *An overview of recent results on Nitsche's method for contact
 problems*, 2017. Stresses in MPa, lengths in units of the plate.
-
-NGSolve is loaded by what builds a problem, not before.
 """
 
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
+
+import numpy as np
+
+ng: Any = import_module("ngsolve")  # it has no types
 
 VARIANTS: Final = {"symmetric": 1.0, "incomplete": 0.0, "skew": -1.0}
 """Variant of the method → θ."""
@@ -52,28 +54,26 @@ class NitschePlate:
     """Mesh, space and forms of a case; `solve` starts from zero each time."""
 
     def __init__(self, case: dict[str, Any], order: int, theta: float) -> None:
-        self._ng: Any = import_module("ngsolve")
-        self._np: Any = import_module("numpy")
-        self._ng.SetNumThreads(1)
-        vertices, cells = self._np.asarray(case["vertices"]), self._np.asarray(case["cells"])
+        ng.SetNumThreads(1)
+        vertices, cells = case["vertices"], case["cells"]
         mesh = _mesh(vertices, cells, case["sides"])
-        self._space = self._ng.VectorH1(mesh, order=order, dirichletx="left", dirichlety="bottom")
-        self._theta_target, self._theta = theta, self._ng.Parameter(theta)
-        self._share = self._ng.Parameter(1.0)  # of γ
+        self._space = ng.VectorH1(mesh, order=order, dirichletx="left", dirichlety="bottom")
+        self._theta_target, self._theta = theta, ng.Parameter(theta)
+        self._share = ng.Parameter(1.0)  # of γ
         # which cells have an edge on the top, and the heights of all below the top
         y = vertices[cells][:, :, 1]
         on_top, heights = (y == y.max()).sum(axis=1) == 2, y.max() - y.min(axis=1)
-        self._range = float(heights[on_top].min() / self._np.ptp(y, axis=1).max())
-        by_cell = self._ng.GridFunction(self._ng.L2(mesh, order=0))
+        self._range = float(heights[on_top].min() / np.ptp(y, axis=1).max())
+        by_cell = ng.GridFunction(ng.L2(mesh, order=0))
         by_cell.vec.FV().NumPy()[:] = heights
         penalty = self._share * PENALTY * order**2 * case["young"] / by_cell
         edge = float(vertices[:, 1].max() - _NEAR * heights[on_top].min())
         self._fixed, self._moving, stiffness = self._forms(case, on_top, penalty, edge)
-        self._tangent = _Sum(self._np, stiffness, self._fixed, self._moving)
-        self._u = self._ng.GridFunction(self._space)
+        self._tangent = _Sum(stiffness, self._fixed, self._moving)
+        self._u = ng.GridFunction(self._space)
         self._residual, self._part, self._step, self._trial = (self._u.vec.CreateVector() for _ in range(4))
-        self._free = self._ng.Projector(self._space.FreeDofs(), True)
-        self._upwards = self._ng.GridFunction(self._space)
+        self._free = ng.Projector(self._space.FreeDofs(), True)
+        self._upwards = ng.GridFunction(self._space)
         self._upwards.components[1].Set(1.0)
         self._iterations = 0
 
@@ -98,11 +98,11 @@ class NitschePlate:
         return {
             "status": "solved" if solved else "not converged",
             "message": "" if solved else f"residual {residual:.1e} after {self._iterations} Newton steps",
-            "half_force": float(self._ng.InnerProduct(self._upwards.vec, self._residual)),
+            "half_force": float(ng.InnerProduct(self._upwards.vec, self._residual)),
             "unknowns": sum(self._space.FreeDofs()),
             "iterations": self._iterations,
             "residual": residual,
-            "version": self._ng.__version__,
+            "version": ng.__version__,
         }
 
     def _newton(self, steps: int, accuracy: float) -> float:
@@ -155,7 +155,7 @@ class NitschePlate:
 
     def _forms(self, case: dict[str, Any], on_top: Any, gamma: Any, edge: float) -> tuple[Any, Any, Any]:
         """The form above in cells away from the top, and in those below it; the stiffness of all. Plane stress."""
-        ng, theta = self._ng, self._theta
+        theta = self._theta
         u, v = self._space.TnT()
         shear = case["young"] / (2.0 * (1.0 + case["poisson"]))
         lame = case["young"] * case["poisson"] / (1.0 - case["poisson"] ** 2)
@@ -172,7 +172,7 @@ class NitschePlate:
         (txu, tyu), (txv, tyv) = ((stress(w)[0, 1], stress(w)[1, 1]) for w in (u, v))
         pull = tyu - gamma * (u[1] + case["displacement"])
         pressure = ng.IfPos(pull, 0.0, pull)
-        friction = _cut(ng, txu - gamma * u[0], -case["friction"] * pressure)
+        friction = _cut(txu - gamma * u[0], -case["friction"] * pressure)
         nitsche = (
             pressure * (theta / gamma * tyv - v[1]) + friction * (theta / gamma * txv - v[0])
             - theta / gamma * (txu * txv + tyu * tyv)
@@ -194,8 +194,8 @@ class NitschePlate:
 class _Sum:
     """Sum of a fixed and a moving matrix whose entries are among those of a third one."""
 
-    def __init__(self, np: Any, pattern: Any, fixed: Any, moving: Any) -> None:
-        self._np, self._form, self._fixed, self._moving = np, pattern, fixed, moving
+    def __init__(self, pattern: Any, fixed: Any, moving: Any) -> None:
+        self._form, self._fixed, self._moving = pattern, fixed, moving
         self._order: Any = None
 
     def matrix(self) -> Any:
@@ -210,7 +210,6 @@ class _Sum:
 
     def _places(self) -> tuple[Any, Any]:
         """Where the entries of the moving matrix are, and the values of the fixed one."""
-        np = self._np
         keys = self._keys(self._form.mat)
         order = np.argsort(keys)
         base = np.zeros(len(keys))
@@ -220,21 +219,20 @@ class _Sum:
     def _keys(self, matrix: Any) -> Any:
         """A number for the place of each entry."""
         rows, columns, _ = matrix.COO()
-        return self._np.array(rows, dtype=self._np.int64) * matrix.width + self._np.array(columns)
+        return np.array(rows, dtype=np.int64) * matrix.width + np.array(columns)
 
 
-def _cut(ng: Any, value: Any, bound: Any) -> Any:
+def _cut(value: Any, bound: Any) -> Any:
     """A value cut off at ± bound."""
     return ng.IfPos(value - bound, bound, ng.IfPos(-value - bound, -bound, value))
 
 
 def _mesh(vertices: Any, cells: Any, sides: dict[str, Any]) -> Any:
     """The mesh of a case, with straight edges by named side."""
-    np: Any = import_module("numpy")
     meshing: Any = import_module("netgen.meshing")
     mesh = meshing.Mesh(dim=2)
     mesh.AddPoints(np.column_stack([vertices, np.zeros(len(vertices))]))
     mesh.AddElements(dim=2, index=mesh.AddRegion("body", dim=2), data=cells.astype(np.int32), base=0)
     for name, edges in sides.items():
         mesh.AddElements(dim=1, index=mesh.AddRegion(name, dim=1), data=np.array(edges, dtype=np.int32), base=0)
-    return import_module("ngsolve").Mesh(mesh)
+    return ng.Mesh(mesh)
