@@ -305,6 +305,7 @@ _HERTZ: Final = "Hertz; half planes, a/R = "
 _DAM: Final = (10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0)  # weight, uplift and thrust [MN/m]
 _SEAM: Final = (15.24, 0.00981 * 33.0 * 40.0 / 2.0, 0.00981 * 33.0**2 / 2.0)  # the same of the dam on a seam
 _SLIDING: Final = (0.5 * (_SEAM[0] - _SEAM[1]) + 0.05 * 40.0) / _SEAM[2]
+_UPHILL: Final = 0.99 * (0.1 + 0.3) / (1.0 - 0.1 * 0.3)  # 0.99 of the push that moves the wedge, over its weight
 _EXTERNAL, _METHODS, _PUBLISHED = Kind.EXTERNAL, Kind.METHODS, Kind.PUBLISHED
 
 KNOWN: Final[dict[str, Table]] = {
@@ -497,8 +498,13 @@ KNOWN: Final[dict[str, Table]] = {
           for side, compare in (("lower", "at_most"), ("upper", "at_least"))),
         Known("share of the base that sticks", _share("base", "stick"), 1.0, 0.0, "rough enough"),
     ], degree=5),
-    "wedge": Table("A block pushed up a slope: NAFEMS CGS-4.",
-                   _both_sides("push", 1.0 / 0.99, "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied")),
+    "wedge": Table("A block pushed up a slope: NAFEMS CGS-4.", [
+        Known("N [MN/m]", "slope.normal_force", (1.0 + 0.1 * _UPHILL) / sqrt(1.01), 1e-9,
+              "(G + F tan α) cos α, balance"),
+        Known("T [MN/m]", "slope.tangential_force", (0.1 - _UPHILL) / sqrt(1.01), 1e-9,
+              "(G tan α - F) cos α, balance"),
+        *_both_sides("push", 1.0 / 0.99, "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied"),
+    ], [lambda answer, quick: two_models(quick, answer.result, "slope", 1e-9, 1e-2)]),
 }  # fmt: skip
 """Name of a problem file → what is known of it."""
 

@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 
 from comparisons.verification.rows import Check, Kind, Row, both, certified, certified_companion
-from qvi_contact import Contact, ContactLine, ContactProblem, ContactResult, ContactState, TriangleMesh
+from qvi_contact import Contact, ContactLine, ContactProblem, ContactResult, ContactState
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.bracket.parts import CellFields
 from qvi_contact.companion import CompanionContact, CompanionResult, solve_companion
 from qvi_contact.discretization.loads import EdgePoints
 from qvi_contact.element.legendre import gauss_legendre
@@ -21,7 +20,7 @@ from qvi_contact.exact import ExactState
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.solution.stress import cell_stresses, traction
+from qvi_contact.solution.stress import traction
 from qvi_contact.units import Units
 
 MM: Final = Units(length="mm", stress="MPa")
@@ -42,13 +41,6 @@ def plate_under(contact: Contact, cells: int, grading: float = 1.0) -> ContactPr
     plate = compressed_plate(1.0, (cells, cells), grading=grading)
     rest = [condition for condition in plate.conditions if not isinstance(condition, Contact)]
     return replace(plate, conditions=[*rest, contact])
-
-
-def halved(mesh: TriangleMesh) -> TriangleMesh:
-    """Every triangle cut into four."""
-    for _ in range(2):
-        mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
-    return mesh
 
 
 def scattered(result: ContactResult) -> tuple[FloatArray, FloatArray]:
@@ -76,15 +68,6 @@ def stress_deviation(result: ContactResult, exact: Stress) -> float:
     found = space.stress(known.coefficients(result.dofs), cells, t) * known.scales.stress
     wanted, twice = exact(x, y), weights[..., None] * np.array([1.0, 1.0, 2.0])
     return float(np.sqrt((twice * (found - wanted) ** 2).sum() / (twice * wanted**2).sum()))
-
-
-def energy_apart(one: ContactResult, other: ContactResult) -> float:
-    """|σ − τ| in the energy norm, of stresses of any degrees on one mesh [√energy]."""
-    fine, coarse = sorted((one, other), key=lambda result: -result.discretization.space.degree)
-    fields = CellFields.of(fine.discretization, fine.dofs, 1)
-    stress = cell_stresses(coarse.discretization, coarse.dofs, fields.t)[1] * coarse.discretization.scales.stress
-    apart, c = fields.stress - stress, fine.problem.compliances
-    return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, c, apart)))
 
 
 def degrees(line: ContactLine | CompanionContact) -> FloatArray:

@@ -5,7 +5,6 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "bounds": ("half_disc", "half_discs", "sheared_layer"),
         "curves": (
             "M", "NU", "OUTER", "ellipse", "kirsch", "kirsch_energy", "lame", "lame_energy", "sheet", "stretched",
             "zeta_of",
