@@ -14,7 +14,7 @@ import tempfile
 import numpy as np
 import pytest
 
-from comparisons import paper as room
+from comparisons.paper import study as room
 from tests.comparisons.conftest import command
 
 TABLE_1 = {0.0: "209.15", 0.05: "210.67", 0.1: "212.05", 0.15: "212.86", 0.2: "213.44", 0.25: "213.81", 0.3: "213.89"}
