@@ -17,7 +17,7 @@ from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
 from comparisons.lab.numbers import NOTHING, count, listing, percent, seconds, significant, span, spread
 from comparisons.lab.reports import Form, Report, crossed, render
 from comparisons.lab.studies import DONE, Row
-from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE, Backend
+from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.study import (
     COLD,
@@ -31,8 +31,7 @@ from comparisons.solvers.study import (
     UNTRUE,
     WARM,
 )
-from qvi_contact.plots import BLUE, GREY, VERMILLION
-from qvi_contact.plots.style import PURPLE, SKY, new_figure
+from qvi_contact.plots.style import new_figure
 from solvers.inner.registry import how_to_install
 
 if TYPE_CHECKING:
@@ -65,7 +64,6 @@ _NAMED: Final = 3  # solvers that are ranked
 _FACTORS: Final = ("solver", "task", *INSTANCE)
 _NUMBERS: Final = ("seconds", "spread", "limit", "accuracy")
 _WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
-_UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
@@ -248,7 +246,7 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
         "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
         "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
         **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
-        "warm": warm.assign(kept=[TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in warm.solver],
+        "warm": warm.assign(kept=[TABLE[solver].keeps or NOTHING for solver in warm.solver],
                             faster=[f"{each.below} of {each.number}" for each in warm.itertuples()]),
         "infeasible": crossed(hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form),
                               "solver", "column", _words),
@@ -290,10 +288,6 @@ def _words(runs: DataFrame) -> str:
 
 
 _RATIOS: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that the axis tells
-_BARS: Final[Mapping[str, tuple[str, str]]] = {
-    RIGHT: (BLUE, ""), UNTRUE: (VERMILLION, "////"), FALSE_ALARM: (PURPLE, "xxxx"), MODEST: (SKY, "...."),
-    GAVE_UP: ("#dddddd", ""), NO_ANSWER: (GREY, "\\\\\\\\"),
-}  # fmt: skip
 
 
 def profiles(runs: DataFrame) -> "Figure | None":
@@ -330,24 +324,6 @@ def profiles(runs: DataFrame) -> "Figure | None":
     return figure
 
 
-def truth(runs: DataFrame) -> "Figure | None":
-    """A bar for each solver: what became of its inner problems, as shares."""
-    told = told_by(runs)[[*_BARS]]
-    if told.empty:
-        return None
-    shares = told.div(told.sum(axis=1), axis=0).sort_index().sort_values(RIGHT, kind="stable")
-    figure = new_figure(8.0, 0.9 + 0.27 * len(shares))
-    axes = figure.subplots()
-    starts = shares.cumsum(axis=1) - shares
-    for outcome, (colour, hatch) in _BARS.items():
-        if shares[outcome].any():
-            axes.barh(shares.index, shares[outcome], left=starts[outcome], color=colour, hatch=hatch,
-                      edgecolor="white", linewidth=0.4, label=outcome)  # fmt: skip
-    axes.set(xlim=(0.0, 1.0), xlabel="share of the inner problems that have a solution [-]")
-    figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
-    return figure
-
-
 _FORMS: Final[Mapping[str, Form]] = {
     **dict.fromkeys(("share", "true", "within"), percent), FALSE_ALARM: count,
     **dict.fromkeys(("mean", "smallest", "largest"), partial(significant, digits=2)),
@@ -363,15 +339,12 @@ def report(rows: Sequence[Row]) -> Report:
         or "no option",
         tuple(LEVELS),
     )  # fmt: skip
-    given.insert(1, "what it is", [TABLE.get(solver, _UNKNOWN).remark for solver in given.solver])
+    given.insert(1, "what it is", [TABLE[solver].remark for solver in given.solver])
     lacking = [(name, f"python -m {how_to_install(name)}") for name in TABLE if name not in {*runs.solver, *METHODS}]
     settings = {
         "What every solver was asked for": given,
         "Not compared": DataFrame(lacking, columns=["solver", "how to get it"]),
     }
-    drawings = {
-        "truth-shares": drawn("truth-shares", partial(truth, runs)),
-        "profiles-inner": drawn("profiles-inner", partial(profiles, of_kind(runs, INNER))),
-    }
+    drawings = {"profiles-inner": drawn("profiles-inner", partial(profiles, of_kind(runs, INNER)))}
     return render("comparisons.solvers", "solvers", values_of(runs), tables_of(runs), drawings, rows, settings,
                   forms=_FORMS)  # fmt: skip
