@@ -12,7 +12,7 @@ __getattr__ = front(
     __name__,
     {
         "meshes": ("FAMILIES", "TRANSITIONS", "plain_mesh"),
-        "report": ("compared_of", "costs_of", "runs_of"),
+        "report": ("costs_of", "runs_of"),
         "study": ("BRACKET", "CODES", "MODELS", "NGSOLVE", "TRIANGLES", "plate", "run"),
     },
 )

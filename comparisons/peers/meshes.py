@@ -7,7 +7,7 @@ not known, or the whole contact sticks, meshes are graded to the corner alone.
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -31,13 +31,6 @@ _NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of 
 
 Lines: TypeAlias = tuple[FloatArray, FloatArray]
 """x and y of a grid of rectangles."""
-
-
-class Family(NamedTuple):
-    """Meshes of one kind by μ and level, and what they are; all but the adaptive ones are graded to both places."""
-
-    make: Callable[[float, int], Lines | TriangleMesh]
-    reading: str
 
 
 def plain_mesh(mesh: Lines | TriangleMesh) -> dict[str, Any]:
@@ -111,15 +104,12 @@ def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
     return np.where((ax * by < ay * bx)[:, None], cells[:, ::-1], cells)
 
 
-FAMILIES: Final[Mapping[str, Family]] = {
-    "strips": Family(_strips(0.5), "rectangles, each half as wide as the one before it towards corner and transition"),
-    "narrow strips": Family(
-        _strips(0.25), "rectangles, each a quarter as wide as the one before it towards corner and transition"
-    ),
-    "adaptive": Family(
-        lambda *_: TriangleMesh.rectangle((1, 1)),
-        "one square cut into two triangles, bisected by the code until P/2 is within 10^-(2.5 + level/2)",
-    ),
-    "bisected": Family(_bisected, "triangles, bisected again and again at corner and transition"),
+FAMILIES: Final[Mapping[str, Callable[[float, int], Lines | TriangleMesh]]] = {
+    "strips": _strips(0.5),
+    "narrow strips": _strips(0.25),
+    "adaptive": lambda *_: TriangleMesh.rectangle((1, 1)),
+    "bisected": _bisected,
 }
-"""Name → family."""
+"""Name → mesh by μ and level: rectangles, each half or a quarter as wide as the one before it towards corner and
+transition; a square of two triangles that the code bisects itself until P/2 is within 10^-(2.5 + level/2); triangles,
+bisected again and again at corner and transition."""

@@ -13,9 +13,6 @@ from qvi_contact.gallery import compressed_plate
 TOLERANCE: Final = 1e-8
 """That the certificate must confirm."""
 
-COULOMB: Final = "COULOMB"
-"""What is bracketed by bounds under Coulomb friction, beside the names of `BracketKind`."""
-
 
 def plate(
     case: dict[str, Any], degree: int | None = None, bracket: int | None = None, *, adaptive: bool = False
@@ -58,8 +55,7 @@ def _bounds(found: Bracket, unknowns: int) -> dict[str, Any]:
 
     "lower" and "upper" of P/2, None where P has no bounds; "width", half the gap of the energies over their mean, under
     friction that of the bounds of P/2; "strain_error", the bound of the stress's error in the energy norm, relative;
-    "guaranteed" for the problem that "kind" names, a `BracketKind` or `COULOMB`; "unknowns" of
-    stress and displacement together.
+    "guaranteed", whether they are for this problem; "unknowns" of stress and displacement together.
     """
     moved, coulomb = found.companion, found.coulomb
     of: Any = found if coulomb is None or not isfinite(coulomb.error) else coulomb
@@ -67,12 +63,12 @@ def _bounds(found: Bracket, unknowns: int) -> dict[str, Any]:
     lower, upper = (None, None) if force is None else (float(force.lower), float(force.upper))
     if coulomb is not None and of is coulomb:  # by the share of friction that is used
         width = None if lower is None or upper is None else (upper - lower) / (upper + lower)
-        failed, reason, kind = force is None, coulomb.message, COULOMB
+        failed, reason = force is None, coulomb.message
     else:  # by the two energies
-        width, kind = float(found.gap / abs(found.lower + found.upper)), found.kind.name
+        width = float(found.gap / abs(found.lower + found.upper))
         failed, reason = not isfinite(found.gap), " ".join(found.reasons) or found.message
     return {
         "half_force": None, "unknowns": unknowns + (0 if moved is None else int(moved.space.size)), "lower": lower,
         "upper": upper, "width": width, "strain_error": float(of.relative_error), "guaranteed": of.guaranteed,
-        "kind": kind, **({"status": "no bounds", "message": reason} if failed else {}),
+        **({"status": "no bounds", "message": reason} if failed else {}),
     }  # fmt: skip

@@ -116,6 +116,6 @@ def plate(friction: float, family: str, number: int) -> dict[str, Any]:
     (contact,) = (condition for condition in problem.conditions if isinstance(condition, Contact))
     gap: Any = contact.gap
     return {
-        **plain_mesh(FAMILIES[family].make(friction, number)), "number": number, "young": problem.material.young,
+        **plain_mesh(FAMILIES[family](friction, number)), "number": number, "young": problem.material.young,
         "poisson": problem.material.poisson, "displacement": -float(gap), "friction": friction,
     }  # fmt: skip

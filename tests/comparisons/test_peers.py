@@ -53,7 +53,7 @@ class TestOwnModels:
     def test_the_bracket_on_triangles_bounds_the_force_under_friction(self):
         case = room.plate(0.1, "bisected", 0)
         found = solved(room.BRACKET, case, degree=4, bracket=4)
-        assert (found["status"], found["guaranteed"], found["kind"]) == ("solved", True, "COULOMB")
+        assert (found["status"], found["guaranteed"]) == ("solved", True)
         assert found["lower"] < LIMIT[0.1] < found["upper"]
         assert found["width"] == pytest.approx((found["upper"] - found["lower"]) / (found["upper"] + found["lower"]))
         stress = solve(on_the_mesh(case), degree=4, tolerance=1e-8)
@@ -148,7 +148,7 @@ def test_costs_of_the_committed_run_are_those_of_its_rows():
     rows = committed("peers")
     runs, solved = room.runs_of(rows), [row for row in rows if row.result.get("status") == "solved"]
     assert (len(runs), runs.solved.sum()) == (len(rows), len(solved))
-    lines = room.compared_of(room.costs_of(runs)).query("target == 1e-8").set_index("friction")
+    lines = room.costs_of(runs).query("target == 1e-8").set_index("friction")
     for friction, (value, uncertainty) in LIMITS.items():
         times = [least(solved, friction, value, uncertainty, code) for code in (room.TRIANGLES, room.NGSOLVE)]
         assert lines.loc[friction, ["seconds_own", "seconds"]].tolist() == pytest.approx(times)
