@@ -12,7 +12,7 @@ from pandas import DataFrame
 
 from comparisons.benchmark.study import CHAINS, EVERY, FRICTION, PARTS, TOLERANCE, WAYS
 from comparisons.lab.drawing import LOOKS, drawn, grid
-from comparisons.lab.numbers import NOTHING, fixed, listing, memory, percent, scientific, seconds, significant, span
+from comparisons.lab.numbers import NOTHING, fixed, memory, percent, scientific, seconds, significant, span
 from comparisons.lab.numbers import spread as spread_of
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import DONE, Row
@@ -22,17 +22,11 @@ from qvi_contact.plots.style import new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ACCURACY_TARGETS: Final = ((1e-5, 0.1), (1e-6, 0.25), (1e-7, 0.6))
-"""Relative error of P/2 and the time [s] in which it should be reached, with one thread."""
+ACCURATE: Final = 1e-6
+"""Relative error of P/2 whose time is told."""
 
 MEANINGLESS: Final = 1e-9
 """Relative errors below this say nothing: so uncertain are the values of `LIMITS`."""
-
-LARGEST_RATIO: Final = {0.02: 20.0, 0.3: 45.0}
-"""Load of a wall → what a whole solve should take at most, in factorisations of K."""
-
-LARGEST_EXPONENT: Final = 1.3
-"""Of the solve of a wall, with its number of blocks."""
 
 Rows = Sequence[Row]
 
@@ -100,7 +94,7 @@ def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[
 
 
 def graded_of(rows: Rows) -> DataFrame:
-    """One line for each graded mesh and μ: the answer, median time and error, and which targets it meets."""
+    """One line for each graded mesh and μ: the answer, median time and error."""
     lines = [
         {**answer, "depth": row.case["mesh"][0], "degree": row.case["mesh"][1], "friction": row.case["friction"],
          "whole": _median(answer.get("seconds")), "runs": len(answer.get("seconds", ())),
@@ -108,15 +102,7 @@ def graded_of(rows: Rows) -> DataFrame:
         for row in rows for answer in [_answer(row)]
     ]  # fmt: skip
     numbers = ("depth", "degree", "friction", "unknowns", "half_force", "whole", "error", "runs")
-    found = _frame(lines, numbers, ("status", "message"))
-    met = [[target(each) for each in ACCURACY_TARGETS if error <= each[0] and whole <= each[1]]
-           for error, whole in zip(found.error, found.whole, strict=True)]  # fmt: skip
-    return found.assign(met=met)
-
-
-def target(found: tuple[float, float]) -> str:
-    """A target of accuracy in words."""
-    return f"{scientific(found[0], 1)} in {seconds(found[1])}"
+    return _frame(lines, numbers, ("status", "message"))
 
 
 def runs_of(rows: Rows) -> DataFrame:
@@ -158,10 +144,7 @@ def values_of(frames: Mapping[str, DataFrame]) -> dict[str, Any]:
     shown = solves[(solves.cells == solves.cells.max()) & solves.ratio_fastest.notna()]
     whole = growth[growth["to"] == growth["to"].max()]
     whole = whole[whole["from"] == whole["from"].min()]
-    targets = [
-        {"friction": mu, "met": sum(any(name in met for met in found.met) for name in map(target, ACCURACY_TARGETS))}
-        for mu, found in graded.groupby("friction", sort=False)
-    ]
+    accurate = graded[graded.error <= ACCURATE].groupby("friction", sort=False).whole.min()
     return {
         "tolerance": TOLERANCE, "problems": len(status), "solved": status.count("solved"),
         "largest": None if shown.empty else int(shown.cells.iloc[0]), "unknowns": shown.unknowns.max(),
@@ -169,7 +152,7 @@ def values_of(frames: Mapping[str, DataFrame]) -> dict[str, Any]:
         "library": next(iter(shown.library), None), "fastest": next(iter(shown.fastest), None),
         "growth": span(whole.power, _HUNDREDTHS),
         "span": None if whole.empty else (int(whole["from"].min()), int(whole["to"].max())),
-        "targets": targets, "all_targets": [*map(target, ACCURACY_TARGETS)], "meaningless": MEANINGLESS,
+        "accurate": ACCURATE, "times": accurate.to_dict(), "meaningless": MEANINGLESS,
         **_of_sequences(frames["sequences"]),
     }  # fmt: skip
 
@@ -200,7 +183,6 @@ _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys(("unknowns", "iterations", "runs", "contact_points", "blocks", "depth", "degree", "more"),
                     fixed(".0f")),
     **dict.fromkeys((*_POWERS.values(), "ratio_own", "ratio_fastest"), _HUNDREDTHS), "half_force": fixed(".8f"),
-    "met": listing,
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
     **dict.fromkeys(("half_force_error", "error"), _shown_error),
@@ -239,21 +221,16 @@ def walls_of(rows: Rows) -> DataFrame:
 def wall_report(rows: Rows) -> Report:
     """The report on walls.
 
-    Of each load with a target it tells the ratio, the exponent from the smallest to the largest wall, and the steepest
-    of neighbouring sizes.
+    Of each load it tells the ratio, and the exponent from the smallest to the largest wall, if there are several.
     """
     walls = walls_of(rows)
-    powers, targets = growth_of(walls, "load", "blocks", "size", ["solve"]), []
-    for load, most in LARGEST_RATIO.items():
-        pushed, ratio = powers[powers.load == load].solve, walls[walls.load == load].ratio.max()
-        if ratio == ratio:
-            exponents = {"exponent": pushed.iloc[-1], "steepest": pushed.max()} if len(pushed) else {}
-            targets.append({"load": load, "ratio": ratio, "most": most, **exponents})
-    values = {"targets": targets, "most": LARGEST_EXPONENT, "walls": len(walls),
+    powers = growth_of(walls, "load", "blocks", "size", ["solve"]).rename(columns={"solve": "power"})
+    loads = walls.groupby("load").ratio.max().to_frame("ratio").join(powers.groupby("load").power.last())
+    values = {"loads": loads.reset_index().to_dict("records"), "walls": len(walls),
               "solved": int((walls.status == "solved").sum())}  # fmt: skip
-    tables = {"walls": walls, "growth": powers.rename(columns={"solve": "power"})}
     forms = {**_FORMS, **dict.fromkeys(("from", "to"), fixed(".0f")), "ratio": fixed(".1f")}
-    return render("comparisons.benchmark", "benchmark-wall", values, tables, {}, rows, forms=forms, template="wall.md")
+    return render("comparisons.benchmark", "benchmark-wall", values, {"walls": walls, "growth": powers}, {}, rows,
+                  forms=forms, template="wall.md")  # fmt: skip
 
 
 def _picture(frames: Mapping[str, DataFrame], friction: float | None) -> "Figure | None":
