@@ -67,7 +67,7 @@ def ran(problems):
 
 DOCUMENT = ran({"number": sound})
 LONG = {
-    "bounds-slip", "bounds-refined", "loaded-pin", "plate-refined",
+    "bounds-slip", "bounds-refined", "loaded-pin",
     "slip-torque", "examples/lug", "examples/cyclic_shear", "examples/dam_on_seam", "examples/masonry_wall",
     "examples/shrink_fit", "examples/ssnv128", "examples/strip_footing", "table-1", "figures-2-to-5",
 }  # fmt: skip

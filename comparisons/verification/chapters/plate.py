@@ -114,16 +114,6 @@ def graded_equilibrium_model(p: int, quick: bool) -> Iterator[Row]:
         yield rows.relative(quantity, result.contacts["plate"].normal_force, settled)
 
 
-@PLATE("plate-refined", 5)
-def adaptive_equilibrium_model(p: int, quick: bool) -> Iterator[Row]:
-    """Stress elements on the mesh that `refine` makes for P/2 with a target of 1e-6."""
-    for friction in (0.25,) if quick else SETTLED:
-        start = compressed_plate(friction, (4, 4))
-        refined = refine(start, None, target=1e-6, quantity="plate.normal_force", degree=p)
-        rows = Check(certified(refined.result), SOURCE, 3e-6, Kind.EXTERNAL)
-        yield rows.relative(f"P/2, μ = {friction:g}, refined [{FORCE}]", refined.value, SETTLED[friction])
-
-
 @PLATE("plate-limits", 5)
 def limits_of_the_force(p: int, quick: bool) -> Iterator[Row]:
     """P/2 to eight digits: the triangles that `refine` makes for a target of 1e-8."""
