@@ -68,10 +68,10 @@ def test_every_picture_and_table_of_rows_belongs_to_a_report():
 def test_a_store_is_not_run_again_its_report_is_written_and_the_terminal_has_its_findings(tmp_path):
     study, store, out = wild.declared(("thin", "idle"), 2, 1), tmp_path / "store", tmp_path / "out"
     known = {tuple(row.case.items()): row for row in committed("wild")}
-    with writing(store, study) as opened:
+    with writing(store, study) as append:
         for case in study.cases:
             row = known[tuple(case.items())]
-            opened.append(case, Outcome(row.status, dict(row.result), row.reason, row.seconds), row.environment)
+            append(case, Outcome(row.status, dict(row.result), row.reason, row.seconds), row.environment)
     before = store.read_bytes()
     words = ("wild", "--each", "2", "--seed", "1", "--only", "thin", "idle", "--store", store, "--out", out)
     ended = command(*words)
