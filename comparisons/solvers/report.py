@@ -14,9 +14,9 @@ import numpy as np
 from pandas import DataFrame, Series, concat
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
-from comparisons.lab.numbers import NOTHING, count, listing, percent, seconds, significant, span, spread
+from comparisons.lab.numbers import NOTHING, count, listing, percent, seconds, significant, span
 from comparisons.lab.reports import Form, Report, crossed, render
-from comparisons.lab.studies import DONE, Row
+from comparisons.lab.studies import Row, frame_of
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.study import (
@@ -61,46 +61,26 @@ INSTANCE: Final = ("level", "problem", "form")
 """What solvers are compared on, task by task."""
 
 _NAMED: Final = 3  # solvers that are ranked
-_FACTORS: Final = ("solver", "task", *INSTANCE)
-_NUMBERS: Final = ("seconds", "spread", "limit", "accuracy")
 _WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a row, those without a result too.
 
-    The columns are solver, task, problem, form, level; seconds (median wall time [s]), spread (largest less smallest
-    time over the median), limit (wall time after which the case was ended [s]) and accuracy (smallest tolerance at
-    which the certificate passes), NaN where there is none; certified, whether the certificate passed at the level's
-    tolerance, or where there is no solution, whether that was said; status, what was said last; a number of problems
-    for each outcome; options, which the solver was given, None without an answer; feasible, whether there is a
-    solution; time of a success.
+    The columns are those of `frame_of`, with status, what was said last, and seconds, the median wall time [s];
+    certified, whether the certificate passed at the level's tolerance, or where there is no solution, whether that was
+    said; a number of problems for each outcome; feasible, whether there is a solution; time of a success.
     """
-    lines = []
-    for row in rows:
-        line = {name: row.case[name] for name in _FACTORS} | {"limit": row.environment.get("timeout_seconds")}
-        if row.status != DONE:
-            lines.append({**line, "certified": False, "status": row.status, NO_ANSWER: 1})
-            continue
-        found, times = row.result, row.result["seconds"]
-        right = row.certificate["passed"] if row.certificate else set(found["outcomes"]) == {RIGHT}
-        told = {name: found.get(name) for name in ("status", "options", "accuracy")}
-        lines.append(
-            {
-                **line,
-                **told,
-                **found["outcomes"],
-                "certified": right,
-                "seconds": statistics.median(times),
-                "spread": spread(times),
-            }
-        )
-    frame = DataFrame(lines, columns=[*_FACTORS, *_NUMBERS, *OUTCOMES, "certified", "status", "options"])
-    frame = frame.astype({**dict.fromkeys((*_NUMBERS, *OUTCOMES), float), "certified": bool})
-    frame[[*OUTCOMES]] = frame[[*OUTCOMES]].fillna(0).astype(int)
-    frame["feasible"] = np.array([PROBLEMS[name].feasible for name in frame.problem], dtype=bool)
-    frame["time"] = frame.seconds.where(frame.certified)
-    return frame
+    runs = frame_of(rows, (), ("seconds", "options"))
+    told = DataFrame([row.result.get("outcomes", {NO_ANSWER: 1}) for row in rows], columns=[*OUTCOMES])
+    runs[[*OUTCOMES]] = told.fillna(0).astype(int)
+    runs["certified"] = [
+        bool(row.certificate["passed"]) if row.certificate else set(row.result.get("outcomes", ())) == {RIGHT}
+        for row in rows
+    ]
+    runs["seconds"] = runs.seconds.map(statistics.median, na_action="ignore").astype(float)
+    runs["feasible"] = [PROBLEMS[name].feasible for name in runs.problem]
+    return runs.assign(time=runs.seconds.where(runs.certified))
 
 
 def of_kind(runs: DataFrame, kind: str) -> DataFrame:
