@@ -90,7 +90,7 @@ def _judged(result: ContactResult, degree: int) -> dict[str, Any]:
         other = solve(result.discretization, initial=result, **once)
         ended = other.status.value
         if other.has_state and other.history and other.history[0].inner_status is Status.SOLVED:
-            beside, ended = compare(result, other, degree), "compared"
+            beside, ended = compare(result, other), "compared"
             distance = beside.distance
             if beside.differs:
                 errors.append(f"{SECOND} is {distance:.1e} away, with {beside.gain:.1e} less energy")
