@@ -111,20 +111,20 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     """
     cells, count, backend = case["cells"], repetitions(case["cells"]), case["sparse"]
     settings = {"method": "condensed", "factorisation": backend, "threads": _THREADS}
-    _attempt(lambda: _solved(_plate(0.2, _WARM_UP), settings))
+    _solved(_plate(0.2, _WARM_UP), settings)
     imports, peak, K = peak_memory(), None, None
     solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}
     plain: dict[str, list[dict[str, Any]]] = {}
     for turn in range(count):
         for mu, found in solves.items():
-            found.append(_attempt(partial(_whole, cells, mu, settings)))
+            found.append(_whole(cells, mu, settings))
             measured = found[-1].pop("peak", None)
             peak = peak or measured
         if K is None:  # after the first solve, whose peak memory counts
             K = discretize(_plate(0.2, cells)).qvi.K
         for name in available_backends():
             if turn == 0 or name == backend or cells <= _REPETITIONS[0][0]:
-                plain.setdefault(name, []).append(_attempt(partial(_factorised, K, name)))
+                plain.setdefault(name, []).append(_factorised(K, name))
     return {
         "solves": [{"friction": mu, **_together(found)} for mu, found in solves.items()],
         "plain": [{"backend": name, **_together(found)} for name, found in plain.items()],
@@ -135,17 +135,7 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
 def _together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The first repetition that went wrong, or the last one, with the times of all."""
     shown = next((each for each in found if each["status"] not in ("solved", "done")), found[-1])
-    parts = dict.fromkeys(part for each in found for part in each["seconds"])
-    times = {part: [each["seconds"][part] for each in found if part in each["seconds"]] for part in parts}
-    return {**shown, "seconds": times}
-
-
-def _attempt(measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """The measurement, or the error that ended it."""
-    try:
-        return measure()
-    except Exception as error:
-        return {"status": "error", "message": f"{type(error).__name__}: {error}", "seconds": {}}
+    return {**shown, "seconds": {part: [each["seconds"][part] for each in found] for part in shown["seconds"]}}
 
 
 def _plate(friction: float, cells: int) -> ContactProblem:

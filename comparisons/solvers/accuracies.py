@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from qvi_contact.errors import InputError
 from solvers import available
 
 LEVELS: Final[Mapping[str, float]] = MappingProxyType({"low": 1e-3, "mid": 1e-6, "high": 1e-9})
@@ -109,18 +108,8 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
 
 
 def options(solver: str, level: str) -> Options:
-    """Options of a solver at a level, by its own names.
-
-    Raises
-    ------
-    InputError
-        If the table does not have it.
-
-    """
-    try:
-        return TABLE[solver].levels[level]
-    except KeyError:
-        raise InputError("solver", f"{solver}, {level}", f"choose one of {', '.join(TABLE)}") from None
+    """Options of a solver of the table at a level, by its own names."""
+    return TABLE[solver].levels[level]
 
 
 def installed() -> tuple[str, ...]:

@@ -62,9 +62,6 @@ CYLINDER: Final = (358.536, 0.62146)
 HALF_DISCS: Final = (9.351351, 0.680778, 0.496511)
 """The same of `gallery.half_discs`, and Cattaneo's half-width that sticks [mm]."""
 
-TANGENTIAL_FORCE: Final = -1.40535e6
-"""Of SSNV128 [N/m], by biquadratic displacement elements with nodal contact; ± 5."""
-
 
 def read_example(name: str) -> ProblemFile:
     """The problem file of this name; `InputError` outside of a checkout."""
@@ -446,7 +443,7 @@ KNOWN: Final[dict[str, Table]] = {
     ], [partial(_by_displacements, contact="fit", tolerance=1e-3)], degree=5),
     "ssnv128": Table("SSNV128 on 32 × 32 cells.", [
         Known("N [Pa m]", "base.normal_force", 2e6, 1e-9, "p a, balance"),
-        Known("T [Pa m]", "base.tangential_force", TANGENTIAL_FORCE, 2e-3, "biquadratic displacement elements; ± 5 N/m",
+        Known("T [Pa m]", "base.tangential_force", -1.40535e6, 2e-3, "biquadratic displacement elements; ± 5 N/m",
               _EXTERNAL),
         Known("u_x at point A [m]", _line("base", lambda line: value_at(line, line.slip, 0.0)), 2.86e-5, 0.05,
               f"{SSNV128}; ± 5 %", _PUBLISHED),

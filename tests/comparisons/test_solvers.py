@@ -7,7 +7,6 @@ import pytest
 
 from comparisons.solvers import accuracies, problems, study
 from comparisons.solvers import report as room
-from qvi_contact import InputError
 from solvers import Status, available, solve_qvi
 from solvers.inner import BackendFailure, attempt, make_inner
 from tests.comparisons.conftest import row
@@ -107,10 +106,6 @@ class TestAccuracies:
         qvi = problems.instance("plate_4").qvi
         whole = solve_qvi(qvi, method="fixed-point", inner="qp:osqp", inner_options=given, max_iterations=2)
         assert {entry.inner_iterations for entry in whole.history} == {1}
-
-    def test_a_solver_that_is_not_in_the_table_is_refused(self):
-        with pytest.raises(InputError, match="qp:clarabel"):
-            accuracies.options("qp:nobody", "mid")
 
 
 class TestProblems:

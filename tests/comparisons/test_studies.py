@@ -18,7 +18,7 @@ from comparisons.benchmark import study
 from comparisons.cli import group
 from comparisons.lab.commands import Experiment
 from comparisons.lab.reports import Report
-from comparisons.lab.studies import Study, read_csv, write_csv, writing
+from comparisons.lab.studies import read_csv, write_csv, writing
 from comparisons.solvers import accuracies
 from comparisons.solvers import study as solvers
 from comparisons.wild import study as wild
@@ -181,14 +181,6 @@ class TestRun:
         assert graded.error.max() < 3e-6
         assert (chains.solved == chains.planned).all()
         assert not (chains.force > 1e-8).any()
-
-    def test_an_error_is_a_record(self):
-        case = {"cells": 1, "friction": [0.2], "sparse": "nothing"}
-        (found,) = rows_of(Study("wrong", 1, f"{TASK}:solve_whole", [case]))
-        (record,) = found.result["solves"]
-        assert (record["status"], record["seconds"]) == ("error", {})
-        assert "'nothing'" in record["message"]
-        assert {each["status"] for each in found.result["plain"]} == {"done"}
 
 
 class TestNumbers:

@@ -131,22 +131,8 @@ def limits_of_the_force(p: int, quick: bool) -> Iterator[Row]:
         yield rows.at_most(quantity.format("largest"), max(ratios), 3.0, LIMITS_SOURCE)
 
 
-@PLATE("plate-between", 4, 5)
-def between_slip_and_stick(p: int, quick: bool) -> Iterator[Row]:
-    """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
-    cells, grading = _GRADED
-    tied = solve(plate_under(_TIED, cells, grading), degree=p)
-    for friction in (0.1, 0.5) if quick else (0.05, 0.1, 0.2, 0.5):
-        result = solve(compressed_plate(friction, (cells, cells), grading=grading), degree=p)
-        rows = Check(certified(result, tied), "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|", 1e-7)
-        quantity, force = f"P/2, μ = {friction:g} [{FORCE}]", result.contacts["plate"].normal_force
-        yield rows.at_least(quantity, force, 209.0, "E U")
-        yield rows.at_most(quantity, force, tied.contacts["plate"].normal_force, "P_tied on the same mesh")
-
-
 _DISPLACEMENT: Final = 1e-3
 _SMOOTH: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
-_TIED: Final = Contact.tied("top", gap=-_DISPLACEMENT, name="plate")
 
 
 @ENERGIES("companion-force", 4)
