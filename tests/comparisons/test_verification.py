@@ -149,12 +149,12 @@ class TestManual:
             assert (table[1][5], "<cells" in pages[1]) == (REASON, False)
 
     def test_names_choose_chapters_and_problems(self):
-        chosen = room.choose(["ssnv128", "units"])
+        chosen = room.choose(["ssnv128", "descriptions"])
         assert {chapter: len(problems) for chapter, problems in chosen.items()} == {"ssnv128": 3, "invariance": 1}
         assert room.choose([]) == room.CHAPTERS
-        for name in ("ssnv129", "", "Units"):
+        for name in ("ssnv129", "", "Descriptions"):
             with pytest.raises(InputError, match="ssnv128") as caught:
-                room.choose(["units", name])
+                room.choose(["descriptions", name])
             assert caught.value.field == "--only"
 
     def test_without_matplotlib_there_is_no_picture_and_equal_data_make_equal_files(self, without, tmp_path):
