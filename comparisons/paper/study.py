@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from pandas import DataFrame
 
-from comparisons.lab.drawing import drawn, grid, legend_below
+from comparisons.lab.drawing import drawn, grid
 from comparisons.lab.numbers import fixed
 from comparisons.lab.reports import Form, Report, render
 from comparisons.paper.reference import Reference, load
@@ -20,7 +20,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.basics.writing import write_text
 from qvi_contact.paper import QuarterPlate
-from qvi_contact.plots import BLUE, GREY, VERMILLION
+from qvi_contact.plots import BLUE, VERMILLION
 from qvi_contact.plots.style import lines, new_figure
 from solvers import QVISolution, Status, solve_qvi
 
@@ -211,33 +211,6 @@ def _crosses(axes: "Axes", points: FloatArray, stress: FloatArray, spacing: Floa
         axes.add_collection(EllipseCollection(size, size, np.zeros_like(size), **look, **dots))
 
 
-def contact_tractions(study: PaperStudy) -> "Figure":
-    """Converged pressure, friction bound and tangential traction on the contact, and the share of the bound used."""
-    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2, 0.3)]
-    figure = new_figure(13.0, 6.0)
-    axes, along = figure.subplots(2, len(chosen), sharex=True, sharey="row"), np.linspace(0.0, 1.0, 101)
-    for (upper, lower), row in zip(axes.T, chosen, strict=True):
-        # one curve that is broken between edges, where tractions may jump
-        edges = row.plate.tractions(row.condensed.z, along)
-        x, normal, shear = (np.pad(part, ((0, 0), (0, 1)), constant_values=np.nan).ravel() for part in edges)
-        upper.plot(x, -normal, color=GREY, label="pressure $-\\sigma_N$")
-        upper.plot(x, row.friction * np.abs(normal), color=BLUE, linestyle="--", label="bound $\\mu|\\sigma_N|$")
-        upper.plot(x, np.abs(shear), color=VERMILLION, linestyle=":", label="$|\\sigma_T|$")
-        upper.set_title(f"μ = {row.friction:g}")
-        upper.set_ylim(bottom=0.0, auto=None)
-        x, normal, shear = (part.ravel() for part in row.plate.tractions(row.condensed.z))
-        lower.axhline(1.0, color=BLUE, linestyle="--", linewidth=1.0)
-        used = np.abs(shear / (row.friction * normal))
-        lower.plot(x, used, color=VERMILLION, linestyle=":", marker="o", markersize=3)
-        lower.set_ylim(0.0, 1.1)
-        lower.set_xlabel("x [length]")
-    axes[0, 0].set_ylabel("traction [MPa]")
-    axes[1, 0].set_ylabel("$|\\sigma_T|$ / bound [-]")
-    legend_below(figure, 9, 9)
-    figure.suptitle("Contact tractions, converged, and the share of the friction bound used at the Gauss points")
-    return figure
-
-
 def table_1(study: PaperStudy) -> "Figure":
     """Table 1 as a picture: printed forces, Uzawa after the same iterations, the solution."""
     figure = new_figure(6.4, 4.4)
@@ -263,7 +236,6 @@ TABLES: Final = {"table_1.csv": table_rows, "figures_2_to_5.csv": figure_rows}
 PICTURES: "Final[Mapping[str, Callable[[PaperStudy], Figure]]]" = {
     "table-1": table_1,
     "figures-2-to-5": principal_stresses,
-    "contact-tractions": contact_tractions,
 }
 
 _FORMS: Final[dict[str, Form]] = {
