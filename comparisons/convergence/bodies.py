@@ -4,7 +4,6 @@ plate       the paper's quarter plate with the paper's elements (`paper.plate`);
 ssnv128     Code_Aster's SSNV128 on triangles, with the law at Gauss points; opens, slips and sticks, hard from μ = 2 on
 block       a block on such triangles, under the pressure p = 1, dragged by uniform shear T = 0.1: carried where μ > 0.1
 contacts    no mesh: unknowns are the tractions of 8 points themselves, with an answer and a contraction known exactly
-three       no mesh: one point with three solutions at μ = 2 (open, stick, slip)
 
 **Contacts.** z = (p, t), σ_N = −p, σ_T = t, K = [[I, C], [C, I]], C = Q diag(c) Qᵀ with orthonormal cosine vectors Q
 and c = 0.8, 0.7, …, 0.1. For any pressures p* > 0 and push q* > 0 the loads
@@ -37,12 +36,12 @@ PLACE: Final = ["problem", "cells", "friction"]
 """What names a problem that is ready to be solved, see `body`."""
 
 NAMES: Final = {
-    "contacts": "8 contacts", "block": "dragged block", "ssnv128": "SSNV128", "three": "1 contact",
+    "contacts": "8 contacts", "block": "dragged block", "ssnv128": "SSNV128",
 }  # fmt: skip
 """Problem → what it is called in texts, if that is another word."""
 
 POINTS: Final = 8
-"""Points of the problems without a mesh, but for "three"."""
+"""Points of the problem without a mesh."""
 
 COUPLINGS: Final = np.arange(POINTS, 0, -1) / 10.0
 """Eigenvalues c of the coupling of "contacts"."""
@@ -93,23 +92,10 @@ def contacts(friction: float) -> FrictionQVI:
     )  # fmt: skip
 
 
-STATES: Final = {"open": (0.0, 0.0), "stick": (17 / 9, -32.5 / 9), "slip": (5 / 3, -10 / 3)}
-"""(r_N, r_T) of the three solutions of `three_solutions` at μ = 2, by hand: 17/9 = 1.8889, −32.5/9 = −3.6111."""
-
-
-def three_solutions(friction: float) -> FrictionQVI:
-    """One point, u = W r + q with r = (r_N, r_T), W = [[1, 0.8], [0.8, 1]], q = (1, 2.1)."""
-    zero, one = np.zeros(1), np.ones(1)
-    return FrictionQVI.from_arrays(
-        K=csc_array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([-1.0, -2.1]), N=csc_array([[-1.0, 0.0]]), n0=zero,
-        T=csc_array([[0.0, 1.0]]), t0=zero, mu=friction * one, W=one,
-    )  # fmt: skip
-
-
 def body(problem: str, cells: int, friction: float) -> Body:
     """Build a problem by its name; `cells` a side (height), 0 where there is no mesh."""
-    if problem in ("contacts", "three"):
-        return Body(contacts(friction) if problem == "contacts" else three_solutions(friction))
+    if problem == "contacts":
+        return Body(contacts(friction))
     if problem == "plate":
         plate = paper.plate(friction, (cells, cells))
         return Body(plate.qvi, plate.stress_unit * plate.length_unit, plate.displacement)
