@@ -15,10 +15,9 @@ errors by −μ C: its contraction is 0.8 μ, that damped by θ is max |1 − θ
 """
 
 import time
-from dataclasses import dataclass
 from functools import lru_cache
 from statistics import median
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from scipy.fft import dct
@@ -49,16 +48,10 @@ COUPLINGS: Final = np.arange(POINTS, 0, -1) / 10.0
 _PUSH: Final = 0.1 + 0.05 * np.sin(1.0 + np.arange(POINTS) ** 2)  # has a share of every mode
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A problem ready to be solved.
+class Body(NamedTuple):
+    """A problem ready to be solved, dimensionless, and its units, 1 without a mesh.
 
-    Attributes
-    ----------
-    qvi : the problem, dimensionless
-    force : unit of resultants [stress × length]; 1 without a mesh
-    displacement : unit of displacements [length]; 1 without a mesh
-
+    They are those of resultants [stress × length] and of displacements [length].
     """
 
     qvi: FrictionQVI
@@ -105,17 +98,12 @@ def body(problem: str, cells: int, friction: float) -> Body:
     return Body(discretization.qvi, scales.stress * scales.length, scales.displacement)
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """A problem with its solution by the condensed method."""
+class Reference(NamedTuple):
+    """A problem with its solution by the condensed method, and the resultant of σ_N of that, dimensionless."""
 
     body: Body
     solution: QVISolution
-
-    @property
-    def resultant(self) -> float:
-        """Of σ_N, dimensionless."""
-        return self.body.qvi.resultant(self.solution.z)
+    resultant: float
 
 
 @lru_cache(maxsize=8)
@@ -125,7 +113,7 @@ def reference(problem: str, cells: int, friction: float) -> Reference:
     solution = solve_qvi(found.qvi, method="condensed", tolerance=1e-9)
     if not solution.solved:
         raise ArithmeticError(f"no reference: {solution.message}")
-    return Reference(found, solution)
+    return Reference(found, solution, found.qvi.resultant(solution.z))
 
 
 # Solves of the studies of loops: how long they take, what rows keep of how they ended, and frames of these rows.

@@ -1,6 +1,6 @@
 """How loops over the friction bound converge: problems × meshes × μ × loops, their residuals; and the report."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
@@ -94,15 +94,13 @@ _ROUNDING: Final = 1e-12  # residuals below this are
 
 def study(quick: bool) -> Study:
     """The study, or a few coarse meshes of it."""
-    return Study("convergence-outer", 3, "comparisons.convergence.outer:run", [*cases(QUICK if quick else FULL)])
-
-
-def cases(meshes: Meshes, loops: Sequence[str] = tuple(LOOPS)) -> Iterator[dict[str, Any]]:
-    """All loops from the bonded state."""
-    for (problem, cells), frictions in meshes.items():
-        for friction in frictions:
-            for loop in loops:
-                yield {"problem": problem, "cells": cells, "friction": friction, "loop": loop}
+    cases = [
+        {"problem": problem, "cells": cells, "friction": friction, "loop": loop}
+        for (problem, cells), frictions in (QUICK if quick else FULL).items()
+        for friction in frictions
+        for loop in LOOPS
+    ]
+    return Study("convergence-outer", 3, "comparisons.convergence.outer:run", cases)
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
