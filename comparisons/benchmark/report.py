@@ -52,32 +52,27 @@ def _error(half_force: float | None, friction: float) -> float:
 
 
 def solves_of(rows: Rows) -> DataFrame:
-    """One line for each number of cells and μ: the answer, medians of times, and ratios of these.
+    """One line for each number of cells and μ: the answer, medians of times, and the solve over one factorisation of K.
 
-    Own is one factorisation of K by the same library, fastest the fastest one measured beside the solve. Memory is the
-    peak of the process after the first solve, more what that is above the one before it, by unknown [bytes].
+    That is the fastest one measured beside the solve. Memory is the peak of the process after the first solve.
     """
     lines = []
     for row in rows:
-        plain = {each["backend"]: _median(each["seconds"].get("plain")) for each in row.result.get("plain", ())}
-        known = {backend: time for backend, time in plain.items() if time is not None}
-        fastest = min(known, key=lambda backend: known[backend], default=None)
+        plain = {each["backend"]: _median(each["seconds"]["plain"]) for each in row.result.get("plain", ())}
+        fastest = min(plain, key=lambda backend: plain[backend] or math.inf, default="")
         lost = [{"friction": mu, **_answer(row)} for mu in row.case["friction"]]
         for found in row.result.get("solves", lost):
-            times, peak = found.get("seconds", {}), row.result.get("peak")
+            times = found.get("seconds", {})
             lines.append({
                 **found, **{part: _median(times.get(part)) for part in PARTS}, "cells": row.case["cells"],
-                "spread": spread_of(times.get("solve", ())), "own_factorisation": known.get(row.case["sparse"]),
-                "fastest": fastest, "fastest_factorisation": known.get(fastest or ""), "peak": peak,
+                "spread": spread_of(times.get("solve", ())), "peak": row.result.get("peak"), "fastest": fastest,
+                "factorised": plain.get(fastest),
                 "half_force_error": _error(found.get("half_force"), found["friction"]),
-                "more": (peak - row.result["imports"]) / found["unknowns"] if peak and "unknowns" in found else None,
             })  # fmt: skip
     numbers = ("cells", "friction", "unknowns", "iterations", "accuracy", "half_force", "half_force_error", *PARTS,
-               "spread", "own_factorisation", "fastest_factorisation", "peak", "more")  # fmt: skip
+               "spread", "factorised", "peak")  # fmt: skip
     solves = _frame(lines, numbers, ("status", "message", "library", "fastest"))
-    time = solves.solve.where(solves.status == "solved")
-    ratios = {name: time / solves[f"{name}_factorisation"] for name in ("own", "fastest")}
-    return solves.assign(**{f"ratio_{name}": ratio for name, ratio in ratios.items()})
+    return solves.assign(ratio=(solves.solve / solves.factorised).where(solves.status == "solved"))
 
 
 def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[str]) -> DataFrame:
@@ -133,22 +128,21 @@ def runs_of(rows: Rows) -> DataFrame:
 
 _PLAIN: Final = ("cells", "backend", "version", "numeric", "plain", "message")
 _HUNDREDTHS: Final = fixed(".2f")
-_POWERS: Final = {"solve": "power", "whole": "power_with_assembly", "own_factorisation": "power_own",
-                  "fastest_factorisation": "power_fastest"}  # fmt: skip
+_POWERS: Final = {"solve": "power", "factorised": "power_factorised"}
 
 
 def values_of(frames: Mapping[str, DataFrame]) -> dict[str, Any]:
     """The numbers of the report's sentences."""
     solves, graded, growth = frames["solves"], frames["graded"], frames["growth"]
     status = [*solves.status, *graded.status]
-    shown = solves[(solves.cells == solves.cells.max()) & solves.ratio_fastest.notna()]
+    shown = solves[(solves.cells == solves.cells.max()) & solves.ratio.notna()]
     whole = growth[growth["to"] == growth["to"].max()]
     whole = whole[whole["from"] == whole["from"].min()]
     accurate = graded[graded.error <= ACCURATE].groupby("friction", sort=False).whole.min()
     return {
         "tolerance": TOLERANCE, "problems": len(status), "solved": status.count("solved"),
         "largest": None if shown.empty else int(shown.cells.iloc[0]), "unknowns": shown.unknowns.max(),
-        "ratios": span(shown.ratio_fastest, _HUNDREDTHS), "seconds": span(shown.whole, seconds),
+        "ratios": span(shown.ratio, _HUNDREDTHS), "seconds": span(shown.whole, seconds),
         "library": next(iter(shown.library), None), "fastest": next(iter(shown.fastest), None),
         "growth": span(whole.power, _HUNDREDTHS),
         "span": None if whole.empty else (int(whole["from"].min()), int(whole["to"].max())),
@@ -178,11 +172,11 @@ def _shown_error(value: float | None) -> str:
 
 
 _FORMS: Final[dict[str, Form]] = {
-    **dict.fromkeys((*PARTS, "numeric", "plain", "own_factorisation", "fastest_factorisation"), seconds),
+    **dict.fromkeys((*PARTS, "numeric", "plain", "factorised"), seconds),
     **dict.fromkeys(("friction", "load"), fixed("g")), "peak": memory, "accuracy": scientific, "spread": percent,
-    **dict.fromkeys(("unknowns", "iterations", "runs", "contact_points", "blocks", "depth", "degree", "more"),
+    **dict.fromkeys(("unknowns", "iterations", "runs", "contact_points", "blocks", "depth", "degree"),
                     fixed(".0f")),
-    **dict.fromkeys((*_POWERS.values(), "ratio_own", "ratio_fastest"), _HUNDREDTHS), "half_force": fixed(".8f"),
+    **dict.fromkeys((*_POWERS.values(), "ratio"), _HUNDREDTHS), "half_force": fixed(".8f"),
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
     **dict.fromkeys(("half_force_error", "error"), _shown_error),
@@ -243,7 +237,7 @@ def _picture(frames: Mapping[str, DataFrame], friction: float | None) -> "Figure
     solved = solves[(solves.friction == friction) & (solves.status == "solved")]
     lines = [
         ("whole solve", solved.unknowns, solved.solve),
-        ("one plain factorisation, fastest", solved.unknowns, solved.fastest_factorisation),
+        ("one plain factorisation, fastest", solved.unknowns, solved.factorised),
     ]
     beside = [(f"graded meshes, μ = {mu:g}", found.whole, found.error) for mu, found in graded.groupby("friction")]
     figure = new_figure(11.0, 4.8)

@@ -107,12 +107,12 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
 
     "solves" has an entry for each μ, see `_whole`, "plain" one for each back end, see `_factorised`; their "seconds"
     are the times of all repetitions, of which other back ends on large meshes have one. "peak" is
-    the largest resident memory [bytes] after the first solve, "imports" before it.
+    the largest resident memory [bytes] after the first solve.
     """
     cells, count, backend = case["cells"], repetitions(case["cells"]), case["sparse"]
     settings = {"method": "condensed", "factorisation": backend, "threads": _THREADS}
     _solved(_plate(0.2, _WARM_UP), settings)
-    imports, peak, K = peak_memory(), None, None
+    peak, K = None, None
     solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}
     plain: dict[str, list[dict[str, Any]]] = {}
     for turn in range(count):
@@ -128,7 +128,7 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "solves": [{"friction": mu, **_together(found)} for mu, found in solves.items()],
         "plain": [{"backend": name, **_together(found)} for name, found in plain.items()],
-        "peak": peak, "imports": imports,
+        "peak": peak,
     }  # fmt: skip
 
 
