@@ -3,6 +3,7 @@
 What an experiment runs and reports is a `Plan`; the name of the function is that of the command and of the report.
 """
 
+import os
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -40,7 +41,7 @@ def paper(out: Path) -> None:
     """Recompute Table 1 and Figures 2-5 of Więckowski (1992), and compare them with the converged solution.
 
     The seven problems are solved by the paper's Uzawa iteration, for its 30 iterations and to convergence, by the fixed
-    point with quadratic and with second-order cone programs, and by the condensed method.
+    point with quadratic and with second-order cone programs, and by every installed solver.
     """
     from comparisons.lab.studies import progress
     from comparisons.paper import study
@@ -193,28 +194,37 @@ convergence_uzawa = _command(
 )  # fmt: skip
 
 
-@experiment(timeout=300.0, short_help="Accuracy and cost beside a displacement code.")
+@experiment(timeout=300.0, short_help="Accuracy and cost beside displacement codes.")
 @click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.2, 0.1, 0.05, 1.0), show_default=True,
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
+@click.option("--cells", type=COUNT, multiple=True, default=(8, 16, 32), show_default=True,
+              help="Cells along a side of equal and of corner-graded meshes; may take several numbers.")  # fmt: skip
 @click.option("--levels", type=click.IntRange(1, LEVELS), default=LEVELS, show_default=True,
-              help="Number of meshes of each kind.")  # fmt: skip
+              help="Number of meshes graded to the corner and to the end of the stick zone.")  # fmt: skip
 @click.option("--repeat", type=COUNT, default=5, show_default=True,
               help="Largest number of repetitions within 5 s.")  # fmt: skip
-def peers(friction: tuple[float, ...], levels: int, repeat: int) -> Plan:
-    """Compare the force of the compressed plate with that of a displacement code, NGSolve, for its cost.
+@click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
+def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repeat: int, getfem: str | None) -> Plan:
+    """Compare the force of the compressed plate with that of displacement codes, for its cost.
 
-    NGSolve takes Nitsche's method with degrees 2 to 6, this package triangles of degree 3 to 6. Its stresses and
-    displacements together also bound the force, under slip too. Meshes are graded to the free corner and to the end of
-    the stick zone. Measured are force, unknowns, time and memory, each case in a process of its own, on one thread.
-    Without `python -m pip install ngsolve` it compares this package's own.
+    The codes are NGSolve (Nitsche's method, degrees 2 to 6), GetFEM (its contact brick, degrees 2 to 4), and this
+    package on triangles of degree 3 to 6. Its stresses and displacements together also bound the force, under slip too.
+
+    The meshes have equal cells, cells graded to the free corner, and cells graded to the corner and to the end of the
+    stick zone. Measured are force, unknowns, time and memory. Each case runs in a process of its own, on one thread.
+    For a code that is not installed the report says how to get it. On a cluster the environment variable
+    PYTHON_WITH_GETFEM of each worker names its Python for GetFEM.
 
     \b
-    Example:
-        python -m comparisons peers --friction 0.2 --levels 3 --store small.sqlite --out results/small
+    Examples:
+        python -m comparisons peers --getfem /usr/bin/python3
+        python -m comparisons peers --friction 0.2 --cells 8 16 --levels 3 --store small.sqlite --out results/small
     """  # noqa: D301
     from comparisons.peers import report, study
 
-    return Plan([study.peers_study(friction, repeat, levels)], report.report)
+    if getfem is not None:
+        os.environ[study.GETFEM] = getfem
+    return Plan([study.peers_study(friction, cells, repeat, levels)], report.report)
 
 
 @experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")

@@ -8,14 +8,16 @@ import gc
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from comparisons.lab.studies import Study, peak_memory
+from comparisons.lab.studies import Study
 from comparisons.settled import TRANSITIONS
 from qvi_contact import (
     Contact,
@@ -218,6 +220,15 @@ def solve_wall(case: Mapping[str, Any]) -> dict[str, Any]:
     began = time.process_time()
     factorise(K, _NOTHING, resolve(), _THREADS)
     return {**found, **times, "factorisation": time.process_time() - began, "peak": peak}
+
+
+def peak_memory() -> int | None:
+    """Largest resident memory of this process so far [bytes]; None where the system does not tell."""
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
+                return 1024 * int(line.split()[1])
+    return None
 
 
 # sequences of problems

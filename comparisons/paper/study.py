@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from pandas import DataFrame
 
-from comparisons.lab.drawing import drawn, grid
-from comparisons.lab.numbers import fixed
+from comparisons.lab.drawing import drawn, grid, legend_below
+from comparisons.lab.numbers import fixed, scientific, seconds
 from comparisons.lab.reports import Form, Report, render
 from comparisons.paper.reference import Reference, load
 from qvi_contact import principal_stresses as principal
@@ -20,9 +20,9 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.basics.writing import write_text
 from qvi_contact.paper import QuarterPlate
-from qvi_contact.plots import BLUE, VERMILLION
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import lines, new_figure
-from solvers import QVISolution, Status, solve_qvi
+from solvers import QVISolution, Status, available, solve_qvi
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,6 +32,8 @@ SHRINKING: Final = 100.0
 """Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
 
 TOLERANCE: Final = 1e-8
+PATIENCE: Final = 3
+"""Outer iterations without progress after which a back end is taken at its word that it can do no better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +41,8 @@ class Row:
     """All runs for one friction coefficient, and P/2 as Table 1 prints it.
 
     "uzawa" and "uzawa_printed_rule" are the paper's number of iterations, with the accumulating rule and with that as
-    printed, "uzawa_converged" is the former to the tolerance, at μ = 0 with a shrinking step; "qp" and "socp" are fixed
-    points with quadratic and with second-order cone programs, "condensed" solves the inequality directly.
+    printed, "uzawa_converged" is the former to the tolerance, at μ = 0 with a shrinking step; "back_ends" are fixed
+    points by inner solver, "plain" one without acceleration, "condensed" solves the inequality directly.
     """
 
     friction: float
@@ -49,9 +51,14 @@ class Row:
     uzawa: QVISolution
     uzawa_printed_rule: QVISolution
     uzawa_converged: QVISolution
-    qp: QVISolution
-    socp: QVISolution
+    back_ends: dict[str, QVISolution]
+    plain: QVISolution
     condensed: QVISolution
+
+    @property
+    def reference(self) -> QVISolution:
+        """The fixed point that all others are compared with."""
+        return self.back_ends["direct:clarabel"]
 
     def half_force(self, solution: QVISolution) -> float:
         """P/2: the quarter's contact force [N/mm], NaN without a stress state."""
@@ -60,6 +67,13 @@ class Row:
     def largest_principal_stress(self, solution: QVISolution) -> float:
         """Largest |principal stress| [MPa] over the 4×4 Gauss points of each element, NaN without a stress state."""
         return float(np.abs(self.plate.principal_stress(solution.z)[:2]).max())
+
+    def traction_difference(self, solution: QVISolution) -> float:
+        """Largest difference of tractions from the reference's over its mean pressure, NaN without a stress state."""
+        qvi, states = self.plate.qvi, (solution.z, self.reference.z)
+        ours, theirs = (np.stack([qvi.normal(z), qvi.tangential(z)]) for z in states)
+        mean_pressure = self.half_force(self.reference) / float(self.plate.x[-1])
+        return self.plate.stress_unit * float(np.abs(ours - theirs).max()) / mean_pressure
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +91,7 @@ class PaperStudy:
 
 def step_count() -> int:
     """Progress steps of `run`."""
-    return len(load().table)
+    return len(load().table) * (1 + len(available()))
 
 
 def run(advance: Advance) -> PaperStudy:
@@ -91,10 +105,16 @@ def run(advance: Advance) -> PaperStudy:
         )
         decay = SHRINKING if friction == 0.0 else None
         converged = reference.uzawa(plate.qvi, tolerance=TOLERANCE, step_decay=decay)
-        qp, socp = (solve_qvi(plate.qvi, inner=f"{kind}:clarabel", tolerance=TOLERANCE) for kind in ("qp", "socp"))
+        plain = solve_qvi(plate.qvi, inner="direct:clarabel", tolerance=TOLERANCE, variant="plain")
         condensed = solve_qvi(plate.qvi, method="condensed", tolerance=TOLERANCE)
-        rows.append(Row(friction, printed, plate, accumulating, as_printed, converged, qp, socp, condensed))
         advance(f"μ = {friction:.2f}")
+        back_ends = {}
+        for inner in available():
+            back_ends[inner] = solve_qvi(plate.qvi, inner=inner, tolerance=TOLERANCE, patience=PATIENCE)
+            advance(f"μ = {friction:.2f}, {inner}")
+        rows.append(
+            Row(friction, printed, plate, accumulating, as_printed, converged, back_ends, plain, condensed)
+        )  # fmt: skip
     # values of P/2 in the last iterations of the frictionless run with a constant step, each once
     smooth = rows[0].plate
     history = reference.uzawa(smooth.qvi).history[-8:]
@@ -103,17 +123,21 @@ def run(advance: Advance) -> PaperStudy:
     return PaperStudy(reference, tuple(rows), (min(forces), *distinct))
 
 
+FORCE_TOLERANCE, TRACTION_TOLERANCE = 1e-7, 1e-5
+LOW_FORCE_TOLERANCE, LOW_TRACTION_TOLERANCE = 1e-5, 1e-4
+
+
 def table_rows(study: PaperStudy) -> list[dict[str, float]]:
     """Table 1, one row for each friction coefficient; forces are P/2 in N/mm."""
     rows = []
     for row in study.rows:
         runs = {
             "uzawa_30": row.uzawa, "uzawa_30_printed_rule": row.uzawa_printed_rule,
-            "uzawa_converged": row.uzawa_converged, "fixed_point_qp": row.qp, "fixed_point_socp": row.socp,
-            "condensed": row.condensed,
+            "uzawa_converged": row.uzawa_converged, "fixed_point_qp": row.back_ends["qp:clarabel"],
+            "fixed_point_socp": row.back_ends["socp:clarabel"], "condensed": row.condensed,
         }  # fmt: skip
-        forces = {name: row.half_force(run) for name, run in runs.items()}
-        percent = 100.0 * (row.printed / forces["condensed"] - 1.0)
+        forces, solution = {name: row.half_force(run) for name, run in runs.items()}, row.half_force(row.reference)
+        percent = 100.0 * (row.printed - solution) / solution
         rows.append({
             "friction": row.friction, "paper": row.printed, **forces, "paper_minus_solution_percent": percent,
         })  # fmt: skip
@@ -126,31 +150,62 @@ def figure_rows(study: PaperStudy) -> list[dict[str, float]]:
         {
             "figure": number, "friction": friction, "paper": printed,
             "uzawa_30": study.row(friction).largest_principal_stress(study.row(friction).uzawa),
-            "converged": study.row(friction).largest_principal_stress(study.row(friction).condensed),
+            "converged": study.row(friction).largest_principal_stress(study.row(friction).reference),
         }
         for friction, (number, printed) in study.reference.figures.items()
     ]  # fmt: skip
 
 
+def back_end_rows(study: PaperStudy) -> list[dict[str, Any]]:
+    """One row for each inner solver: its worst agreement with the reference over all friction coefficients."""
+    runs = {name: [(row, row.back_ends[name]) for row in study.rows] for name in study.rows[0].back_ends}
+    runs["uzawa"] = [(row, row.uzawa_converged) for row in study.rows]
+    rows = []
+    for name, pairs in runs.items():
+        # NaN if one run has no result
+        force = float(np.max([abs(row.half_force(ours) / row.half_force(row.reference) - 1.0) for row, ours in pairs]))
+        traction = float(np.max([row.traction_difference(ours) for row, ours in pairs]))
+        rows.append({
+            "solver": name, "certified": sum(ours.status is Status.SOLVED for _, ours in pairs), "problems": len(pairs),
+            "half_force_difference": force, "traction_difference": traction,
+            "accuracy": float(np.max([ours.certificate.accuracy for _, ours in pairs])),
+            "outer_iterations": sum(ours.iterations for _, ours in pairs),
+            "seconds": sum(sum(ours.timings.values()) for _, ours in pairs), "verdict": verdict(force, traction),
+            "remark": next((ours.message for _, ours in pairs if ours.status is not Status.SOLVED), ""),
+        })  # fmt: skip
+    return rows
+
+
+def verdict(force: float, traction: float) -> str:
+    """How far it agrees, against what the comparison asks for."""
+    if force <= FORCE_TOLERANCE and traction <= TRACTION_TOLERANCE:
+        return f"≤ {FORCE_TOLERANCE:.0e}"
+    if force <= LOW_FORCE_TOLERANCE and traction <= LOW_TRACTION_TOLERANCE:
+        return f"≤ {LOW_FORCE_TOLERANCE:.0e} only"
+    return "falls short"
+
+
 def values_of(study: PaperStudy) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    rows, methods = table_rows(study), ("uzawa_converged", "fixed_point_qp", "fixed_point_socp")
+    rows, ends = table_rows(study), back_end_rows(study)
     worst = max(rows, key=lambda row: abs(row["paper_minus_solution_percent"]))
     deviations = [row for row in rows if f"{row['uzawa_30_printed_rule']:.2f}" != f"{row['paper']:.2f}"]
+    full = verdict(0.0, 0.0)
     # what the bound at four points an edge leaves open between them, as a share of the mean pressure
-    shares = {row.friction: row.plate.excess_between_points(row.condensed.z) * row.plate.x[-1]
-              / row.half_force(row.condensed) for row in study.rows}  # fmt: skip
+    shares = {row.friction: row.plate.excess_between_points(row.reference.z) * row.plate.x[-1]
+              / row.half_force(row.reference) for row in study.rows}  # fmt: skip
     between = max(shares, key=lambda mu: shares[mu])
     return {
         "iterations": study.reference.iterations, "cells": study.reference.cells, "printed": len(rows),
         "digits": sum(f"{row['uzawa_30']:.2f}" == f"{row['paper']:.2f}" for row in rows), "deviations": deviations,
         "off": abs(worst["paper_minus_solution_percent"]) / 100.0, "off_at": worst["friction"],
         "low": min(study.cycle), "high": max(study.cycle), "exact": study.reference.exact_without_friction,
-        "shrinking": study.row(0.0).half_force(study.row(0.0).uzawa_converged),
+        "shrinking": study.row(0.0).half_force(study.row(0.0).uzawa_converged), "solvers": len(ends),
         "excess": shares[between], "excess_at": between,
-        "apart": max(abs(row[name] / row["condensed"] - 1.0) for row in rows for name in methods),
-        "certified": all(each.status is Status.SOLVED for row in study.rows
-                         for each in (row.uzawa_converged, row.qp, row.socp, row.condensed)),
+        "short": [f"{row['solver']} ({row['verdict']})" for row in ends if row["verdict"] != full],
+        "doubtful": [f"{row['solver']} ({row['certified']}/{row['problems']})" for row in ends
+                     if row["certified"] < row["problems"]],
+        "force_tolerance": FORCE_TOLERANCE, "traction_tolerance": TRACTION_TOLERANCE, "tolerance": TOLERANCE,
     }  # fmt: skip
 
 
@@ -165,7 +220,7 @@ def principal_stresses(study: PaperStudy) -> "Figure":
         ours = _map(upper, row, row.uzawa, largest)
         upper.set_title(f"Fig. {number}, μ = {friction:g}, Uzawa {study.reference.iterations}\n"
                         f"max {ours:.2f}, printed {printed:.2f} MPa")  # fmt: skip
-        converged = _map(lower, row, row.condensed, largest)
+        converged = _map(lower, row, row.reference, largest)
         lower.set_title(f"converged, μ = {friction:g}\nmax {converged:.2f} MPa")
         lower.set_xlabel("x [length]")
     for left in axes[:, 0]:
@@ -211,14 +266,78 @@ def _crosses(axes: "Axes", points: FloatArray, stress: FloatArray, spacing: Floa
         axes.add_collection(EllipseCollection(size, size, np.zeros_like(size), **look, **dots))
 
 
+def contact_tractions(study: PaperStudy) -> "Figure":
+    """Converged pressure, friction bound and tangential traction on the contact, and the share of the bound used."""
+    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2, 0.3)]
+    figure = new_figure(13.0, 6.0)
+    axes, along = figure.subplots(2, len(chosen), sharex=True, sharey="row"), np.linspace(0.0, 1.0, 101)
+    for (upper, lower), row in zip(axes.T, chosen, strict=True):
+        x, normal, shear = (_apart(part) for part in row.plate.tractions(row.reference.z, along))
+        upper.plot(x, -normal, color=GREY, label="pressure $-\\sigma_N$")
+        upper.plot(x, row.friction * np.abs(normal), color=BLUE, linestyle="--", label="bound $\\mu|\\sigma_N|$")
+        upper.plot(x, np.abs(shear), color=VERMILLION, linestyle=":", label="$|\\sigma_T|$")
+        upper.set_title(f"μ = {row.friction:g}")
+        upper.set_ylim(bottom=0.0, auto=None)
+        x, normal, shear = (part.ravel() for part in row.plate.tractions(row.reference.z))
+        lower.axhline(1.0, color=BLUE, linestyle="--", linewidth=1.0)
+        used = np.abs(shear / (row.friction * normal))
+        lower.plot(x, used, color=VERMILLION, linestyle=":", marker="o", markersize=3)
+        lower.set_ylim(0.0, 1.1)
+        lower.set_xlabel("x [length]")
+    axes[0, 0].set_ylabel("traction [MPa]")
+    axes[1, 0].set_ylabel("$|\\sigma_T|$ / bound [-]")
+    legend_below(figure, 9, 9)
+    figure.suptitle("Contact tractions, converged, and the share of the friction bound used at the Gauss points")
+    return figure
+
+
+def _apart(values: FloatArray) -> FloatArray:
+    """Values edge by edge (n, q) as one curve that is broken between edges, where tractions may jump."""
+    return np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
+
+
+def convergence(study: PaperStudy) -> "Figure":
+    """Error of P/2 against the number of iterations, Uzawa and fixed point."""
+    figure = new_figure(9.0, 4.4)
+    left, right = figure.subplots(1, 2, sharey=True)
+    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2)]
+    styles = [(BLUE, "-", "o"), (ORANGE, "--", "s"), (GREEN, ":", "^")]
+    for row, (colour, line, marker) in zip(chosen, styles, strict=True):
+        label = f"μ = {row.friction:g}"
+        solution = -row.reference.history[-1].normal_resultant
+        left.semilogy(*_errors(row.uzawa_converged, solution), color=colour, linestyle=line, label=label)
+        right.semilogy(*_errors(row.plain, solution), color=colour, linestyle=line, marker=marker, label=label)
+    left.axvline(study.reference.iterations, color=GREY, linewidth=0.8)
+    stopped = study.reference.iterations
+    left.annotate(
+        f"the paper stopped here ({stopped})", (stopped, 0.97), xycoords=("data", "axes fraction"), xytext=(5, 0),
+        textcoords="offset points", va="top", color=GREY,
+    )  # fmt: skip
+    left.set_title("Uzawa, accumulating rule")
+    right.set_title("fixed point (plain), one convex QP each")
+    for panel in (left, right):
+        panel.set_xlabel("iterations")
+        grid(panel)
+        panel.legend()
+    right.xaxis.get_major_locator().set_params(integer=True)
+    left.set(ylabel="relative error of P/2", ylim=(1e-13, None))
+    return figure
+
+
+def _errors(result: QVISolution, solution: float) -> tuple[FloatArray, FloatArray]:
+    number = np.array([float(record.number) for record in result.history])
+    force = -np.array([record.normal_resultant for record in result.history])
+    return number, np.maximum(np.abs(force / solution - 1.0), 1e-16)
+
+
 def table_1(study: PaperStudy) -> "Figure":
     """Table 1 as a picture: printed forces, Uzawa after the same iterations, the solution."""
     figure = new_figure(6.4, 4.4)
     axes = figure.subplots()
     friction = [row.friction for row in study.rows]
     n = study.reference.iterations
-    axes.plot(friction, [row.half_force(row.condensed) for row in study.rows], color=BLUE, marker="o", markersize=4,
-              label="solution")  # fmt: skip
+    axes.plot(friction, [row.half_force(row.reference) for row in study.rows], color=BLUE, marker="o", markersize=4,
+              label="solution (fixed point, QP and SOCP)")  # fmt: skip
     axes.plot(friction, [row.half_force(row.uzawa) for row in study.rows], color=VERMILLION, linestyle="--",
               label=f"Uzawa after {n} iterations")  # fmt: skip
     axes.plot(friction, [row.printed for row in study.rows], color="black", marker="x", linestyle="none",
@@ -230,17 +349,20 @@ def table_1(study: PaperStudy) -> "Figure":
     return figure
 
 
-TABLES: Final = {"table_1.csv": table_rows, "figures_2_to_5.csv": figure_rows}
+TABLES: Final = {"table_1.csv": table_rows, "figures_2_to_5.csv": figure_rows, "back_ends.csv": back_end_rows}
 """Name of a file → its rows."""
 
 PICTURES: "Final[Mapping[str, Callable[[PaperStudy], Figure]]]" = {
     "table-1": table_1,
     "figures-2-to-5": principal_stresses,
+    "contact-tractions": contact_tractions,
+    "convergence": convergence,
 }
 
 _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys(("friction", "paper", "uzawa_30", "uzawa_30_printed_rule", "converged"), fixed(".2f")),
     **dict.fromkeys(("uzawa_converged", "fixed_point_qp", "fixed_point_socp", "condensed"), fixed(".6f")),
+    **dict.fromkeys(("half_force_difference", "traction_difference"), scientific), "seconds": seconds,
     "paper_minus_solution_percent": "{:+.2f} %".format,
 }  # fmt: skip
 
@@ -248,10 +370,12 @@ _FORMS: Final[dict[str, Form]] = {
 def write(study: PaperStudy, folder: Path) -> tuple[Report, list[Path]]:
     """Write the report, which is the same for the same study, and its tables as CSV; each file whole or not at all."""
     pictures = {name: drawn(f"paper-{name}", partial(draw, study)) for name, draw in PICTURES.items()}
-    packages = ("numpy", "scipy", "cvxpy", "clarabel", "qpsolvers")
+    packages = ("numpy", "scipy", "cvxpy", "clarabel", "osqp", "qpsolvers")
     settings = {"Versions": DataFrame({"package": packages, "version": [version(name) for name in packages]})}
     frames = {name: DataFrame(rows(study)) for name, rows in TABLES.items()}
-    tables = dict(zip(("forces", "stresses"), frames.values(), strict=True))
+    forces, stresses, ends = frames.values()
+    ends = ends.assign(share=ends.certified.astype(str) + "/" + ends.problems.astype(str))
+    tables = {"forces": forces, "stresses": stresses, "solvers": ends}
     made = render(
         "comparisons.paper", "paper", values_of(study), tables, pictures, settings=settings, forms=_FORMS
     )  # fmt: skip

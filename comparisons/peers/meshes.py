@@ -1,4 +1,4 @@
-"""Families of meshes of the plate: each member has a level from 0; every code gets it as plain data.
+"""Families of meshes of the plate: each member has a number, the larger the finer; every code gets it as plain data.
 
 The stresses of the plate have two places that want a finer mesh: the free corner (1, 1), and, where the contact slips
 in part, the point of the contact at which stick ends and slip begins. `TRANSITIONS` has its place, by μ; where that is
@@ -7,21 +7,24 @@ not known, or the whole contact sticks, meshes are graded to the corner alone.
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from comparisons.settled import TRANSITIONS
-from qvi_contact import TriangleMesh
+from qvi_contact import TriangleMesh, graded_lines
 from qvi_contact.basics.checks import FloatArray
+
+_RATIOS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # up to so many cells a side
+_FINEST_RATIO: Final = 0.9
 
 _STRIPS: Final = (
     (1, 1, 1, 2), (2, 1, 2, 2), (2, 1, 2, 3), (3, 1, 3, 3), (3, 2, 3, 4), (4, 2, 4, 4), (4, 3, 4, 6), (5, 4, 5, 6),
 )  # fmt: skip
-"""By level: columns left of the transition, right of it, beside the corner; rows."""
+"""By number: columns left of the transition, right of it, beside the corner; rows."""
 
 _DEPTHS: Final = ((0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (4, 6), (6, 8))
-"""By level: how often triangles at the corner are halved in size, and those at the transition."""
+"""By number: how often triangles at the corner are halved in size, and those at the transition."""
 
 _DEPTHS_WITHOUT_LINE: Final = ((0, 2), (0, 4), (0, 6), (1, 6), (2, 8), (3, 8), (4, 10), (4, 12))
 """The same where no column of the coarsest mesh ends at the transition."""
@@ -30,19 +33,39 @@ _NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of 
 
 
 Lines: TypeAlias = tuple[FloatArray, FloatArray]
-"""x and y of a grid of rectangles."""
+"""x and y of a grid of rectangles, for codes that take such."""
 
 
-def plain_mesh(mesh: Lines | TriangleMesh) -> dict[str, Any]:
+class Family(NamedTuple):
+    """Meshes of one kind, by a number: of cells a side if it is `counted`, else a level from 0.
+
+    Those `to_transition` are graded to corner and transition, by what is known of the solution; those of its `own` a
+    code refines itself, so that no two codes have the same. `reading` says what the number means.
+    """
+
+    counted: bool
+    triangles: bool
+    to_transition: bool
+    make: Callable[[float, int], Lines | TriangleMesh]
+    reading: str
+    own: bool = False
+
+    def label(self, number: int) -> str:
+        """How a table names a member."""
+        return f"{number}² cells" if self.counted else f"level {number}"
+
+
+def plain_mesh(family: str, friction: float, number: int) -> dict[str, Any]:
     """A mesh as plain data.
 
     "vertices" are coordinates (n, 2), "cells" their vertices (m, 3 or 4), counter-clockwise, "sides" the edges of
-    "left", "right", "bottom" and "top" by their vertices.
+    "left", "right", "bottom" and "top" by their vertices, "lines" for rectangles the grid lines (x, y), else None.
     """
+    mesh = FAMILIES[family].make(friction, number)
     if isinstance(mesh, TriangleMesh):
         edges = {name: mesh.edges(name) for name in ("left", "right", "bottom", "top")}
         sides = {name: np.column_stack([each.first, each.second]) for name, each in edges.items()}
-        vertices, cells = mesh.vertices, counter_clockwise(mesh.vertices, mesh.cells)
+        vertices, cells, lines = mesh.vertices, counter_clockwise(mesh.vertices, mesh.cells), None
     else:  # rectangles between lines, node (i, j) with the number i + j (nx + 1)
         x, y = mesh
         stride, (row, column) = len(x), np.indices((len(y) - 1, len(x) - 1)).reshape(2, -1)
@@ -52,8 +75,16 @@ def plain_mesh(mesh: Lines | TriangleMesh) -> dict[str, Any]:
         step = {"left": stride, "right": stride, "bottom": 1, "top": 1}
         sides = {name: np.column_stack([place, place + step[name]]) for name, place in first.items()}
         vertices = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
-        cells = np.column_stack([a, a + 1, a + 1 + stride, a + stride])
-    return {"vertices": vertices, "cells": cells, "sides": sides}
+        cells, lines = np.column_stack([a, a + 1, a + 1 + stride, a + stride]), [x.tolist(), y.tolist()]
+    return {
+        "vertices": vertices.tolist(), "cells": cells.tolist(), "lines": lines,
+        "sides": {name: pairs.tolist() for name, pairs in sides.items()},
+    }  # fmt: skip
+
+
+def ratio(cells: int) -> float:
+    """Ratio of each cell to the one before it on meshes graded to the corner, with so many cells a side."""
+    return next((each for most, each in _RATIOS if cells <= most), _FINEST_RATIO)
 
 
 def _strips(shrinking: float) -> Callable[[float, int], Lines]:
@@ -104,12 +135,29 @@ def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
     return np.where((ax * by < ay * bx)[:, None], cells[:, ::-1], cells)
 
 
-FAMILIES: Final[Mapping[str, Callable[[float, int], Lines | TriangleMesh]]] = {
-    "strips": _strips(0.5),
-    "narrow strips": _strips(0.25),
-    "adaptive": lambda *_: TriangleMesh.rectangle((1, 1)),
-    "bisected": _bisected,
-}
-"""Name → mesh by μ and level: rectangles, each half or a quarter as wide as the one before it towards corner and
-transition; a square of two triangles that the code bisects itself until P/2 is within 10^-(2.5 + level/2); triangles,
-bisected again and again at corner and transition."""
+FAMILIES: Final[Mapping[str, Family]] = {
+    "uniform": Family(
+        True, False, False, lambda _, n: (graded_lines(0.0, 1.0, n),) * 2, "n × n squares",
+    ),
+    "graded": Family(
+        True, False, False, lambda _, n: (graded_lines(0.0, 1.0, n, ratio(n)),) * 2,
+        "n × n rectangles that shrink towards the free corner",
+    ),
+    "cut squares": Family(
+        True, True, False, lambda _, n: TriangleMesh.rectangle((n, n)), "n × n squares, each cut into two triangles",
+    ),
+    "strips": Family(
+        False, False, True, _strips(0.5),
+        "rectangles, each half as wide as the one before it towards corner and transition",
+    ),
+    "narrow strips": Family(
+        False, False, True, _strips(0.25),
+        "rectangles, each a quarter as wide as the one before it towards corner and transition",
+    ),
+    "adaptive": Family(
+        False, True, False, lambda *_: TriangleMesh.rectangle((1, 1)),
+        "one square cut into two triangles, bisected by the code until P/2 is within 10^-(2.5 + level/2)", own=True,
+    ),
+    "bisected": Family(False, True, True, _bisected, "triangles, bisected again and again at corner and transition"),
+}  # fmt: skip
+"""Name → family."""

@@ -5,18 +5,34 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from pandas import DataFrame, concat, factorize
+from pandas import DataFrame, concat, factorize, to_numeric
 
 from comparisons.lab.drawing import drawn, grid, legend_below, panelled, plain_ticks
-from comparisons.lab.numbers import count, fixed, memory, percent, scientific, seconds, significant, span, spread
+from comparisons.lab.numbers import (
+    NOTHING,
+    count,
+    fixed,
+    listing,
+    memory,
+    percent,
+    scientific,
+    seconds,
+    significant,
+    span,
+    spread,
+)  # fmt: skip
 from comparisons.lab.reports import Report, render
-from comparisons.lab.studies import Row, frame_of
-from comparisons.peers.study import BRACKET, CODES, MODELS, NGSOLVE, TRIANGLES
+from comparisons.lab.studies import DONE, Row
+from comparisons.peers.meshes import FAMILIES, ratio
+from comparisons.peers.study import BRACKET, CODES, MODELS, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
-from qvi_contact.plots import BLUE, GREY, VERMILLION
+from qvi_contact.plots import BLUE, GREEN, GREY, VERMILLION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+INVERTED: Final = "inverted"
+"""Status of a bracket whose lower end is above its upper one by more than twice `RESOLUTION`: it proves nothing."""
 
 STICKING: Final = 0.25
 """From this μ on the whole contact sticks."""
@@ -30,142 +46,245 @@ TARGETS: Final = (1e-4, 2e-5, 3e-6, 1e-6, 1e-7, 1e-8)
 COARSE: Final = 3e-6
 """The error whose cost is told beside that of the smallest one that is compared."""
 
-NUMBERS: Final = (
-    "half_force", "unknowns", "iterations", "residual", "before", "peak", "lower", "upper", "width", "strain_error",
-)  # fmt: skip
+OTHERS: Final = ("ngsolve", "getfem")
+"""Keys of the codes that are not this package's."""
+
+NUMBERS: Final = ("half_force", "unknowns", "iterations", "residual", "before", "peak")
 """Entries of a result that are numbers; NaN where a run has none."""
+
+BOUNDS: Final = ("lower", "upper", "width", "strain_error")
+"""The same of a bracket, see `codes.own`."""
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by μ, model and mesh.
 
-    The columns are those of `frame_of`, where number is the mesh's level, half_force P/2 [N/mm], residual that of the
-    code's own check, setup and solve times of the repetitions [s], before and peak the largest resident memory before
-    the case and after its first solve [bytes]; and code, a key of `CODES`, run (model and level in words), seconds (the
-    smallest sum of both times: what else the machine does can only add to it), spread (the largest less the smallest
-    over the median), solved, taken (memory), low and high, guaranteed bounds of P/2 wider by `RESOLUTION`. Of runs that
-    are solved, where P/2 is known: floor (what is resolved), error (relative), lasting, confirmed.
+    The columns are friction (μ), model, code and mesh (keys of `CODES` and `FAMILIES`), number and label of the mesh,
+    run (model and mesh in words), status, message, solved,
+    half_force (P/2) [N/mm], unknowns, iterations, residual of the code's own check, setup and solve (times of the
+    repetitions) [s], seconds (the smallest sum of both: what else the machine does can only add to it), spread (the
+    largest less the smallest over the median), before and peak (largest resident memory before the case and after its
+    first solve) [bytes], version; of brackets lower, upper, width, strain_error, guaranteed, kind, and low and high:
+    guaranteed bounds of P/2, wider by `RESOLUTION`. Of runs that are solved, where P/2 is known: floor (what is
+    resolved), error (relative), lasting, confirmed.
 
     An error that a finer mesh contradicts is small by chance, since forces of contact with friction may cross the right
     value. So lasting is the largest error of the model on this and all finer meshes that are solved; confirmed says
     whether there is a finer one.
     """
-    runs = frame_of(rows, NUMBERS, ("setup", "solve", "message", "guaranteed"))
-    runs["code"] = [MODELS[name].code for name in runs.model]
-    runs["run"] = runs.model + ", level " + runs.number.astype(str)
-    runs["message"] = runs.message.where(runs.has, runs.reason)
-    times = [
-        [sum(pair) for pair in zip(each.setup, each.solve, strict=True)] if each.has else []
-        for each in runs.itertuples()
-    ]
-    runs["seconds"] = [min(each, default=math.nan) for each in times]
-    runs["spread"], runs["taken"] = [spread(each) for each in times], runs.peak - runs.before
+    lines = []
+    for row in rows:
+        model, number = MODELS[row.case["model"]], row.case["number"]
+        result = row.result if row.status == DONE else {"status": row.status, "message": row.reason}
+        times = {name: tuple(result.get(name, ())) for name in ("setup", "solve")}
+        whole = [sum(pair) for pair in zip(times["setup"], times["solve"], strict=True)]
+        line = {
+            "friction": row.case["friction"], "model": row.case["model"], "code": model.code, "mesh": model.mesh,
+            "number": number, "label": model.family.label(number), "order": list(MODELS).index(row.case["model"]),
+            "rank": list(CODES).index(model.code), "status": result["status"], "message": result["message"],
+            **{name: result.get(name) for name in NUMBERS}, **times, "seconds": min(whole, default=None),
+            "spread": spread(whole), "version": result.get("version"),
+            **dict.fromkeys((*BOUNDS, "kind", "low", "high")), "guaranteed": False,
+        }  # fmt: skip
+        lines.append(line | _bounds(result) if model.code == BRACKET and result["status"] == "solved" else line)
+    runs = DataFrame(lines)
+    for name in (*NUMBERS, *BOUNDS, "seconds", "spread", "low", "high"):
+        runs[name] = to_numeric(runs[name]).replace([math.inf, -math.inf], math.nan)
+    runs["run"] = runs.model + ", " + runs.label
     runs["solved"] = runs.status == "solved"
-    sure = runs.solved & (runs.guaranteed == True)  # noqa: E712 - or missing
-    runs["low"], runs["high"] = (
-        (runs.lower * (1.0 - RESOLUTION)).where(sure),
-        (runs.upper * (1.0 + RESOLUTION)).where(sure),
-    )
-    runs["first"], runs["order"] = factorize(runs.friction)[0], runs.model.map(list(MODELS).index)
+    runs["bounded"] = runs.solved & runs.low.notna()
+    runs["first"] = factorize(runs.friction)[0]
     runs = runs.sort_values(["first", "order", "number"], kind="stable", ignore_index=True)
-    value, uncertainty = (runs.friction.map({mu: reference(mu)[place] for mu in runs.friction}) for place in (0, 1))
+    known = {friction: reference(float(friction)) for friction in runs.friction.unique()}
+    value, uncertainty = (
+        runs.friction.map({mu: each[place] for mu, each in known.items() if each}) for place in (0, 1)
+    )
     runs["floor"], runs["error"] = uncertainty / value, (runs.half_force / value - 1.0).abs().where(runs.solved)
-    curves = runs[::-1].groupby(["first", "order"])  # levels fall
+    curves = runs[::-1].groupby(["first", "order"])  # numbers fall
     runs["lasting"] = curves.error.cummax()
     finest = runs.number.where(runs.error.notna()).groupby([runs["first"], runs.order]).transform("max")
     return runs.assign(confirmed=runs.number < finest)
 
 
-def reference(friction: float) -> tuple[float, float, str]:
-    """P/2, its uncertainty either way [N/mm], and the source; NaN where it is not known from elsewhere."""
-    at = 1.0 if friction >= STICKING else friction
-    if at in LIMITS:
-        return (*LIMITS[at], LIMITS_SOURCE)
-    return (SETTLED[at], UNCERTAINTY, SOURCE) if at in SETTLED else (math.nan, math.nan, "not known")
+def _bounds(result: Any) -> dict[str, Any]:
+    """What a bracket says, and its status if its ends are in the wrong order."""
+    found = {name: result[name] for name in (*BOUNDS, "kind", "guaranteed")}
+    ends = [end for end in (found["lower"], found["upper"]) if end is not None and math.isfinite(end)]
+    known, inverted = "", found["width"] < -RESOLUTION
+    if found["guaranteed"] and len(ends) == 2:
+        lower, upper = ends
+        found |= {"low": lower - RESOLUTION * abs(lower), "high": upper + RESOLUTION * abs(upper)}
+        known, inverted = f", P/2 from {lower:.7f} to {upper:.7f} N/mm", inverted or found["low"] > found["high"]
+    if inverted:
+        text = f"the lower end is above the upper one: half width {scientific(found['width'])}{known}"
+        found |= {"status": INVERTED, "message": text}
+    return found
+
+
+def guaranteed(runs: DataFrame) -> DataFrame:
+    """The brackets that bound P/2, the narrowest first."""
+    sure = runs[runs.bounded]
+    return sure.assign(gap=sure.high - sure.low).sort_values("gap", kind="stable")
 
 
 def intervals_of(runs: DataFrame) -> DataFrame:
     """The narrowest guaranteed interval of P/2 at each μ that has one.
 
-    The columns are those of the runs, half, its half width relative to it, and outside, how many of NGSolve's solved
-    forces are, as "5 of 88".
+    The columns are those of the runs, and for each code of `OTHERS` how many of its solved forces are outside, as
+    "5 of 88".
     """
     lines = []
-    for friction, sure in runs[runs.low.notna()].groupby("friction", sort=False):
-        best = sure.loc[(sure.high - sure.low).idxmin()]
-        forces = runs[(runs.friction == friction) & runs.solved & (runs.code == NGSOLVE)].half_force
-        outside = int((~forces.between(best.low, best.high)).sum())
-        half = 0.5 * (best.high - best.low) / best.low
-        lines.append({**best, "half": half, "outside": f"{outside} of {len(forces)}"})
-    return DataFrame(lines, columns=[*runs, "half", "outside"])
+    for friction, sure in runs[runs.bounded].groupby("friction", sort=False):
+        best, here = sure.loc[(sure.high - sure.low).idxmin()], runs[(runs.friction == friction) & runs.solved]
+        forces = {key: here[here.code == key].half_force for key in OTHERS}
+        outside = {key: int((~each.between(best.low, best.high)).sum()) for key, each in forces.items()}
+        lines.append({**best, **{key: f"{outside[key]} of {len(each)}" for key, each in forces.items()}})
+    return DataFrame(lines, columns=[*runs, *OTHERS])
+
+
+def contradictory(runs: DataFrame) -> bool:
+    """Whether at some μ no value of P/2 is inside all guaranteed bounds of these runs, so that some are wrong."""
+    sure = runs[runs.bounded].groupby("friction")
+    return bool((sure.low.max() > sure.high.min()).any())
+
+
+def reference(friction: float) -> tuple[float, float, str] | None:
+    """P/2, its uncertainty either way [N/mm], and the source, where it is known from elsewhere."""
+    at = 1.0 if friction >= STICKING else friction
+    if at in LIMITS:
+        return (*LIMITS[at], LIMITS_SOURCE)
+    return (SETTLED[at], UNCERTAINTY, SOURCE) if at in SETTLED else None
 
 
 def costs_of(runs: DataFrame) -> DataFrame:
-    """What an error costs triangles, and NGSolve beside them: a line for each μ and target that triangles reach.
+    """What each code needs for an error: a line for each μ, target and code that reaches it.
 
     A target is reached by runs whose lasting error is within it, and the uncertainty of the reference counts against
-    them. The columns are friction, target, time_ratio (of NGSolve over triangles), and of the quickest run of NGSolve,
-    and, named …_own, of triangles, run, seconds, unknowns and confirmed: such runs come before all others.
+    them. The columns are friction, target, code, run (the quickest), seconds, unknowns, sure (whether a finer mesh
+    confirms it: such runs come before all others), and time_ratio, over triangles.
     """
-    key, told = ["friction", "target"], ["run", "seconds", "unknowns", "confirmed"]
+    key = ["friction", "target", "code"]
     reach = runs.lasting + runs.floor
     found = concat([runs[reach <= target].assign(target=target) for target in TARGETS])
-    quick = found.sort_values(["confirmed", "seconds"], ascending=[False, True]).drop_duplicates([*key, "code"])
-    quick = quick.sort_values(["first", "target"], ascending=[True, False])
-    own, other = (quick[quick.code == code][[*key, *told]] for code in (TRIANGLES, NGSOLVE))
-    costs = own.merge(other, on=key, how="left", suffixes=("_own", ""))
+    quick = found.sort_values(["confirmed", "seconds"], ascending=[False, True]).drop_duplicates(key)
+    quick = quick.sort_values(["first", "target", "rank"], ascending=[True, False, True])
+    costs = quick.rename(columns={"confirmed": "sure"})[[*key, "run", "seconds", "unknowns", "sure"]]
+    own = costs[costs.code == TRIANGLES][[*key[:2], "seconds", "unknowns"]]
+    costs = costs.merge(own, on=key[:2], how="left", suffixes=("", "_own"))
     return costs.assign(time_ratio=costs.seconds / costs.seconds_own)
+
+
+def compared_of(costs: DataFrame) -> DataFrame:
+    """Triangles beside the quickest of the other codes: a line for each μ and target that both reach."""
+    others = costs[costs.code.isin(OTHERS) & costs.seconds_own.notna()]
+    return others.sort_values("seconds", kind="stable").drop_duplicates(["friction", "target"]).sort_index()
 
 
 def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences, with what errors cost, see `costs_of`."""
-    compared = costs[costs.seconds.notna()]
-    least = compared.target.min()
-    chance = [*compared.run[compared.confirmed == False], *costs.run_own[~costs.confirmed_own]]  # noqa: E712 - an object
+    compared, failed = compared_of(costs), runs[~runs.solved]
     return {
-        "errors": [
-            {"target": target, "own": span(each.seconds_own, seconds), "ratios": span(each.time_ratio, _factor)}
-            for target in (least, COARSE)[: 2 if least < COARSE else 1]
-            if len(each := compared[compared.target == target])
-        ],
-        "bounds": intervals_of(runs).to_dict("records"), "runs": len(runs), "solved": int(runs.solved.sum()),
-        "missing": NGSOLVE not in set(runs.code), "chance": sorted({*chance}),
+        "fine": _compared(compared, compared.target.min()),
+        "coarse": _compared(compared, COARSE if compared.target.min() < COARSE else math.nan),
+        "bounds": intervals_of(runs).to_dict("records"), "doubtful": contradictory(runs),
+        "runs": len(runs), "solved": int(runs.solved.sum()),
+        "failing": listing([f"{number} of {CODES[code].name}" for code, number in failed.code.value_counts().items()]),
+        "missing": [key for key in CODES if key not in set(runs.code)],
+        "chance": sorted({*costs[~costs.sure].run}),
     }  # fmt: skip
 
 
-_factor, _force, _first = partial(significant, digits=2), fixed(".7f"), partial(scientific, digits=1)
+def _compared(compared: DataFrame, target: float) -> dict[str, Any] | None:
+    """Costs of one error over all μ at which triangles and another code reach it."""
+    found = compared[compared.target == target]
+    return None if found.empty else {
+        "target": target, "own": span(found.seconds_own, seconds), "ratios": span(found.time_ratio, _factor),
+    }  # fmt: skip
+
+
+def _factor(value: float) -> str:
+    """How many times as much."""
+    return significant(value, 2)
+
+
+def _code(key: str) -> str:
+    return CODES[key].name
+
+
+_force, _first = fixed(".7f"), partial(scientific, digits=1)
 FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
-    "friction": "{:g}".format, "target": _first, "seconds_own": seconds, "seconds": seconds,
+    "friction": "{:g}".format, "target": _first, "code": _code, "seconds_own": seconds, "seconds": seconds,
     "setup": lambda times: seconds(min(times, default=None)), "time_ratio": _factor, "unknowns_own": count,
-    "unknowns": count, "half_force": _force, "spread": percent, "peak": memory, "taken": memory, "residual": _first,
-    "guaranteed": lambda sure: "yes" if sure else "no",
-    **dict.fromkeys(("low", "high", "lower", "upper"), _force),
-    **dict.fromkeys(("half", "width", "strain_error", "error"), scientific),
+    "unknowns": count, "half_force": _force, "spread": percent,
+    "peak": memory, "residual": _first, "low": _force, "high": _force, "lower": _force, "upper": _force,
+    "half": scientific, "width": scientific, "strain_error": scientific, "error": scientific,
+    "sure": lambda sure: "yes" if sure else "no",
+    "message": lambda text: text or NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
+
+
+def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
+    """The tables by name; `costs` is that of `costs_of`."""
+    shown = runs.assign(
+        half=0.5 * (runs.high - runs.low) / runs.low,
+        sure=runs.guaranteed & runs.solved, lower=runs.lower.where(runs.guaranteed),
+        upper=runs.upper.where(runs.guaranteed),
+    )  # fmt: skip
+    absent = [key for key in CODES if key not in set(runs.code)]
+    remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
+    bracket = shown.code == BRACKET
+    return {
+        "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved],
+        "missing": remedies, "costs": costs,
+        "brackets": shown[bracket], "rows": shown[~bracket],
+    }  # fmt: skip
+
+
+def _settings(runs: DataFrame) -> dict[str, DataFrame]:
+    """Values that errors are relative to, models with the memory of their processes before a case, and meshes."""
+    known = {mu: found for mu in runs.friction.unique() if (found := reference(float(mu)))}
+    references = [{"μ": f"{mu:g}", "P/2 [N/mm]": _force(value), "±": scientific(uncertainty), "from": source}
+                  for mu, (value, uncertainty, source) in known.items()]  # fmt: skip
+    models = []
+    for name, found in runs.sort_values("order", kind="stable").groupby("model", sort=False):
+        model, said = MODELS[str(name)], sorted(set(found.version.dropna()) - {""})
+        options = ", ".join(f"{option} = {value}" for option, value in model.options.items())
+        models.append({
+            "model": name, "code": _code(model.code), "version, as it says": ", ".join(said) or NOTHING,
+            "options": options or NOTHING, "memory with its libraries": memory(found.before.dropna().median()),
+        })  # fmt: skip
+    meshes = []
+    for name, family in FAMILIES.items():
+        numbers = sorted(set(runs[runs.mesh == name].number))
+        told = [f"{each} (each cell {ratio(each):g} of the one before it)" if name == "graded" else str(each)
+                for each in numbers]  # fmt: skip
+        if numbers:
+            meshes.append({"family": name, "what it is": family.reading, "cells a side, or levels": listing(told)})
+    frames = map(DataFrame, (references, models, meshes))
+    return dict(zip(("Values that errors are relative to", "Models", "Meshes"), frames, strict=True))
 
 
 def report(rows: Sequence[Row]) -> Report:
     """The report of these rows; the same rows give the same report."""
     runs = runs_of(rows)
-    costs, bracket = costs_of(runs), runs.code == BRACKET
-    tables = {
-        "costs": costs, "intervals": intervals_of(runs), "failures": runs[~runs.solved], "brackets": runs[bracket],
-        "rows": runs[~bracket],
-    }  # fmt: skip
-    references = [{"μ": f"{mu:g}", "P/2 [N/mm]": _force(value), "±": scientific(uncertainty), "from": source}
-                  for mu in runs.friction.unique() for value, uncertainty, source in [reference(mu)]]  # fmt: skip
+    costs = costs_of(runs)
+    # the command that measures the same, without the place of its files and of other Pythons
+    counted = runs.mesh.isin([name for name, family in FAMILIES.items() if family.counted])
+    words = ["python -m comparisons peers --friction", *(f"{friction:g}" for friction in runs.friction.unique())]
+    words += ["--cells", *map(str, sorted(set(runs.number[counted])))] if counted.any() else []
+    words += [f"--levels {max(runs.number[~counted]) + 1}"] if not counted.all() else []
+    words += [f"--repeat {rows[0].case['repetitions']}"]
     values = {
-        **values_of(runs, costs), "resolution": RESOLUTION, "floor": runs.floor.max(),
-        "frictions": " ".join(f"{friction:g}" for friction in runs.friction.unique()),
-        "levels": runs.number.max() + 1, "repeat": rows[0].case["repetitions"],
+        **values_of(runs, costs), "resolution": RESOLUTION, "codes": CODES, "command": " ".join(words),
+        "floor": runs.floor.max(),
     }  # fmt: skip
     figures = {"best": drawn("best", partial(_fronts, runs)) if runs.error.notna().any() else ""}
-    settings = {"Values that errors are relative to": DataFrame(references)}
-    return render("comparisons.peers", "peers", values, tables, figures, rows, settings, forms=FORMS)
+    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows, _settings(runs),
+                  forms=FORMS, failed=contradictory(runs))  # fmt: skip
 
 
-_COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, NGSOLVE: VERMILLION}
+_COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfem": GREEN}
 
 
 def _fronts(runs: DataFrame) -> "Figure":

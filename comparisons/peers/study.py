@@ -1,44 +1,55 @@
-"""The study of the plate: its models, one line each, and what is done for a case.
+"""The study of the plate: its models, one line each, and what a worker does for a case.
 
-A further model is a line in `MODELS`; a further code is a line in `CODES` and a module beside this one that has
-`plate`, which makes of a case and the model's options what solves it. A case is solved in a process of its own, so that
-its memory is its own.
+A further model is a line in `MODELS`; a further code is a module in `codes` that has `plate` (`codes.process.Build`),
+and a line in `CODES`. A case is the plate as plain data, solved by one code in a process of its own, so that its memory
+is its own.
 """
 
-import gc
-import time
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from comparisons.lab.studies import PACKAGES, Study, peak_memory
+from comparisons.lab.studies import PACKAGES, Study
 from comparisons.peers import LEVELS
-from comparisons.peers.meshes import FAMILIES, plain_mesh
+from comparisons.peers.meshes import FAMILIES, Family, plain_mesh
+from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Contact
+from qvi_contact.runs import THREADS
+
+GETFEM: Final = "PYTHON_WITH_GETFEM"
+"""Environment variable: another Python, in which GetFEM is installed."""
 
 TRIANGLES: Final = "triangles"
 BRACKET: Final = "bracket"
-NGSOLVE: Final = "ngsolve"
 
-BUDGET: Final = 5.0
-"""Seconds after which no further repetition begins."""
+_WARM_UP: Final = {True: 2, False: 0}  # number, by `Family.counted`, of the case that loads all libraries
+_LAST_WORDS: Final = 200
+_LOOKING: Final = 60.0  # seconds for another Python to say what it has
 
 
 class Code(NamedTuple):
-    """A code: its name, the module of this folder that uses it, and its marker."""
+    """A code: its name, the module it comes as, the module of `codes` that uses it, its marker, and how to get it."""
 
     name: str
+    library: str
     module: str
     marker: str
+    remedy: str = ""
 
 
 CODES: Final[Mapping[str, Code]] = {
-    TRIANGLES: Code("this package", "own", "o"),
-    BRACKET: Code("the bracket", "own", "x"),
-    NGSOLVE: Code("NGSolve", "with_ngsolve", "v"),
-}
+    TRIANGLES: Code("this package", "qvi_contact", "own", "o"),
+    BRACKET: Code("the bracket", "qvi_contact", "own", "x"),
+    "ngsolve": Code("NGSolve", "ngsolve", "with_ngsolve", "v", "python -m pip install ngsolve"),
+    "getfem": Code("GetFEM", "getfem", "with_getfem", ">",
+                   "apt install python3-getfem on Debian or Ubuntu, then --getfem /usr/bin/python3"),
+}  # fmt: skip
 """Key → code."""
 
 
@@ -49,16 +60,27 @@ class Model(NamedTuple):
     mesh: str
     options: Mapping[str, Any]
 
+    @property
+    def family(self) -> Family:
+        """Its meshes."""
+        return FAMILIES[self.mesh]
+
 
 MODELS: Final[Mapping[str, Model]] = {
+    "triangles, p = 4, cut squares": Model(TRIANGLES, "cut squares", {"degree": 4}),
     **{f"triangles, p = {p}, bisected": Model(TRIANGLES, "bisected", {"degree": p}) for p in (3, 4, 5, 6)},
     **{
-        f"NGSolve, p = {p}, {variant}, {mesh}": Model(NGSOLVE, mesh, {"order": p, "variant": variant})
+        f"NGSolve, p = {p}, {variant}, {mesh}": Model("ngsolve", mesh, {"order": p, "variant": variant})
         for p, mesh, variant in (
+            (2, "uniform", "symmetric"), (3, "graded", "symmetric"),
             *((p, "bisected", "symmetric") for p in (2, 3, 4, 5, 6)),
             (3, "strips", "symmetric"), (4, "strips", "skew"),
             (4, "narrow strips", "symmetric"), (6, "narrow strips", "symmetric"),
         )
+    },
+    **{
+        f"GetFEM, Q{p}, {mesh}": Model("getfem", mesh, {"degree": p})
+        for p, mesh in ((2, "uniform"), (2, "graded"), (2, "strips"), (3, "strips"), (4, "strips"))
     },
     "bracket, p = 5, bisected": Model(BRACKET, "bisected", {"degree": 5, "bracket": 5}),
     "bracket, p = 5, adaptive": Model(BRACKET, "adaptive", {"degree": 5, "adaptive": True}),
@@ -66,45 +88,65 @@ MODELS: Final[Mapping[str, Model]] = {
 """Name → model, in the order of the tables."""
 
 
-def peers_study(friction: Sequence[float], repetitions: int, levels: int = LEVELS) -> Study:
-    """Every model whose code is installed, at every coefficient μ, on the first `levels` meshes of its family.
+def peers_study(friction: Sequence[float], cells: Sequence[int], repetitions: int, levels: int = LEVELS) -> Study:
+    """Every model whose code is installed, at every coefficient μ, on the meshes of its family.
 
-    Codes take turns on meshes of one level, so that what else the machine does meets all of them.
+    Those are of so many `cells` a side, or the first `levels`. Codes take turns on meshes of one number, so that what
+    else the machine does meets all of them. `InputError` if the Python that should have GetFEM has not.
     """
+    missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
     cases = [
         {"friction": mu, "number": number, "model": name, "repetitions": repetitions}
         for mu in friction
-        for number in range(levels)
+        for number in sorted(chosen[True] | chosen[False])
         for name, model in MODELS.items()
-        if model.code != NGSOLVE or find_spec("ngsolve")
+        if model.code not in missing and number in chosen[model.family.counted]
     ]
-    task = "comparisons.peers.study:run"
-    return Study("peers", 2, task, cases, packages=(*PACKAGES, "ngsolve"), fresh=True, threads=1)
+    packages = (*PACKAGES, "ngsolve")
+    return Study("peers", 2, "comparisons.peers.study:run", cases, packages=packages, threads=1)
+
+
+def missing_codes() -> tuple[str, ...]:
+    """Keys of the codes that neither this Python finds nor, of GetFEM, another one that was named, which has to."""
+    other = os.environ.get(GETFEM)
+    missing = [key for key, code in CODES.items() if not (key == "getfem" and other) and not find_spec(code.library)]
+    if other:
+        look = "import importlib.util, sys; sys.exit(importlib.util.find_spec('getfem') is None)"
+        try:
+            done = subprocess.run([other, "-c", look], capture_output=True, timeout=_LOOKING, check=False)
+            found = not done.returncode
+        except (OSError, ValueError, subprocess.SubprocessError):
+            found = False
+        if not found:
+            raise InputError("getfem", other, "give a Python that finds the module getfem")
+    return tuple(missing)
+
+
+class ProcessError(RuntimeError):
+    """The process of a case ended without an answer."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Solve a case, "friction", "model", "number" (of its mesh), and again, "repetitions" in all while `BUDGET` lasts.
-
-    Returns the last answer with "setup" and "solve", lists of processor times in seconds, and "before" and "peak", the
-    largest resident memory [bytes] with all libraries loaded by the coarsest mesh, and after the first solve.
-    """
+    """Solve a case, "friction", "model", "number" (of its mesh), "repetitions", on one thread, see `codes.process`."""
     model = MODELS[case["model"]]
-    build = import_module(f"comparisons.peers.{CODES[model.code].module}").plate
-    given, answer, peak = plate(case["friction"], model.mesh, case["number"]), dict[str, Any](), None
-    times: dict[str, list[float]] = {"setup": [], "solve": []}
-    build(plate(case["friction"], model.mesh, 0), **model.options)()
-    before, began = peak_memory(), time.perf_counter()
-    while not answer or (len(times["solve"]) < case["repetitions"] and time.perf_counter() - began <= BUDGET):
-        gc.collect()
-        start = time.process_time()  # that of the clock would count what else the machine does
-        solve = build(given, **model.options)
-        built = time.process_time()
-        answer = solve()
-        times["setup"].append(built - start)
-        times["solve"].append(time.process_time() - built)
-        del solve
-        peak = peak or peak_memory()
-    return {**answer, **times, "before": before, "peak": peak}
+    order = {
+        "module": CODES[model.code].module, "options": dict(model.options), "repetitions": case["repetitions"],
+        "case": plate(case["friction"], model.mesh, case["number"]),
+        "warm_up": plate(case["friction"], model.mesh, _WARM_UP[model.family.counted]),
+    }  # fmt: skip
+    # another Python for GetFEM must not find the packages of this one
+    other = os.environ.get(GETFEM) if model.code == "getfem" else None
+    interpreter, surroundings = other or sys.executable, {**os.environ, **dict.fromkeys(THREADS, "1")}
+    surroundings["PYTHONPATH"] = "" if other else os.pathsep.join(sys.path)
+    script = Path(__file__).with_name("codes") / "process.py"
+    done = subprocess.run(
+        [interpreter, str(script)], input=json.dumps(order).encode(), capture_output=True, env=surroundings, check=False
+    )
+    if done.returncode:
+        words = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
+        raise ProcessError(f"{Path(interpreter).name} ended with status {done.returncode}: {words[-1][-_LAST_WORDS:]}")
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
 
 
 def plate(friction: float, family: str, number: int) -> dict[str, Any]:
@@ -114,8 +156,9 @@ def plate(friction: float, family: str, number: int) -> dict[str, Any]:
     """
     problem = compressed_plate(friction)
     (contact,) = (condition for condition in problem.conditions if isinstance(condition, Contact))
+    material: Any = problem.material
     gap: Any = contact.gap
     return {
-        **plain_mesh(FAMILIES[family](friction, number)), "number": number, "young": problem.material.young,
-        "poisson": problem.material.poisson, "displacement": -float(gap), "friction": friction,
+        **plain_mesh(family, friction, number), "number": number,
+        "young": material.young, "poisson": material.poisson, "displacement": -float(gap), "friction": friction,
     }  # fmt: skip
