@@ -63,7 +63,7 @@ def paper(out: Path) -> None:
 def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation: str) -> Plan:
     """Compare a whole solve with Coulomb friction with one factorisation of the same matrix.
 
-    The problem is the paper's compressed plate on triangles, on n × n equal cells and on graded ones; and there are
+    The problem is the paper's compressed plate on triangles, on n × n equal cells; and there are
     histories and sweeps, whose problems share a factorisation. Measured are time, iterations, peak memory and accuracy,
     and how they grow with n. Each time is a median, measured in a process of its own with a fixed number of threads.
     A solve that fails is listed with its status. How other methods do is compared by `comparisons solvers`.
@@ -75,9 +75,7 @@ def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation
     """  # noqa: D301
     from comparisons.benchmark import report, study
 
-    studies = [study.whole(cells, friction, factorisation), study.graded(factorisation),
-               study.sequences(max(cells) < 32)]  # fmt: skip
-    return Plan(studies, report.report)
+    return Plan([study.whole(cells, friction, factorisation), study.sequences(max(cells) < 32)], report.report)
 
 
 @experiment(timeout=400.0, short_help="How the time of walls of many blocks grows.")
