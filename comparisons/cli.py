@@ -187,7 +187,7 @@ convergence_outer = _command(
 )  # fmt: skip
 convergence_uzawa = _command(
     "uzawa", "How the paper's iteration converges.",
-    "Measure the paper's iteration: how many iterations it needs, and how far it gets beside other methods.",
+    "Measure the paper's iteration: how many iterations it needs, and with which steps it settles.",
 )  # fmt: skip
 
 
