@@ -135,7 +135,7 @@ def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) 
 def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
     """Compare solvers of quadratic and conic programs on frictional contact, judged by the package's certificate.
 
-    The tasks are single inner problems, sequences of them with cold and warm starts, and whole outer loops, in all
+    The tasks are single inner problems, sequences of them, and whole outer loops, in all
     unknowns and condensed, at three accuracies. The meshes are well and badly conditioned. Contacts open or stick, some
     problems have redundant rows, and some have no solution.
 
