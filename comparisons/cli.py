@@ -64,7 +64,7 @@ def paper(out: Path) -> None:
 def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation: str) -> Plan:
     """Compare a whole solve with Coulomb friction with one factorisation of the same matrix.
 
-    The problem is the paper's compressed plate on triangles, on n × n equal cells and on graded ones; and there are
+    The problem is the paper's compressed plate on triangles, on n × n equal cells; and there are
     histories and sweeps, whose problems share a factorisation. Measured are time, iterations, peak memory and accuracy,
     and how they grow with n. Each time is a median, measured in a process of its own with a fixed number of threads.
     A solve that fails is listed with its status. How other methods do is compared by `comparisons solvers`.
@@ -76,9 +76,7 @@ def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation
     """  # noqa: D301
     from comparisons.benchmark import report, study
 
-    studies = [study.whole(cells, friction, factorisation), study.graded(factorisation),
-               study.sequences(max(cells) < 32)]  # fmt: skip
-    return Plan(studies, report.report)
+    return Plan([study.whole(cells, friction, factorisation), study.sequences(max(cells) < 32)], report.report)
 
 
 @experiment(timeout=400.0, short_help="How the time of walls of many blocks grows.")
@@ -138,7 +136,7 @@ def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) 
 def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
     """Compare solvers of quadratic and conic programs on frictional contact, judged by the package's certificate.
 
-    The tasks are single inner problems, sequences of them with cold and warm starts, and whole outer loops, in all
+    The tasks are single inner problems, sequences of them, and whole outer loops, in all
     unknowns and condensed, at three accuracies. The meshes are well and badly conditioned. Contacts open or stick, some
     problems have redundant rows, and some have no solution.
 
@@ -190,7 +188,7 @@ convergence_outer = _command(
 )  # fmt: skip
 convergence_uzawa = _command(
     "uzawa", "How the paper's iteration converges.",
-    "Measure the paper's iteration: how many iterations it needs, and how far it gets beside other methods.",
+    "Measure the paper's iteration: how many iterations it needs, and with which steps it settles.",
 )  # fmt: skip
 
 

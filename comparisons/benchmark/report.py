@@ -22,9 +22,6 @@ from qvi_contact.plots.style import new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ACCURATE: Final = 1e-6
-"""Relative error of P/2 whose time is told."""
-
 MEANINGLESS: Final = 1e-9
 """Relative errors below this say nothing: so uncertain are the values of `LIMITS`."""
 
@@ -88,18 +85,6 @@ def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[
     return DataFrame(lines, columns=[by, "from", "to", *values])
 
 
-def graded_of(rows: Rows) -> DataFrame:
-    """One line for each graded mesh and μ: the answer, median time and error."""
-    lines = [
-        {**answer, "depth": row.case["mesh"][0], "degree": row.case["mesh"][1], "friction": row.case["friction"],
-         "whole": _median(answer.get("seconds")), "runs": len(answer.get("seconds", ())),
-         "error": _error(answer.get("half_force"), row.case["friction"])}
-        for row in rows for answer in [_answer(row)]
-    ]  # fmt: skip
-    numbers = ("depth", "degree", "friction", "unknowns", "half_force", "whole", "error", "runs")
-    return _frame(lines, numbers, ("status", "message"))
-
-
 def runs_of(rows: Rows) -> DataFrame:
     """One line a sequence and way.
 
@@ -133,20 +118,17 @@ _POWERS: Final = {"solve": "power", "factorised": "power_factorised"}
 
 def values_of(frames: Mapping[str, DataFrame]) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    solves, graded, growth = frames["solves"], frames["graded"], frames["growth"]
-    status = [*solves.status, *graded.status]
+    solves, growth = frames["solves"], frames["growth"]
     shown = solves[(solves.cells == solves.cells.max()) & solves.ratio.notna()]
     whole = growth[growth["to"] == growth["to"].max()]
     whole = whole[whole["from"] == whole["from"].min()]
-    accurate = graded[graded.error <= ACCURATE].groupby("friction", sort=False).whole.min()
     return {
-        "tolerance": TOLERANCE, "problems": len(status), "solved": status.count("solved"),
+        "tolerance": TOLERANCE, "problems": len(solves), "solved": int((solves.status == "solved").sum()),
         "largest": None if shown.empty else int(shown.cells.iloc[0]), "unknowns": shown.unknowns.max(),
         "ratios": span(shown.ratio, _HUNDREDTHS), "seconds": span(shown.whole, seconds),
         "library": next(iter(shown.library), None), "fastest": next(iter(shown.fastest), None),
         "growth": span(whole.power, _HUNDREDTHS),
         "span": None if whole.empty else (int(whole["from"].min()), int(whole["to"].max())),
-        "accurate": ACCURATE, "times": accurate.to_dict(), "meaningless": MEANINGLESS,
         **_of_sequences(frames["sequences"]),
     }  # fmt: skip
 
@@ -179,18 +161,18 @@ _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((*_POWERS.values(), "ratio"), _HUNDREDTHS), "half_force": fixed(".8f"),
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
-    **dict.fromkeys(("half_force_error", "error"), _shown_error),
+    "half_force_error": _shown_error,
     "force": lambda value: "–" if value != value else scientific(value),
     "message": lambda text: text if text and text == text else NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
 
 
-def report(whole: Rows, graded: Rows, sequences: Rows) -> Report:
+def report(whole: Rows, sequences: Rows) -> Report:
     """The report on the plate and on sequences; the same rows give the same one."""
     solves = solves_of(whole)
     growth = growth_of(solves, "friction", "cells", "unknowns", [*_POWERS]).rename(columns=_POWERS)
-    frames = {"solves": solves, "graded": graded_of(graded), "growth": growth, "sequences": runs_of(sequences)}
+    frames = {"solves": solves, "growth": growth, "sequences": runs_of(sequences)}
     measured, runs = solves.friction.unique(), frames["sequences"]
     friction = FRICTION if FRICTION in measured else min(measured, default=None)
     plain = [{**row.case, **found, **{part: _median(found["seconds"].get(part)) for part in ("numeric", "plain")}}
@@ -198,8 +180,8 @@ def report(whole: Rows, graded: Rows, sequences: Rows) -> Report:
     titles = runs.sequence.map(lambda name: CHAINS[name].title)
     shares = [f"{each.solved} of {each.planned}" for each in runs.itertuples()]
     tables = {**frames, "plain": DataFrame(plain, columns=_PLAIN), "sequences": runs.assign(title=titles, share=shares)}
-    figures = {"times": drawn("benchmark", partial(_picture, frames, friction))}
-    values, rows = {**values_of(frames), "friction": friction}, [*whole, *graded, *sequences]
+    figures = {"times": drawn("benchmark", partial(_picture, solves, friction))}
+    values, rows = {**values_of(frames), "friction": friction}, [*whole, *sequences]
     return render("comparisons.benchmark", "benchmark", values, tables, figures, rows, forms=_FORMS)
 
 
@@ -227,30 +209,19 @@ def wall_report(rows: Rows) -> Report:
                   forms=forms, template="wall.md")  # fmt: skip
 
 
-def _picture(frames: Mapping[str, DataFrame], friction: float | None) -> "Figure | None":
-    """Left: seconds against unknowns at one friction; right: error of P/2 against seconds on graded meshes."""
+def _picture(solves: DataFrame, friction: float | None) -> "Figure | None":
+    """Seconds against unknowns at one friction."""
     from matplotlib.ticker import NullFormatter
 
     if friction is None:
         return None
-    solves, graded = frames["solves"], frames["graded"]
-    solved = solves[(solves.friction == friction) & (solves.status == "solved")]
-    lines = [
-        ("whole solve", solved.unknowns, solved.solve),
-        ("one plain factorisation, fastest", solved.unknowns, solved.factorised),
-    ]
-    beside = [(f"graded meshes, μ = {mu:g}", found.whole, found.error) for mu, found in graded.groupby("friction")]
-    figure = new_figure(11.0, 4.8)
-    for axes, curves, x, y in (
-        (figure.add_subplot(1, 2, 1), lines, "unknowns [-]", "wall time [s]"),
-        (figure.add_subplot(1, 2, 2), beside, "wall time [s]", "relative error of P/2 [-]"),
-    ):
-        for (colour, marker, style), (label, across, up) in zip(LOOKS, curves, strict=False):
-            if (up > 0.0).any():
-                axes.plot(across, up, color=colour, marker=marker, linestyle=style, label=label, markersize=5)
-        axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y)
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        grid(axes)
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(fontsize=7)
+    solved, figure = solves[(solves.friction == friction) & (solves.status == "solved")], new_figure(6.0, 4.4)
+    axes = figure.subplots()
+    curves = ("whole solve", solved.solve), ("one plain factorisation, fastest", solved.factorised)
+    for (colour, marker, style), (label, times) in zip(LOOKS, curves, strict=False):
+        axes.plot(solved.unknowns, times, color=colour, marker=marker, linestyle=style, label=label, markersize=5)
+    axes.set(xscale="log", yscale="log", xlabel="unknowns [-]", ylabel="wall time [s]")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    grid(axes)
+    axes.legend(fontsize=7)
     return figure

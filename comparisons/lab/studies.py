@@ -155,6 +155,15 @@ def machine() -> dict[str, Any]:
     }  # fmt: skip
 
 
+def peak_memory() -> int | None:
+    """Largest resident memory of this process so far [bytes]; None where the system does not tell."""
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
+                return 1024 * int(line.split()[1])
+    return None
+
+
 def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
     """Package → version, None of those that are not installed."""
     from importlib.metadata import PackageNotFoundError, version  # as long to load as all else of a worker process

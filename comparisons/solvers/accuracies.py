@@ -43,18 +43,12 @@ _INTERIOR_ITERATIONS: Final = 100
 
 
 class Backend(NamedTuple):
-    """What a solver is, its own options at each level, and what it keeps from one problem of a sequence to the next.
-
-    Those that keep nothing begin anew each time.
-    """
+    """What a solver is, and its own options at each level."""
 
     remark: str
     levels: Mapping[str, Options]
-    keeps: str = ""
 
 
-_AT_LAST: Final = "starts at the last answer"
-_UPDATED: Final = "program kept, parameters updated"
 _CONE: Final = "through `cvxpy`, one cone for each contact point"
 _CONES: Final = "through `cvxpy`, one cone for each contact point and one for the energy"
 
@@ -72,7 +66,7 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
     )),
     "qp:osqp": Backend(
         "operator splitting, not polished",
-        _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS, polishing=False), _AT_LAST,
+        _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS, polishing=False),
     ),
     "qp:piqp": Backend("proximal interior point", _levels(
         (*_BOTH, "eps_duality_gap_abs", "eps_duality_gap_rel"), max_iter=_INTERIOR_ITERATIONS
@@ -81,7 +75,7 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
         "augmented Lagrangian, absolute tolerances; those of infeasibility stay at 1e-4: `qpsolvers` does not hand "
         "them on",
         _levels(("eps_abs", "eps_duality_gap_abs", "eps_duality_gap_rel"), eps_rel=0.0, check_duality_gap=True,
-                max_iter=1000), _AT_LAST,
+                max_iter=1000),
     ),
     "qp:qpalm": Backend("augmented Lagrangian", _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS)),
     "qp:quadprog": Backend(
@@ -90,12 +84,12 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
     "qp:scs": Backend("operator splitting on cones", _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS)),
     "direct:clarabel": Backend(
         "Clarabel without `qpsolvers`: one solver, its vectors updated",
-        _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS), "solver kept, vectors updated",
+        _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS),
     ),
-    "socp:clarabel": Backend(_CONE, _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS), _UPDATED),
-    "socp:cvxopt": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS, kktsolver="robust"), _UPDATED),
-    "socp:ecos": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS), _UPDATED),
-    "socp:scs": Backend(_CONE, _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS), _UPDATED),
+    "socp:clarabel": Backend(_CONE, _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS)),
+    "socp:cvxopt": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS, kktsolver="robust")),
+    "socp:ecos": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS)),
+    "socp:scs": Backend(_CONE, _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS)),
     "condensed": Backend(
         "the package's interior point method on the whole inequality, without inner problems", _levels(("gap",))
     ),

@@ -14,7 +14,7 @@ import numpy as np
 from pandas import DataFrame, Series, concat
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
-from comparisons.lab.numbers import NOTHING, count, listing, percent, seconds, significant, span
+from comparisons.lab.numbers import count, percent, seconds, significant, span
 from comparisons.lab.reports import Form, Report, crossed, render
 from comparisons.lab.studies import Row, frame_of
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
@@ -29,7 +29,6 @@ from comparisons.solvers.study import (
     OUTER,
     RIGHT,
     UNTRUE,
-    WARM,
 )
 from qvi_contact.plots.style import new_figure
 from solvers.inner.registry import how_to_install
@@ -42,7 +41,7 @@ KINDS: Final = {
     "sequence": "sequences of inner problems",
     "outer": "whole inequalities (condensed)",
 }
-"""Kind of task → its name; sequences are warm where the solver can keep something."""
+"""Kind of task → its name."""
 
 RARELY: Final = 0.05
 """Share of untrue answers below which a solver is not named in a sentence."""
@@ -52,9 +51,6 @@ UNTIL: Final = 100.0
 
 HIGHLIGHTED: Final = 5
 """Curves of a panel that have a colour."""
-
-NEGLIGIBLE: Final = 1.2
-"""Ratio of times below which, and above whose inverse, times count as equal."""
 
 OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
 INSTANCE: Final = ("level", "problem", "form")
@@ -86,15 +82,10 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 def of_kind(runs: DataFrame, kind: str) -> DataFrame:
     """The runs of a kind of task on problems that have a solution.
 
-    Sequences are warm by the solvers that can, cold by the others. Outer loops are those in condensed form, which is
-    what the package's own methods are compared with.
+    Outer loops are those in condensed form, which is what the package's own methods are compared with.
     """
-    runs = runs[runs.feasible]
-    if kind != "sequence":
-        return runs[(runs.task == kind) & ((kind != OUTER) | (runs.form == "condensed"))]
-    sequences = runs[runs.task.isin([COLD, WARM])]
-    warm = sequences.task == WARM
-    return sequences[warm | ~warm.groupby([sequences[name] for name in ("solver", *INSTANCE)]).transform("any")]
+    task = COLD if kind == "sequence" else kind
+    return runs[runs.feasible & (runs.task == task) & ((kind != OUTER) | (runs.form == "condensed"))]
 
 
 def performance_ratios(runs: DataFrame) -> DataFrame:
@@ -130,27 +121,6 @@ def geometric_mean(values: "Series[float]") -> float:
     return math.exp(np.log(values).mean())
 
 
-def beside(runs: DataFrame, others: DataFrame, on: Sequence[str]) -> DataFrame:
-    """The runs with the entries of the other one that agrees in these columns, named …_beside, where there is one.
-
-    The ratio is that of their times, NaN unless both succeeded.
-    """
-    both = runs.merge(others, on=[*on], suffixes=("", "_beside"))
-    return both.assign(ratio=both.time / both.time_beside)
-
-
-def warm_ratios(runs: DataFrame) -> DataFrame:
-    """Warm sequences beside cold ones."""
-    return beside(runs[runs.task == WARM], runs[runs.task == COLD], ("solver", *INSTANCE))
-
-
-def by_solver(found: DataFrame) -> DataFrame:
-    """Solver → geometric mean, smallest, largest and number of its ratios, and how many are below 1; if it has any."""
-    ratios = found.assign(below=found.ratio < 1.0).groupby("solver", sort=False)
-    spans = ratios.ratio.agg(mean=geometric_mean, smallest="min", largest="max", number="count")
-    return spans.assign(below=ratios.below.sum())[spans.number > 0]
-
-
 def told_by(runs: DataFrame) -> DataFrame:
     """Solver → number of inner problems that have a solution for each outcome, those of sequences one by one.
 
@@ -184,7 +154,8 @@ def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
     mine = runs[(runs.solver == name) & (runs.task == OUTER) & runs.feasible]
     loops = runs[(runs.task == OUTER) & ~runs.solver.isin(METHODS)]
     fastest = loops.groupby([*INSTANCE], as_index=False).time.min()
-    quotients = 1.0 / beside(mine, fastest, INSTANCE).ratio.dropna()
+    both = mine.merge(fastest, on=[*INSTANCE], suffixes=("", "_fastest"))
+    quotients = (both.time_fastest / both.time).dropna()
     steps = {options["omega_T"] for options in mine.options.dropna() if "omega_T" in options}
     return {
         "name": name, "solved": int(mine.certified.sum()), "given": len(mine), "both": len(quotients),
@@ -199,9 +170,9 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
     often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
     hopeless = runs[(runs.task == INNER) & ~runs.feasible]
     recognised = hopeless.groupby("solver", sort=False).certified.agg(["sum", "size"])
-    every, warm = len(hopeless.drop_duplicates([*INSTANCE])), by_solver(warm_ratios(runs))["mean"]
+    every = len(hopeless.drop_duplicates([*INSTANCE]))
     return {
-        "levels": LEVELS, "margin": MARGIN, "until": UNTIL, "highlighted": HIGHLIGHTED, "negligible": NEGLIGIBLE,
+        "levels": LEVELS, "margin": MARGIN, "until": UNTIL, "highlighted": HIGHLIGHTED,
         "rarely": RARELY, "runs": len(runs), "problems": runs.problem.nunique(), "described": PROBLEMS,
         "backends": len(solvers - set(METHODS)), "first": ranking(runs, "inner"),
         "methods": [method_of(runs, name) for name in METHODS if name in solvers],
@@ -211,8 +182,7 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         "seldom": int((told.share < RARELY).sum()), "alarms": int(told[FALSE_ALARM].sum()),
         # who recognises inner problems without a solution, always; and who says "solved"
         "asked": int((recognised["size"] == every).sum()), "right": [*recognised.index[recognised["sum"] == every]],
-        "lied": int(hopeless[UNTRUE].sum()), "gaining": listing([*warm.index[warm < 1.0 / NEGLIGIBLE]]),
-        "losing": listing([*warm.index[warm > NEGLIGIBLE]]),
+        "lied": int(hopeless[UNTRUE].sum()),
     }  # fmt: skip
 
 
@@ -220,14 +190,12 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     first = [(name, solver, f"{solved} of {given}", within)
              for kind, name in KINDS.items() for solver, solved, given, within in ranking(runs, kind)]  # fmt: skip
-    told, warm = told_by(runs).reset_index(), by_solver(warm_ratios(runs)).reset_index()
+    told = told_by(runs).reset_index()
     hopeless = runs[~runs.feasible]
     return {
         "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
         "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
         **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
-        "warm": warm.assign(kept=[TABLE[solver].keeps or NOTHING for solver in warm.solver],
-                            faster=[f"{each.below} of {each.number}" for each in warm.itertuples()]),
         "infeasible": crossed(hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form),
                               "solver", "column", _words),
     }  # fmt: skip
