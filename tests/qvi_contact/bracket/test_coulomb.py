@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import eigh
 
-from comparisons.verification.chapters import half_disc, sheared_layer
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, RigidPlate, Traction, solve
 from qvi_contact.bracket import (
     Share,
@@ -33,7 +32,7 @@ from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
 from qvi_contact.solution import ContactResult, stress_in_cells
 from tests.cases import examples
-from tests.qvi_contact.builders import bernstein
+from tests.qvi_contact.builders import bernstein, half_disc, sheared_layer
 
 
 def shared(problem, s):
