@@ -62,21 +62,18 @@ def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
 def from_corners(bend: FloatArray, degree: int) -> FloatArray:
     """All coefficients of Legendre (N_0 … N_d, Q_0 … Q_d) of such arcs up to the degree d, (n, 2d + 2, 2d + 2).
 
-    From the force along the chord and its normal, the moment, N_2 … N_d, Q_1 … Q_d. On straight edges N_0 and Q_0 are
-    the force, and N_1 is −6 times the moment.
+    From the force along the chord and its normal, the moment, N_2 … N_d, Q_1 … Q_d.
     """
+    t, w = gauss_legendre(degree + _ALONG_ARCS + bend.shape[1])
+    values = legendre.basis(degree, t) * w[:, None]
+    shapes = resultant_shapes(bend, np.tile(t, (len(bend), 1)))
+    sums = np.einsum("nqrf,qk->nrfk", shapes, values).reshape(len(bend), 3, -1)
     solved = np.array([0, 1, degree + 1])  # where N_0, N_1 and Q_0 stand among all, and where the others do
-    given, bent = np.delete(np.arange(2 * degree + 2), solved), np.flatnonzero(bend.any(axis=1))
+    given = np.setdiff1d(np.arange(2 * degree + 2), solved)
     found = np.zeros((len(bend), 2 * degree + 2, 2 * degree + 2))
-    found[:, solved, [0, 2, 1]] = 1.0, -6.0, 1.0
+    right = np.concatenate([np.tile(np.eye(3), (len(bend), 1, 1)), -sums[:, :, given]], axis=2)
+    found[:, solved] = np.linalg.solve(sums[:, :, solved], right)
     found[:, given, 3 + np.arange(len(given))] = 1.0
-    if len(bent):
-        t, w = gauss_legendre(degree + _ALONG_ARCS + bend.shape[1])
-        values = legendre.basis(degree, t) * w[:, None]
-        shapes = resultant_shapes(bend[bent], np.tile(t, (len(bent), 1)))
-        sums = np.einsum("nqrf,qk->nrfk", shapes, values).reshape(len(bent), 3, -1)
-        right = np.concatenate([np.tile(np.eye(3), (len(bent), 1, 1)), -sums[:, :, given]], axis=2)
-        found[bent[:, None], solved] = np.linalg.solve(sums[:, :, solved], right)
     return found
 
 

@@ -49,6 +49,7 @@ _INWARD: Final = 1e-9  # how far points of a part that is drawn lie inside it, a
 _ARCS, _STRAIGHT = 6, -4  # degree of quadrature beyond twice that of Φ where triangles have arcs, and where not
 _FIRST: Final = slice(1, 3)  # slopes at the first end of an edge
 _SECOND: Final = slice(4, 6)
+_THREE: Final = np.arange(3)
 _AFFINE: Final = 3  # degrees of freedom of the first corner of a triangle, which an affine function is made of
 
 LawOn: TypeAlias = Literal["edges", "points"]
@@ -304,12 +305,7 @@ class StressSpace(PicklesFields):
     def traces(self, edges: Edges) -> Functionals:
         """Coefficients of Legendre of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge."""
         if edges not in self._traces:
-            boundary = self.mesh.boundary
-            if edges is boundary or (edges.cells[:, 1] >= 0).any():
-                self._traces[edges] = self._traces_of(edges)
-            else:
-                index = np.searchsorted(self.mesh.topology.outer, self.number(edges))
-                self._traces[edges] = self.traces(boundary).take(index)
+            self._traces[edges] = self._traces_of(edges)
         return self._traces[edges]
 
     @cached_property
@@ -317,13 +313,28 @@ class StressSpace(PicklesFields):
         return WeakKeyDictionary()
 
     def _traces_of(self, edges: Edges) -> Functionals:
-        (columns, known), h, (m, factor) = self._resultants(edges), self.lengths(edges)[:, None], frame(edges)
-        force = known[:, :2].copy()  # per length of the chord, along it and its normal
-        known[:, 0] = (edges.tangent[:, :, None] * force).sum(axis=1) / h
-        known[:, 1] = (m[:, :, None] * force).sum(axis=1) / h
-        known[:, 2] /= h**2
-        values = from_corners(edges.bend, self.degree - 2) @ known
-        values[:, self.degree - 1 :] *= factor[:, None, None]
+        count, k = self.degree - 1, np.arange(2, self.degree - 1)
+        h = self.lengths(edges)
+        columns, sign = self._columns(edges)
+        values: FloatArray = np.zeros((len(edges), 2 * count, columns.shape[1]))
+        m, factor = frame(edges)
+        slope, twist = edges.tangent / h[:, None], m / h[:, None]
+        values[:, 0, _FIRST], values[:, 0, _SECOND] = -slope, slope
+        values[:, 1, _FIRST] = values[:, 1, _SECOND] = 3.0 * slope
+        values[:, 1, 0], values[:, 1, 3] = 6.0 / h**2, -6.0 / h**2
+        values[:, count, _FIRST], values[:, count, _SECOND] = -twist, twist
+        values[:, k, 4 + k] = sign[:, None] ** k
+        k = np.arange(1, self.degree - 1)
+        values[:, count + k, self.degree + 2 + k] = sign[:, None] ** k
+        if edges.curved:  # N_0 … N_(p−2), Q_0 … Q_(p−2) of Φ_ττ and Φ_τμ, see `curved`
+            arcs = edges.take(edges.bent)
+            known, h = self._resultants(arcs)[1], self.lengths(arcs)[:, None]
+            force = known[:, :2].copy()
+            known[:, 0] = (arcs.tangent[:, :, None] * force).sum(axis=1) / h
+            known[:, 1] = (frame(arcs)[0][:, :, None] * force).sum(axis=1) / h
+            known[:, 2] /= h**2
+            values[edges.bent] = from_corners(arcs.bend, self.degree - 2) @ known
+        values[:, count:] *= factor[:, None, None]
         return self._scaled(edges, columns, values)
 
     def resultants(self, edges: Edges) -> Functionals:
@@ -332,13 +343,8 @@ class StressSpace(PicklesFields):
         return self._scaled(edges, columns, values)
 
     def _resultants(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """`resultants` on values of Φ, its slopes and N_k, Q_k as such: columns (n, l) and values (n, 2p − 2, l).
-
-        Columns are those of both ends, see `Functionals`, then N_2 … N_(p−2) and Q_1 … Q_(p−2) of the edge.
-        """
-        on_edge, sign = self.element.on_edge, np.where(edges.first < edges.second, 1.0, -1.0)  # along the tangent
-        own = 3 * len(self.vertices) + on_edge * self.number(edges)[:, None] + np.arange(on_edge)
-        columns = np.hstack([*(3 * ends[:, None] + np.arange(3) for ends in (edges.first, edges.second)), own])
+        """`resultants` on values of Φ, its slopes and N_k, Q_k as such: columns (n, l) and values (n, 2p − 2, l)."""
+        columns, sign = self._columns(edges)
         values: FloatArray = np.zeros((len(edges), 2 * self.degree - 2, columns.shape[1]))
         values[:, [0, 1], [1, 2]], values[:, [0, 1], [4, 5]] = -1.0, 1.0
         values[:, 2, 0], values[:, 2, 3] = -1.0, 1.0
@@ -347,6 +353,16 @@ class StressSpace(PicklesFields):
         power = np.concatenate([np.arange(2, self.degree - 1), np.arange(1, self.degree - 1)])
         values[:, place - 3, place] = sign[:, None] ** power
         return columns, values
+
+    def _columns(self, edges: Edges) -> tuple[IntArray, FloatArray]:
+        """Degrees of freedom of edges (n, l), see `Functionals`, and whether they run along their tangents (±1).
+
+        Behind the six of its ends an edge has N_2 … N_(p−2), then Q_1 … Q_(p−2).
+        """
+        own = 3 * len(self.vertices) + self.element.on_edge * self.number(edges)[:, None]
+        ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
+        sign = np.where(edges.first < edges.second, 1.0, -1.0)
+        return np.hstack([*ends, own + np.arange(self.element.on_edge)]), sign
 
     def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> Functionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
