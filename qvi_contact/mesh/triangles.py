@@ -95,9 +95,10 @@ class TriangleMesh(PicklesFields):
         cells = f"{len(self.cells)} triangles with {len(self.vertices)} vertices"
         return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{listed}>"
 
-    def _repr_html_(self) -> str:
-        """The mesh drawn, for notebooks."""
-        return str(load("qvi_contact.files.notebook").mesh_html(self))
+    def _repr_png_(self) -> bytes | None:
+        """The mesh drawn, for notebooks; None without matplotlib."""
+        found: bytes | None = load("qvi_contact.plots.figures").notebook_png(self)
+        return found
 
     @classmethod
     def rectangle(

@@ -103,9 +103,10 @@ class ContactProblem(PicklesFields):
         conditions = "; ".join(f"{kind} {', '.join(names)}" for kind, names in named.items())
         return f"<ContactProblem: {conditions}; {self.mesh!r}>"
 
-    def _repr_html_(self) -> str:
-        """The mesh drawn and a table of conditions, for notebooks."""
-        return str(load("qvi_contact.files.notebook").problem_html(self))
+    def _repr_png_(self) -> bytes | None:
+        """Mesh, materials and conditions drawn, for notebooks; None without matplotlib."""
+        found: bytes | None = load("qvi_contact.plots.figures").notebook_png(self)
+        return found
 
     @cached_property
     def cell_materials(self) -> IntArray:
