@@ -83,7 +83,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     known = found.coulomb
     energy = found.kind is BracketKind.PROBLEM
     bounds = _of_energy(found) if energy else None if known is None else (known.error, known.within, known.displacement)
-    if bounds is None or not np.isfinite(bounds[0]) or found.result is None:
+    if bounds is None or not np.isfinite(bounds[0]):
         why = found.message if known is None else known.norm.reason
         return {**asked, "status": "unbounded", "message": found.coulomb_reason or why}
     try:

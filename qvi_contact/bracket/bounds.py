@@ -50,7 +50,7 @@ from qvi_contact.companion.space import HIGHEST, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
+from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
@@ -63,14 +63,6 @@ from solvers.settings import Settings
 
 _DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
 _CELL_DEGREE = 5  # of φ: the work of its stresses is then integrated exactly
-_SPOKEN = {
-    "Contact.cohesion": "The cohesion, or Tresca's bound,",
-    "Contact.shear_limit": "The shear limit",
-    "Contact.pore_pressure": "The pore pressure",
-    "Contact.normal_stiffness": "The normal stiffness",
-    "Contact.tangential_stiffness": "The tangential stiffness",
-    "ContactProblem.body_potential": "The body potential",
-}
 
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
@@ -85,8 +77,8 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     """
     problem, space = discretization.problem, discretization.space
     found = [
-        f"{_SPOKEN.get(name, name)} on {place!r} is not a polynomial of degree {most} on every edge."
-        for name, place, edges, field, most in _on_edges(discretization)
+        f"{said} on {place!r} is not a polynomial of degree {most} on every edge."
+        for said, name, place, edges, field, most in _on_edges(discretization)
         if callable(field) and not is_polynomial(problem, problem.mesh.edges(edges), name, field, most)
     ]
     cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
@@ -104,21 +96,21 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _on_edges(discretization: Discretization) -> Iterator[tuple[str, str, str, Field | None, int]]:
-    """(name, place, edge set, field, largest degree) of all data on edges."""
+def _on_edges(discretization: Discretization) -> Iterator[tuple[str, str, str, str, Field | None, int]]:
+    """(spoken name, name, place, edge set, field, largest degree) of all data on edges."""
     problem, most = discretization.problem, discretization.space.traction_degree
     for condition in problem.cartesian_conditions:
         if isinstance(condition, Traction):
             for component, value in components(condition).items():
-                yield f"Traction.{component}", condition.edges, condition.edges, value, most
+                name = f"Traction.{component}"
+                yield name, name, condition.edges, condition.edges, value, most
         elif isinstance(condition, Contact):
-            place = condition.name, condition.edges
-            fields = {"normal_stiffness": 0, "tangential_stiffness": 0}
+            place, degrees = (condition.name, condition.edges), dict.fromkeys(SPRINGS, 0)
             if condition.law != "tied":
-                fields |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
-                yield "ContactProblem.body_potential", *place, problem.body_potential, most
-            for name, own in fields.items():
-                yield f"Contact.{name}", *place, getattr(condition, name), own
+                degrees |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
+                yield "The body potential", "ContactProblem.body_potential", *place, problem.body_potential, most
+            for name, own in degrees.items():
+                yield f"The {name.replace('_', ' ')}", f"Contact.{name}", *place, getattr(condition, name), own
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
@@ -287,10 +279,7 @@ def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], Floa
         If there is no stress state, no displacement was found, or this is a step of a history after slip along arcs.
 
     """
-    companion = result.bracket.companion
-    if companion is None:
-        raise InputError("displacement(x, y)", result.status.value, f"no displacement was found: {result.message}")
-    return companion.displacement
+    return result.bracket.companion.displacement
 
 
 def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
@@ -331,7 +320,6 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
     return Bracket(
-        problem=problem,
         kind=given.kind,
         reasons=_reasons(given, stress, companion, balance, (upper - lower) / max(strain, held, 1e-300)),
         lower=lower,

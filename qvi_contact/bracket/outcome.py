@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -99,7 +99,6 @@ class Bracket:
 
     """
 
-    problem: ContactProblem
     kind: BracketKind
     reasons: tuple[str, ...]
     lower: float
@@ -110,14 +109,19 @@ class Bracket:
     cell_gaps: FloatArray
     outer: float
     slack: float
-    driven: Mapping[str, Bounds] = field(default_factory=dict)
-    result: ContactResult | None = None
-    companion: CompanionResult | None = None
+    driven: Mapping[str, Bounds]
+    result: ContactResult
+    companion: CompanionResult
     coulomb: CoulombBounds | None = None
     coulomb_reason: str = ""
 
     def __repr__(self) -> str:
         return f"<Bracket {self.message}>"
+
+    @property
+    def problem(self) -> ContactProblem:
+        """The problem that is bracketed."""
+        return self.result.problem
 
     @property
     def uniqueness(self) -> Uniqueness:
@@ -246,8 +250,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
         "relative_error": finite(bracket.relative_error),
         "forces": {name: {**each._asdict(), "unit": units.force} for name, each in bracket.forces.items()},
         "coulomb": coulomb,
-        "companion": companion
-        and {"status": str(companion.status), "degree": companion.degree, "unknowns": companion.unknowns},
+        "companion": {"status": str(companion.status), "degree": companion.degree, "unknowns": companion.unknowns},
     }
 
 
@@ -264,7 +267,7 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
         kind = "" if bracket.coulomb is None else f", {bracket.coulomb.kind}"
         yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}{kind}"
     companion = bracket.companion
-    if companion is not None and companion.has_state:
+    if companion.has_state:
         yield f"displacement model, degree {companion.degree}, {companion.unknowns} unknowns, same friction bound:"
         for name, contact in companion.contacts.items():
             both = (contact.normal_force, contact.tangential_force)

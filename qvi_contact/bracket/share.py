@@ -373,8 +373,7 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
     row = int(kept[left.argmax()])  # where no stress of the elements has the shear that is wanted
     number = row % m if row < 2 * m else 0
     rows = next(each for each in known.contacts if each.rows.start <= number < each.rows.stop)
-    edges = known.problem.mesh.edges(next(c for c in known.problem.contacts if c.name == rows.name).edges)
-    x, y = known.problem.mesh.vertices[edges.first[(number - rows.rows.start) // known.rule.count]]
+    x, y = known.problem.mesh.vertices[rows.points.edges.first[(number - rows.rows.start) // known.rule.count]]
     return f"No stress on this mesh has a continuous share of friction on {rows.name!r} near ({x:.6g}, {y:.6g})."
 
 

@@ -86,7 +86,7 @@ class SecondModel:
         if self.bracket is None:
             return None
         found = self.bracket.companion
-        if found is None or not found.has_state:
+        if not found.has_state:
             self.missing = self.bracket.message
             return None
         return found

@@ -27,7 +27,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.body import CondensedBody
@@ -36,6 +35,7 @@ from qvi_contact.companion.space import spread
 from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.plates import independent_rows
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import linked
 from solvers import FrictionQVI, QVISolution
 
 _DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
@@ -206,10 +206,8 @@ def groups(B: sparse.csr_array) -> list[IntArray]:
     """Rows that hang together over columns, two or more of them, in ascending order."""
     if not B.nnz:
         return []
-    nodes = sum(B.shape)  # rows, and after them the columns where they have entries
-    starts = np.concatenate([B.indptr, np.full(B.shape[1], B.nnz)])
-    links = sparse.csr_array((np.ones(B.nnz), B.indices + B.shape[0], starts), shape=(nodes, nodes))
-    group = connected_components(links, directed=False)[1][: B.shape[0]]
+    row, column = (np.asarray(part, dtype=np.int64) for part in B.nonzero())
+    group = linked(row, column + B.shape[0], sum(B.shape))[: B.shape[0]]  # columns come after the rows
     order = np.argsort(group, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
     return [part for part in parts if len(part) > 1]

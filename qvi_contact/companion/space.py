@@ -6,9 +6,8 @@ single coefficients. Derivatives along the two reference axes act on differences
 
     ∂u/∂t_a = Σ_k (D_a c)_k B_k,
 
-so that a rigid motion, however large, leaves no rounding behind. A vertex on a joint belongs to each block that meets
-there: corners of cells are one vertex if they hang together over edges that are not joints. Degree of freedom 2 k + c
-is component c of coefficient k.
+so that a rigid motion, however large, leaves no rounding behind. Cells share coefficients on edges that are not joints:
+a vertex on a joint has one for each block that meets there. Degree of freedom 2 k + c is component c of coefficient k.
 
 A cell with sides that are arcs is a smooth image of the straight one. With its corners X and the arc γ of a side from
 corner a to b,
@@ -27,12 +26,11 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.polynomial.legendre import legder, legvander
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
 from qvi_contact.element.legendre import from_values, gauss_legendre
 from qvi_contact.element.triangle import EDGES, bernstein, exponents, gradient, quadrature
-from qvi_contact.mesh.edges import Edges, Topology, arc_offsets
+from qvi_contact.mesh.edges import Edges, arc_offsets, linked
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
@@ -103,20 +101,11 @@ class Triangle:
         points, weights = quadrature(2 * count - 1)
         return points[:, 1:], weights / 2.0
 
-    def table(self, vertices: IntArray) -> IntArray:
-        """Numbers of the coefficients of cells whose corners are the vertices (cells, 3), shape (cells, n).
-
-        Vertices come first, then sides, then what is inside; neighbours share those of vertices and sides.
-        """
-        p, count = self.degree, int(vertices.max()) + 1
-        topology, found = Topology.of(vertices, count), np.empty((len(vertices), len(self.places)), dtype=np.int64)
-        found[:, self.corners] = vertices
-        for s, (first, last) in enumerate(EDGES):
-            found[:, self.sides[first, last][1:-1]] = count + (p - 1) * topology.of_cells[:, [s]] + np.arange(p - 1)
-        inside = np.flatnonzero((exponents(p) > 0).all(axis=1))
-        numbers = np.arange(len(vertices) * len(inside)).reshape(len(vertices), -1)
-        found[:, inside] = count + (p - 1) * len(topology.ends) + numbers
-        return found
+    def along(self, mesh: TriangleMesh, edges: Edges, side: int) -> IntArray:
+        """The coefficients (e, p + 1) on edges, along the tangent, of the cell at each, or of that beyond (side 1)."""
+        corners = mesh.cells[edges.cells[:, side]]
+        first, second = (np.argmax(corners == end[:, None], axis=1) for end in (edges.first, edges.second))
+        return np.asarray(self.sides[first, second])
 
 
 _triangle = cache(Triangle)
@@ -241,14 +230,19 @@ class DisplacementSpace:
     @classmethod
     def of(cls, problem: ContactProblem, cell: Triangle, length: float) -> "DisplacementSpace":
         """The space of a problem."""
-        mesh = problem.mesh
-        corners = mesh.vertices[mesh.cells]
-        first, along, across = corners.swapaxes(0, 1)
+        mesh, count, n = problem.mesh, len(problem.mesh.cells), len(cell.places)
+        first, along, across = mesh.corners.swapaxes(0, 1)
         frames = np.stack([along - first, across - first], axis=-1) / length
-        vertices, block = _vertices(problem)
-        origins = (first - mesh.origin) / length
-        curved = CurvedCells.of(mesh, length)
-        return cls(mesh, cell, origins, frames, cell.table(vertices), block, curved)
+        whole = np.ones(len(mesh.interior), dtype=bool)
+        for joint in problem.joints:
+            whole[mesh.joint_set(joint.edges)] = False
+        edges = mesh.interior.take(whole)
+        near, far = (n * edges.cells[:, [side]] + cell.along(mesh, edges, side) for side in (0, 1))
+        table, block = (
+            linked(near, far, n * count).reshape(count, n),
+            linked(edges.cells[:, 0], edges.cells[:, 1], count),
+        )
+        return cls(mesh, cell, (first - mesh.origin) / length, frames, table, block, CurvedCells.of(mesh, length))
 
     @property
     def degree(self) -> int:
@@ -330,9 +324,7 @@ class DisplacementSpace:
 
     def along(self, edges: Edges, *, other: bool = False) -> IntArray:
         """Coefficients on edges (e, p + 1), along the tangent; with `other` those of the cell beyond an edge inside."""
-        cells = edges.cells[:, int(other)]
-        first, second = (_corner(self.mesh, cells, vertices) for vertices in (edges.first, edges.second))
-        return self.table[cells[:, None], self.cell.sides[first, second]]
+        return self.table[edges.cells[:, [int(other)]], self.cell.along(self.mesh, edges, int(other))]
 
     def rigid(self) -> FloatArray:
         """Rigid motions of every block, shape (size, 3 blocks): along x, along y, turning about its middle."""
@@ -350,35 +342,3 @@ def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> 
     """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
     at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))
-
-
-def _corner(mesh: TriangleMesh, cells: IntArray, vertices: IntArray) -> IntArray:
-    """Which corner of each cell (e,) a vertex (e,) is."""
-    return np.asarray(np.argmax(mesh.cells[cells] == vertices[:, None], axis=1))
-
-
-def _vertices(problem: ContactProblem) -> tuple[IntArray, IntArray]:
-    """Vertex of each corner of each cell (cells, 3), and the cells' blocks.
-
-    Vertices of the mesh come in its order, those that joints divide one after the other.
-    """
-    mesh = problem.mesh
-    whole = np.ones(len(mesh.interior), dtype=bool)
-    for joint in problem.joints:
-        whole[mesh.joint_set(joint.edges)] = False
-    edges = mesh.interior.take(whole)
-    near, far = edges.cells.T
-    count = len(mesh.cells)
-    pairs = [
-        (3 * near + _corner(mesh, near, end), 3 * far + _corner(mesh, far, end)) for end in (edges.first, edges.second)
-    ]
-    first, second = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    parts = _components(first, second, 3 * count)
-    _, vertex = np.unique(np.stack([mesh.cells.ravel(), parts]), axis=1, return_inverse=True)
-    return vertex.reshape(count, 3), _components(near, far, count)
-
-
-def _components(first: IntArray, second: IntArray, count: int) -> IntArray:
-    """Connected component of each of `count` things, joined in pairs."""
-    graph = sparse.csr_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

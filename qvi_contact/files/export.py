@@ -246,7 +246,7 @@ def write_vtu(
         mesh, companion = bracket.problem.mesh, bracket.companion
         if not mesh.same_as(problem.mesh):
             raise InputError("bracket", repr(mesh), "belongs to another mesh: give the one of this result")
-        if companion is None or not companion.has_state:
+        if not companion.has_state:
             raise InputError("bracket", bracket.message, "there is no displacement in it to write")
         moved = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2)
         point_data[_named("displacement", "displacement", units)] = _vectors(moved)

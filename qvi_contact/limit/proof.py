@@ -44,10 +44,10 @@ from qvi_contact.limit.rational import (
     smooth,
     solved,
 )
-from qvi_contact.limit.split import Nodes, lattice, linked, numbered, part_corners
+from qvi_contact.limit.split import Nodes, lattice, numbered, part_corners
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, RigidMotion
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, linked
 from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import Mises, MohrCoulomb, Strength

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, linked
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
@@ -76,12 +74,6 @@ def coefficients_of(
     found = at_places @ np.linalg.inv(bernstein(degree, lattice(degree))).T
     misfit = np.abs(found @ bernstein(degree, lattice(SAMPLES)).T - seen).max(initial=0.0)
     return np.asarray(found), float(misfit / max(np.abs(seen).max(initial=0.0), 1e-300))
-
-
-def linked(first: IntArray, second: IntArray, count: int) -> IntArray:
-    """Numbers (count,) of the sets into which pairs join what they name."""
-    graph = sparse.csr_array((np.ones(first.size), (first.ravel(), second.ravel())), shape=(count, count))
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def nodes_along(mesh: TriangleMesh, nodes: Nodes, edges: Edges, side: int = 0) -> IntArray:

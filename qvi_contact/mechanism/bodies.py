@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
-from qvi_contact.mesh.edges import Edges, vectors_along
+from qvi_contact.mesh.edges import Edges, linked, vectors_along
 from qvi_contact.problem.conditions import LOCAL, Contact, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
@@ -99,10 +98,7 @@ def blocks_of_cells(problem: ContactProblem) -> IntArray:
         if joint.law != "tied":
             cut[mesh.joint_set(joint.edges)] = True
     first, second = mesh.interior.cells[~cut].T
-    shape = (mesh.cell_count, mesh.cell_count)
-    graph = sparse.csr_array((np.ones(len(first)), (first, second)), shape=shape)
-    _, label = sparse.csgraph.connected_components(graph, directed=False)
-    return np.asarray(label, dtype=np.int64)
+    return linked(first, second, mesh.cell_count)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,8 @@ from typing import Final, Self
 
 import numpy as np
 from numpy.polynomial.legendre import legval
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element.legendre import from_values, gauss_legendre
@@ -82,6 +84,12 @@ class Topology:
         wanted = np.minimum(one, other) * self.base + np.maximum(one, other)
         at = np.minimum(np.searchsorted(self.keys, wanted), len(self.keys) - 1)
         return np.where(self.keys[at] == wanted, at, -1)
+
+
+def linked(first: IntArray, second: IntArray, count: int) -> IntArray:
+    """Numbers (count,) of the sets into which pairs join so many things."""
+    graph = sparse.csr_array((np.ones(first.size), (first.ravel(), second.ravel())), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def chains(ends: IntArray) -> list[IntArray]:

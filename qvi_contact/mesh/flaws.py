@@ -4,13 +4,11 @@ from typing import Final, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross, linked
 from qvi_contact.mesh.selection import numbers_of
 
 LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
@@ -69,9 +67,8 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
 
 def pieces(topology: Topology, count: int) -> IntArray:
     """The number of the piece of each of so many triangles (m,): those joined by edges are one."""
-    inner = topology.cells[topology.count == 2]
-    graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(count, count))
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
+    first, second = topology.cells[topology.count == 2].T
+    return linked(first, second, count)
 
 
 def same_places(vertices: FloatArray) -> IntArray:

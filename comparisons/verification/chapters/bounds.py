@@ -187,6 +187,5 @@ def _refined(outcome: Refinement) -> Proof:
 
 def _guaranteed(*brackets: Bracket) -> Proof:
     """Both solves certified, and the bracket guaranteed."""
-    results = [found.result for found in brackets if found.result is not None]
     reasons = "; ".join(reason for found in brackets for reason in found.reasons)
-    return both(certified(*results), by_hand(not reasons, reasons or "guaranteed bracket"))
+    return both(certified(*(found.result for found in brackets)), by_hand(not reasons, reasons or "guaranteed bracket"))

@@ -178,9 +178,9 @@ def _shown(
     result: ContactResult, bracket: Bracket | None, units: Units, panels: Sequence[str] | None
 ) -> dict[str, Any]:
     """Tables and pictures of a stress state."""
-    companion = bracket.companion if bracket is not None and bracket.companion is not None else None
+    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
     return {
-        "field": field_data(result, companion if companion is not None and companion.has_state else None, units),
+        "field": field_data(result, companion, units),
         "contacts": [
             _contact(line, f"contact-{number}", units)
             for number, line in enumerate(result.contacts.values(), 1)
