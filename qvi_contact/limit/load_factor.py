@@ -227,11 +227,6 @@ def limit_proof(
         return proof_of(problem, names, k, {"lower": lower, "upper": upper})
 
 
-def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
-    """Both sides of `limit_load_factor` without the check of the mesh's program; `space` is for `discretize`."""
-    return LimitProblem.of(problem, checked_loads(problem, loads), **space).solved().limit
-
-
 @dataclass(frozen=True, eq=False)
 class LimitProblem:
     """A limit analysis on one mesh: the problem with the named loads times 1 and times 2."""

@@ -44,9 +44,10 @@ from qvi_contact.limit.rational import (
     smooth,
     solved,
 )
-from qvi_contact.limit.split import Nodes, lattice, linked, numbered, part_corners
+from qvi_contact.limit.split import Nodes, lattice, numbered, part_corners
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, RigidMotion
+from qvi_contact.mechanism.bodies import linked
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
@@ -377,11 +378,10 @@ def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[s
     """The part of a proof that says what no stress carries, from velocities of rigid blocks."""
     if mechanism is None:
         raise SolveError("proof: no motion of rigid blocks bounds the loads")
-    strong, parts = np.ones(len(mechanism.blocks), dtype=bool), [mechanism.motions[n] for n in mechanism.blocks]
+    strong = np.ones(len(mechanism.blocks), dtype=bool)
     space = Velocities(stated.problem, 1, strong)
-    x, y, turn, *centre = np.array([(each.x, each.y, each.rotation, *each.centre) for each in parts]).T[..., None]
-    arms = space.nodes.places @ stated.mesh.corners
-    rough = np.stack([x - turn * (arms[..., 1] - centre[1]), y + turn * (arms[..., 0] - centre[0])], axis=-1)
+    places = zip(mechanism.blocks, space.nodes.places @ stated.mesh.corners, strict=True)
+    rough = np.array([mechanism.motions[block].at(points) for block, points in places])
     return {"flow": {"degree": 1, "shares": {}, **_exactly(stated, space, rough, mechanism.plates, strong, ~strong)}}
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
+from qvi_contact.mechanism.bodies import linked, whole_edges
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
@@ -78,12 +77,6 @@ def coefficients_of(
     return np.asarray(found), float(misfit / max(np.abs(seen).max(initial=0.0), 1e-300))
 
 
-def linked(first: IntArray, second: IntArray, count: int) -> IntArray:
-    """Numbers (count,) of the sets into which pairs join what they name."""
-    graph = sparse.csr_array((np.ones(first.size), (first.ravel(), second.ravel())), shape=(count, count))
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
 def nodes_along(mesh: TriangleMesh, nodes: Nodes, edges: Edges, side: int = 0) -> IntArray:
     """Numbers cell · m + node of the coefficients (e, degree + 1) along edges from their first end to the second.
 
@@ -100,11 +93,6 @@ def nodes_along(mesh: TriangleMesh, nodes: Nodes, edges: Edges, side: int = 0) -
 
 def numbered(problem: ContactProblem, nodes: Nodes) -> IntArray:
     """Numbers (cells, m) of coefficients, which triangles share on edges that are no open joint."""
-    mesh = problem.mesh
-    cut = np.zeros(len(mesh.interior), dtype=bool)
-    for joint in problem.joints:
-        if joint.law != "tied":
-            cut[mesh.joint_set(joint.edges)] = True
-    edges, shape = mesh.interior.take(~cut), (mesh.cell_count, len(nodes.keys))
-    first, second = (nodes_along(mesh, nodes, edges, side) for side in (0, 1))
+    edges, shape = whole_edges(problem), (problem.mesh.cell_count, len(nodes.keys))
+    first, second = (nodes_along(problem.mesh, nodes, edges, side) for side in (0, 1))
     return linked(first, second, shape[0] * shape[1]).reshape(shape)

@@ -94,15 +94,22 @@ def enclosed_beyond(problem: ContactProblem, edges: Edges) -> BoolArray:
 
 def blocks_of_cells(problem: ContactProblem) -> IntArray:
     """The block (cells,) of each cell: cells hang together across all edges but those of joints that are not tied."""
-    mesh, cut = problem.mesh, np.zeros(len(problem.mesh.interior), dtype=bool)
+    first, second = whole_edges(problem).cells.T
+    return linked(first, second, problem.mesh.cell_count)
+
+
+def whole_edges(problem: ContactProblem) -> Edges:
+    """Edges inside the body but those of joints that are not tied."""
+    cut = np.zeros(len(problem.mesh.interior), dtype=bool)
     for joint in problem.joints:
-        if joint.law != "tied":
-            cut[mesh.joint_set(joint.edges)] = True
-    first, second = mesh.interior.cells[~cut].T
-    shape = (mesh.cell_count, mesh.cell_count)
-    graph = sparse.csr_array((np.ones(len(first)), (first, second)), shape=shape)
-    _, label = sparse.csgraph.connected_components(graph, directed=False)
-    return np.asarray(label, dtype=np.int64)
+        cut[problem.mesh.joint_set(joint.edges)] |= joint.law != "tied"
+    return problem.mesh.interior.take(~cut)
+
+
+def linked(first: IntArray, second: IntArray, count: int) -> IntArray:
+    """Numbers (count,) of the sets into which pairs join what they name."""
+    graph = sparse.csr_array((np.ones(first.size), (first.ravel(), second.ravel())), shape=(count, count))
+    return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
