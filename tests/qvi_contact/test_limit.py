@@ -139,8 +139,8 @@ class TestKindsOfLoads:
     def test_nothing_can_be_carried(self):
         """Shear 4 stays and no multiple of the free surfaces' nothing helps; with more pressure it would."""
         problem = dragged(MESHES["uniform"], 10.0, 4.0, Contact("bottom", 0.3))
-        assert limit_load_factor(problem, ["free"]) == -np.inf
-        assert limit_load_factor(problem, ["free"]).bound == -np.inf
+        limit = limit_load_factor(problem, ["free"])
+        assert (limit.lower, limit.bound) == (-np.inf, -np.inf)
 
     def test_a_body_without_contact(self):
         conditions = [Displacement("bottom", 0.0, 0.0), *(Traction(side, 1.0, 1.0) for side in SIDES)]
