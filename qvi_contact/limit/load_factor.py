@@ -192,8 +192,7 @@ def limit_proof(
     Parameters
     ----------
     problem : ContactProblem
-        The problem: straight triangles; friction, strengths and caps that are numbers; no plates and pins that
-        forces move.
+        The problem: straight triangles; friction, strengths and caps that are numbers.
     loads : sequence of str
         Names of the loads to multiply, see `limit_load_factor`.
     degree, time_limit
