@@ -185,6 +185,8 @@ def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
         )
         limit = limit_load_factor(problem, ["punch"])
         assert limit.lower < 2 + np.pi < limit.upper
+        moved = limit.collapse.motion.plates["punch"]
+        assert moved.y < moved.x == moved.rotation == 0.0
         found.append((limit.lower, limit.upper))
     assert found[0][0] > 4.3
     assert found[0][1] < 5.6
