@@ -49,7 +49,7 @@ from qvi_contact import (
 )
 from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.limit import LimitLoad, StrengthReduction
-from qvi_contact.limit.load_factor import limit_load
+from qvi_contact.limit.load_factor import limit_load_factor
 from qvi_contact.refinement.measure import Measure as Quantity
 from solvers import Status
 
@@ -98,9 +98,9 @@ class Answer:
         return solve_history(self.file.problems, law_on="points", **self.options)
 
     def limit(self, load: str) -> LimitLoad:
-        """Of `limit_load`, for the load of this name."""
+        """Of `limit_load_factor`, for the load of this name."""
         if load not in self._limits:
-            self._limits[load] = limit_load(self.problem, [load], degree=self.options["degree"])
+            self._limits[load] = limit_load_factor(self.problem, [load], degree=self.options["degree"])
         return self._limits[load]
 
     @cached_property

@@ -20,7 +20,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.limit.load_factor import LimitLoad, limit_load
+from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
 from qvi_contact.problem.conditions import Condition
 
 LIMITS: Final = Chapter()
@@ -44,7 +44,7 @@ def _dragged(mesh: TriangleMesh, shear: float, contact: Contact = _BASE) -> Cont
 
 
 def _factor(p: int, problem: ContactProblem, load: str) -> tuple[LimitLoad, Check]:
-    limit = limit_load(problem, [load], degree=p)
+    limit = limit_load_factor(problem, [load], degree=p)
     return limit, Check(bounded(limit), tolerance=1e-6)
 
 
