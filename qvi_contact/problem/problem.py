@@ -204,7 +204,12 @@ class ContactProblem(PicklesFields):
 
         Components are x and y; normal and tangential on slanted edges that are ruled by these.
         """
-        return _ruled(self)
+        kinds = []  # all that the answer depends on
+        for each in self.conditions:
+            named = tuple(components(each)) if isinstance(each, (Traction, Displacement)) else ()
+            place = b"" if each in self.joints else _edges_of(self.mesh, each)[0].tobytes()
+            kinds.append((type(each), named, place))
+        return self.mesh.kept(np.ndarray, ("owners", *kinds), lambda: _ruled(self))
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
         """Prescribed data of one kind, symmetry lines included."""
@@ -322,6 +327,7 @@ def _ruled(problem: ContactProblem) -> IntArray:
         named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
         refuse([*named, "an edge without a name"][0], component, edge, remedy)
+    owner.flags.writeable = False  # problems share it
     return owner
 
 
