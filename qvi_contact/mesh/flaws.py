@@ -126,12 +126,10 @@ def hanging_vertices(vertices: FloatArray, topology: Topology) -> IntArray:
 
 def _near(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
     """Pairs of a circle and a point in it, in order; looked for along a direction that lines of a mesh seldom have."""
-    place, centre = points @ _ASLANT, centres @ _ASLANT
+    place, centre = ((at - points[0]) @ _ASLANT for at in (points, centres))
     order = np.argsort(place)
-    start, stop = (
-        np.searchsorted(place[order], edge, side)
-        for edge, side in ((centre - radius, "left"), (centre + radius, "right"))
-    )
+    start = np.searchsorted(place[order], centre - radius)
+    stop = np.searchsorted(place[order], centre + radius, "right")
     count = stop - start
     circle = np.repeat(np.arange(len(centres)), count)
     point = order[np.arange(len(circle)) - np.repeat(np.cumsum(count) - stop, count)]

@@ -368,14 +368,14 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
         pull = 0.0 if both else float(above[~general].max(initial=0.0))
     for edge in np.flatnonzero(general):  # polynomials through the points; what is largest turns there, or ends
         values = [np.where(np.isinf(part[edge]), 0.0, part[edge]) for part in parts]
-        pressing, shear, mu, own, limit = (
+        pressing, shear, slope, own, limit = (
             Polynomial.fit(rows.points.reference, value, len(value) - 1, domain=[0.0, 1.0]) for value in values
         )
-        bounds = [own + mu * pressing, own - mu * pressing, own, limit]
+        bounds = [own + slope * pressing, own - slope * pressing, own, limit]
         turning = [pressing, shear, *(shear + sign * bound for bound in bounds for sign in (1.0, -1.0))]
         at = np.concatenate([[0.0, 1.0], _roots(pressing), *(_roots(part.deriv()) for part in turning)])
         pressure = np.abs(pressing(at)) if both else np.maximum(-pressing(at), 0.0)
-        bound, size = own(at) + mu(at) * pressure, np.abs(shear(at))
+        bound, size = own(at) + slope(at) * pressure, np.abs(shear(at))
         if not np.isinf(parts[-1][edge]).all():
             bound = np.minimum(bound, limit(at))
         largest = min((size - bound).max(), size.max())  # no bound is negative, though a cubic may be

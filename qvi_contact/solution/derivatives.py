@@ -254,7 +254,8 @@ def _material(problem: ContactProblem, number: int, name: str, grow: _Grow, step
 
 
 def _warmer(problem: ContactProblem, number: int, step: float) -> ContactProblem:
-    return _region(problem, number, temperature=_plus(problem.regions[number].temperature, step))
+    """With a region's own temperature."""
+    return _region(problem, number, temperature=_plus(problem.regions[number].temperature or 0.0, step))
 
 
 def _region(problem: ContactProblem, number: int, **changes: Any) -> ContactProblem:
