@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
     from qvi_contact.solution.sweep import Sweep, SweepRow, solve_sweep
-    from qvi_contact.verification.verification import verify_result
+    from qvi_contact.verification import verify_result
 
 _HOMES = {
     "bracket": "Branches, other_solutions",
@@ -72,7 +72,7 @@ _HOMES = {
     "solution.solver": "solve",
     "solution.stress": "principal_stresses",
     "solution.sweep": "Sweep, SweepRow, solve_sweep",
-    "verification.verification": "verify_result",
+    "verification": "verify_result",
 }
 """By module the names that come from it."""
 

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
-from qvi_contact.plots.inline import svg_text
-from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
+from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings, svg_text
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -31,7 +31,7 @@ from comparisons.lab.numbers import NOTHING, listing, memory, seconds, span
 from comparisons.lab.studies import Row
 from qvi_contact.basics.writing import page_template, writable_folder, write_text
 from qvi_contact.errors import InputError
-from qvi_contact.plots.inline import inline_svg
+from qvi_contact.plots.style import inline_svg
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -6,7 +6,7 @@ __getattr__ = front(
     __name__,
     {
         "cli": ("group",),
-        "page.page": ("Request", "result_page", "result_tables"),
+        "page": ("Request", "number", "result_page", "result_tables"),
         "report": ("history_lines", "result_lines", "series_tables"),
         "progress_line": ("solving",),
     },

@@ -5,21 +5,31 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
+import numpy as np
+
+from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact.basics.schema import Varying, keys_of
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
+from qvi_contact.discretization.discretization import discretize
 from qvi_contact.errors import InputError
-from qvi_contact.files.export import summary
+from qvi_contact.files.export import element_of, summary
 from qvi_contact.files.problem_file import ProblemFile
+from qvi_contact.limit.check_proof import check, sentences
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction, components
+from qvi_contact.problem.fields import Expression, Polynomial, along_edges
+from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
-from qvi_contact.solution.result import ContactResult, plate_numbers
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
 from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Branches
-    from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.limit.load_factor import LimitLoad
     from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
     from qvi_contact.refinement.outcome import Outcome
@@ -28,11 +38,6 @@ STATES = [state.name.lower() for state in ContactState]
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
 _SAID = ("x", "y", "normal", "tangential", "friction")  # of conditions, also where they are 0
 _HIDDEN = ("kind", "edges", "length", "joint")
-
-
-def heading_lines(file: ProblemFile) -> Iterator[str]:
-    """Title and description."""
-    yield from filter(None, (file.title, *file.description.strip().splitlines()))
 
 
 def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
@@ -57,13 +62,9 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         if line.has_fluid:
             effective = shown(line.effective_normal_force, least.force)
             yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
-    for name, motion in result.plates.items():
-        x, y = (shown(part, least.displacement) for part in (motion.x, motion.y))
-        turned = shown(motion.rotation, least.rotation)
+    for name in result.plates:
+        x, y, turned, across, up, moment = map(shown, plate_numbers(result, name), least_shown(PLATE_COLUMNS, least))
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
-        pushed = result.plate_force(name)
-        across, up = (shown(part, least.force) for part in (pushed.x, pushed.y))
-        moment = shown(pushed.moment, least.moment)
         yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
 
 
@@ -134,7 +135,7 @@ def _contact_tables(
         title = f"contact {name}, forces in {units.engineering_force}"
         yield title, [*headings, "normal", "tangential", *states], rows
     for name in driven:
-        rows = [[*start, *map(shown, each.get(name, ()), plate_limits(least))]
+        rows = [[*start, *map(shown, each.get(name, ()), least_shown(PLATE_COLUMNS, least))]
                 for start, each in zip(begun, moved, strict=True)]  # fmt: skip
         yield f"obstacle {name}, motion and what it does to the body", [*headings, *plate_headings(units)], rows
 
@@ -148,14 +149,17 @@ def _in_lines(tables: Iterable[Titled]) -> Iterator[str]:
 
 def plate_headings(units: Units) -> list[str]:
     """Headings of the motion, the force and the moment of a plate."""
-    length, force = units.displacement, units.engineering_force
-    turned, moment = "turned [rad]", f"moment [{units.engineering_moment}]"
-    return [f"moved x [{length}]", f"moved y [{length}]", turned, f"F_x [{force}]", f"F_y [{force}]", moment]
+    return with_units(("moved x", "moved y", "turned", "F_x", "F_y", "moment"), PLATE_COLUMNS, units)
 
 
-def plate_limits(least: Rounding) -> tuple[float, ...]:
-    """Sizes up to which `plate_numbers` are rounding."""
-    return least.displacement, least.displacement, least.rotation, least.force, least.force, least.moment
+def with_units(labels: Iterable[str], columns: Mapping[str, str], units: Units) -> list[str]:
+    """Headings of columns that have these of the `Units`; rotations are in rad."""
+    return [f"{label} [{getattr(units, kind, 'rad')}]" for label, kind in zip(labels, columns.values(), strict=True)]
+
+
+def least_shown(columns: Mapping[str, str], least: Rounding) -> tuple[float, ...]:
+    """Sizes up to which numbers of these columns are rounding."""
+    return tuple(getattr(least, kind.removeprefix("engineering_") or "rotation") for kind in columns.values())
 
 
 def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]:
@@ -165,7 +169,7 @@ def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
-    """What `qvi_contact.command.outline.outline` found, as text."""
+    """What `outline` found, as text."""
     mesh = outline["mesh"]
     yield (
         f"mesh: {mesh['cells']} triangles, edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
@@ -182,9 +186,10 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     for condition in outline["boundary"]:
         given = {name: value for name, value in condition.items() if name not in _HIDDEN}
         drives = given.pop("plate", {})  # also those of 0: without a force it stands still in that direction
-        shown_if_0 = ("x", "y", "normal", "tangential", "friction")
         given = {
-            name: v for name, v in given.items() if v not in (None, "unilateral") and (v != 0.0 or name in shown_if_0)
+            name: value
+            for name, value in given.items()
+            if value not in (None, "unilateral") and (value != 0.0 or name in _SAID)
         }
         text = ", ".join(f"{name} = {value}" for name, value in (given | drives).items())
         where = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"
@@ -297,6 +302,12 @@ def refinement_rows(found: Refinement) -> list[list[str]]:
     ]
 
 
+def _unit(found: Outcome, units: Units) -> str:
+    from qvi_contact.refinement.measure import unit_of
+
+    return unit_of(found.quantity, units)
+
+
 def trust(found: Refinement, units: Units) -> str:
     """Whether the last error is a bound, in a sentence."""
     if not math.isfinite(found.estimate):
@@ -320,26 +331,11 @@ def _error(each: RefinementRound) -> tuple[str, str]:
     return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
 
 
-def _unit(found: Outcome, units: Units) -> str:
-    from qvi_contact.refinement.measure import unit_of
-
-    return unit_of(found.quantity, units)
-
-
 _REMEDY = "give a file written by qvi-contact limit --proof"
 
 
 def checked_proof(path: str) -> tuple[bool, str]:
-    """Whether a proof file holds, and what people read of it.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or is no proof file.
-
-    """
-    from qvi_contact.limit.check_proof import check, sentences
-
+    """Whether a proof file holds, and what people read of it; `InputError` if it is none, or cannot be read."""
     try:
         proof = json.loads(Path(path).read_text(encoding="utf-8"))
         *proved, counted = check(proof)
@@ -412,3 +408,98 @@ def _multiple(factor: float) -> str:
     if math.isinf(factor):
         return "any multiple of" if factor > 0.0 else "no multiple of"
     return f"{factor + 0.0:.9g} times"
+
+
+_NOISE: Final = 1e-12  # share of all that acts below which a resultant is rounding
+
+
+def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem, dict[str, Any]]:
+    """The problem at its first time, and that in words and numbers that JSON can hold; discretises, does not solve.
+
+    `given` are arguments for `discretize` that override the file's.
+    """
+    options = {**file.solve_options, **given}
+    with file.named_errors(), np.errstate(all="ignore"):  # what is not finite is refused
+        discretization = discretize(file.problem, **{**file.element, **given})
+    problem, mesh, qvi = discretization.problem, discretization.problem.mesh, discretization.qvi
+    low, high = mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()
+    smallest, largest = mesh.cell_range
+    counts = np.bincount(problem.cell_materials, minlength=len(problem.materials))
+    return problem, {
+        "title": file.title,
+        "description": file.description,
+        "units": {"length": file.units.length, "stress": file.units.stress},
+        "mesh": {
+            "cells": mesh.cell_count,
+            "vertices": len(mesh.vertices),
+            "x": [low[0], high[0]],
+            "y": [low[1], high[1]],
+            "smallest": smallest,
+            "largest": largest,
+        },
+        "element": element_of(discretization),
+        "unknowns": qvi.n,
+        "contact_points": qvi.m,
+        "materials": [
+            {"young": material.young, "poisson": material.poisson, "plane": material.plane, "cells": int(count)}
+            | ({} if material.strength is None else {"strength": material.strength.kind})
+            for material, count in zip(problem.materials, counts, strict=True)
+        ],
+        "boundary": [_condition(problem, condition) for condition in problem.conditions],
+        "loads": list(_loads(problem)),
+        "solve": dict(options),
+        "refine": dict(file.refine_options),
+        "times": list(file.times),
+        "sweep": None if file.sweep is None else asdict(file.sweep),
+        "remarks": [file.units.filled(remark) for remark in discretization.remarks],
+    }
+
+
+def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
+    """A condition: fields are numbers, or functions as they are written."""
+    found: dict[str, Any] = {
+        "kind": type(condition).__name__.lower(),
+        "edges": condition.edges,
+        "length": float(problem.mesh.edges(condition.edges).length.sum()),
+    }
+    if isinstance(condition, Contact):
+        found |= {"name": condition.name, "law": condition.law, "joint": condition in problem.joints}
+        if condition.plate is not None:
+            drives = {name: getattr(condition.plate, name) for pair in DRIVES.items() for name in pair}
+            found["plate"] = {name: value for name, value in drives.items() if value is not None}
+    for name, each in keys_of(type(condition)).items():
+        if isinstance(each.kind, Varying):
+            value = getattr(condition, name)
+            if isinstance(value, Polynomial):
+                value = {"polynomial": [list(row) for row in value.coefficients]}
+            found[name] = value.text if isinstance(value, Expression) else value
+    return found
+
+
+def _loads(problem: ContactProblem) -> Iterator[dict[str, Any]]:
+    """Resultants of the prescribed tractions and of the body force b = −∇φ, ∫ b dx = −∮ φ n ds."""
+    mesh = problem.mesh
+    acting = list[tuple[str, list[tuple[Edges, FloatArray, Field]]]]()  # of each load: edges, directions, components
+    for condition in problem.conditions:
+        if isinstance(condition, Traction):
+            edges, given = mesh.edges(condition.edges), components(condition)
+            acting.append((condition.name, [(edges, direction_of(n, edges), value) for n, value in given.items()]))
+    if callable(problem.body_potential):
+        acting.append(("body", [(mesh.boundary, -mesh.boundary.normal, problem.body_potential)]))
+    for name, parts in acting:
+        points = []  # x, y, weight, t_x, t_y
+        for edges, direction, value in parts:
+            found = along_edges(mesh, edges, "load", value)
+            x, y = mesh.points_along(edges.take(found.edge), found.t)
+            weights = (found.weights * edges.length[found.edge, None]).ravel()
+            vectors = found.values.ravel()[:, None] * np.repeat(direction[found.edge], found.t.shape[1], axis=0)
+            points.append(np.column_stack([x.ravel(), y.ravel(), weights, vectors]))
+        x, y, weights, t_x, t_y = np.concatenate(points).T
+        size = np.hypot(t_x, t_y)
+        if not size.any() or (parts[0][0] is mesh.boundary and np.ptp(size) == 0.0):  # a pressure all around is none
+            continue
+        largest = float(weights @ size)
+        moment = weights @ (x * t_y - y * t_x)
+        sums = {"x": (weights @ t_x, largest), "y": (weights @ t_y, largest)}
+        sums["moment"] = moment, largest * float(np.hypot(x, y).max())
+        yield {"name": name} | {n: float(s) if abs(s) > _NOISE * most else 0.0 for n, (s, most) in sums.items()}

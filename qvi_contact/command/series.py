@@ -1,25 +1,25 @@
 """Several results of one problem file: load steps of a history, or values of a sweep."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from qvi_contact.basics.units import Units
+from qvi_contact.command.progress_line import solving
+from qvi_contact.command.report import history_lines, sweep_lines
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan
+from qvi_contact.files.stores import StoredSweep, read_sweep
+from qvi_contact.solution.history import History, solve_history
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.solver import solve
+from qvi_contact.solution.sweep import Sweep, solve_sweep
 from solvers.basics.names import known_name
-
-if TYPE_CHECKING:
-    from qvi_contact.basics.units import Units
-    from qvi_contact.files.stores import StoredSweep
-    from qvi_contact.solution.history import History
-    from qvi_contact.solution.result import ContactResult
-    from qvi_contact.solution.sweep import Sweep
+from solvers.basics.progress import deadline
 
 _MOST: Final = 1_000_000  # values that are asked for at once
 _PARAMETERS: Final = ("friction", "load", "gap", "offset")
@@ -37,14 +37,10 @@ class Series:
     @property
     def history(self) -> History | None:
         """The history, if it is one."""
-        from qvi_contact.solution.history import History
-
         return self.results if isinstance(self.results, History) else None
 
     def lines(self, units: Units) -> Iterator[str]:
         """All results as text."""
-        from qvi_contact.command.report import history_lines, sweep_lines
-
         if self.history is not None:
             return history_lines(self.history, self.values, units)
         return sweep_lines(self.results.steps, self.label, self.values, self.results.message, units)
@@ -65,10 +61,6 @@ def solved_series(
     file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None = None
 ) -> tuple[Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
-    from qvi_contact.command.progress_line import solving
-    from qvi_contact.solution.solver import solve
-    from solvers.basics.progress import deadline
-
     if store is not None and not file.times:
         remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
         raise InputError("--store", store, remedy)
@@ -79,8 +71,6 @@ def solved_series(
     title = file.title or ("sweep" if plan is not None else "history" if values else "solve")
     with solving(title, max(len(values), 1), verbose=verbose) as advance:
         if plan is not None:  # of a constant: each value is a problem of its own
-            from qvi_contact.solution.sweep import Sweep  # which one solve does without, as histories
-
             limit = options.pop("time_limit", None)
             steps: list[ContactResult] = []
             with deadline(limit):
@@ -94,8 +84,6 @@ def solved_series(
             return Series(plan.parameter, values, Sweep(plan.parameter, values, tuple(steps))), steps
         if not values:
             return None, (solve(file.problem, **options, verbose=verbose),)
-        from qvi_contact.solution.history import solve_history
-
         done = 0
 
         def told(number: int, _result: ContactResult) -> None:
@@ -110,11 +98,7 @@ def solved_series(
 
 def swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:
     """The sweep of a file; `stored` are a store, where its rows are kept then, and those who share it."""
-    from qvi_contact.command.progress_line import solving
-    from qvi_contact.files.stores import read_sweep
-    from qvi_contact.solution import sweep
-
-    solve_sweep: Any = sweep.solve_sweep  # with a store or without
+    solved: Any = solve_sweep  # with a store or without
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
         if stored:
             with suppress(InputError):  # what is no store will be told
@@ -122,7 +106,7 @@ def swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: 
                     advance()
         asked = plan.parameter, plan.values, plan.of
         try:
-            return solve_sweep(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)
+            return solved(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)
         except InputError as error:
             if error.field not in _OWN:
                 raise

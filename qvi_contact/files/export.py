@@ -24,7 +24,7 @@ from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import solution_arrays, write_archive
 from qvi_contact.mesh.edges import cross
-from qvi_contact.solution.contact_line import ContactLine
+from qvi_contact.solution.contact_line import SUMMARY, ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
 from qvi_contact.solution.stress import cell_factors, held_along_z, principal_stresses, stress_in_cells, von_mises
 from solvers.basics.types import load
@@ -135,14 +135,12 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
 
     contacts, plates = {}, {}
     for name, line in result.contacts.items():
-        forces = ["normal_force", "tangential_force", *(["effective_normal_force"] if line.has_fluid else [])]
+        numbers, unit = line.summary(), {key: kind.removeprefix("engineering_") for key, kind in SUMMARY.items()}
+        if line.has_fluid:
+            numbers["effective_normal_force"], unit["effective_normal_force"] = line.effective_normal_force, "force"
         contacts[name] = {
-            **{force: _quantity(getattr(line, force), units.force) for force in forces},
+            **{key: _quantity(numbers[key], getattr(units, kind)) for key, kind in unit.items()},
             "length": {state: _quantity(length, units.length) for state, length in line.lengths.items()},
-            "largest_pressure": _quantity((-line.normal_stress).max(), units.stress),
-            "largest_shear": _quantity(np.abs(line.tangential_stress).max(), units.stress),
-            "largest_gap": _quantity(line.gap.max(), units.displacement),
-            "largest_slip": _quantity(np.abs(line.slip).max(), units.displacement),
             "points": len(line.x),
         }
     for name, motion in result.plates.items():

@@ -12,26 +12,8 @@ from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 
+from qvi_contact.basics import schema
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number
-from qvi_contact.basics.schema import (
-    ADD,
-    FINITE,
-    Kind,
-    Listed,
-    Missing,
-    Name,
-    Number,
-    Reader,
-    Tables,
-    Whole,
-    check_keys,
-    defaults_of,
-    keys_of,
-    located,
-    quoted,
-    read_table,
-    within,
-)
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
@@ -57,11 +39,11 @@ def _one_way(table: object, ways: Mapping[tuple[str, ...], tuple[str, ...]]) -> 
         raise InputError((given or list(ways)[:1])[-1][0], [" and ".join(way) for way in given] or None, remedy)
     for name in given[0]:
         if getattr(table, name) is None:
-            raise InputError(name, None, ADD)
+            raise InputError(name, None, schema.ADD)
     for way, further in ways.items():
         for name in further if way not in given else ():
             value = getattr(table, name)
-            if value != defaults_of(type(table))[name]:
+            if value != schema.defaults_of(type(table))[name]:
                 raise InputError(name, value, f"this belongs to {' and '.join(way)}: leave it out")
 
 
@@ -73,7 +55,7 @@ class Segment:
     """First grid line; left out after another piece: `start = 0.0`."""
     stop: float
     """Last grid line: `stop = 2.0`."""
-    cells: Annotated[int, Whole(1, _MOST_IN_A_ROW)]
+    cells: Annotated[int, schema.Whole(1, _MOST_IN_A_ROW)]
     """Number of cells: `cells = 8`."""
     grading: float = 1.0
     """Size of each cell over that of the one before it: `grading = 0.9`."""
@@ -81,27 +63,27 @@ class Segment:
     """Whether cells shrink towards both ends: `both_ends = true`."""
 
 
-class Axis(Kind):
+class Axis(schema.Kind):
     """Grid lines: a list of them, a piece, or a list of pieces."""
 
-    def read(self, value: Any, reader: Reader) -> FloatArray:
+    def read(self, value: Any, reader: schema.Reader) -> FloatArray:
         """All lines, those that are given as they are."""
         piece = isinstance(value, dict)
         if not piece and not isinstance(value, list):
             remedy = "give a list of grid lines, or { start = 0.0, stop = 1.0, cells = 8 }, or a list of such"
             raise InputError("", value, remedy)
         if not piece and not (value and isinstance(value[0], dict)):
-            return np.array(Listed(FINITE).read(value, reader), dtype=float)
+            return np.array(schema.Listed(schema.FINITE).read(value, reader), dtype=float)
         lines: FloatArray = np.empty(0)
-        segments = [read_table(Segment, value, reader)] if piece else Tables(Segment).read(value, reader)
+        segments = [schema.read_table(Segment, value, reader)] if piece else schema.Tables(Segment).read(value, reader)
         for index, segment in enumerate(segments):
-            with within("" if piece else f"[{index}]"):
+            with schema.within("" if piece else f"[{index}]"):
                 start = float(lines[-1]) if segment.start is None and len(lines) else segment.start
                 if start is None:
-                    raise InputError("start", Missing(), ADD)
+                    raise InputError("start", schema.Missing(), schema.ADD)
                 if len(lines) and start != lines[-1]:
                     raise InputError("start", start, f"start where the one before stops, at {lines[-1]:g}")
-                with located("", keys_of(Segment)):
+                with schema.located("", schema.keys_of(Segment)):
                     more = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
                 lines = np.concatenate([lines[:-1], more])
         return lines
@@ -124,7 +106,7 @@ class Rectangle:
             if bounds is None:
                 found.append(slice(None))
                 continue
-            with located(name):
+            with schema.located(name):
                 first, last = (int(np.searchsorted(across, on_line("", bound, across))) for bound in bounds)
             if first >= last:
                 raise InputError(name, bounds, "give the smaller end first")
@@ -140,7 +122,7 @@ class RefineTable:
     """Largest cell: `largest = 0.25`."""
     smallest: float | None = None
     """Smallest cell, at re-entrant corners and the ends named: `smallest = 0.01`."""
-    ratio: Annotated[float, Number(0.01, 0.99)] = 0.5
+    ratio: Annotated[float, schema.Number(0.01, 0.99)] = 0.5
     """Size of a cell over that of its larger neighbour: `ratio = 0.7`."""
     towards: tuple[str, ...] = ()
     """Edge sets at whose ends cells are small too: `towards = ["base"]`."""
@@ -157,11 +139,11 @@ class RefineTable:
         row, column = np.nonzero(around == 3)
         critical = [np.column_stack([lines[0][column], lines[1][row]])]
         for index, name in enumerate(self.towards):
-            with located(f"towards[{index}]"):
+            with schema.located(f"towards[{index}]"):
                 edges = mesh.edges(name)
             vertex, count = np.unique(np.concatenate([edges.first, edges.second]), return_counts=True)
             critical.append(mesh.vertices[vertex[count == 1]])
-        with located("", keys_of(RefineTable)):
+        with schema.located("", schema.keys_of(RefineTable)):
             largest = positive_number("largest", self.largest)
             smallest = largest if self.smallest is None else positive_number("smallest", self.smallest)
             length = max(float(across[-1] - across[0]) for across in lines)
@@ -202,9 +184,9 @@ def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smalles
 class LineTable:
     """A line of an outline by its corners, or a circle: a hole, a joint, or the border of a region."""
 
-    name: Name = ""
+    name: schema.Name = ""
     """What joints and regions are called, which need it, and the edges of a round hole: `name = "bore"`."""
-    corners: Annotated[tuple[Corner, ...], Tables(Corner, None)] | None = None
+    corners: Annotated[tuple[Corner, ...], schema.Tables(Corner, None)] | None = None
     """Corners in order; a joint is closed if the first one is repeated at its end, or an arc begins at the last one:
     `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`."""
     centre: Point | None = None
@@ -222,7 +204,7 @@ class LineTable:
         if kind == "holes" and self.corners is not None and self.name:
             raise InputError("name", self.name, "give the names to the corners where the lines begin")
         if kind != "holes" and not self.name:
-            raise InputError("name", Missing(), ADD)
+            raise InputError("name", schema.Missing(), schema.ADD)
         if kind != "holes" and self.name in taken:
             raise InputError("name", self.name, "this name is taken: choose another one")
         if self.corners is not None:
@@ -248,7 +230,7 @@ class OutlineTable:
 
     size: float
     """Size of the triangles where nothing else is said: `size = 0.2`."""
-    corners: Annotated[tuple[Corner, ...], Tables(Corner, None)]
+    corners: Annotated[tuple[Corner, ...], schema.Tables(Corner, None)]
     """Corners of the body, see `[[mesh.outline.corners]]`: `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, {
     at = [0.0, 1.0] }]`."""
     holes: tuple[LineTable, ...] = ()
@@ -267,7 +249,7 @@ class OutlineTable:
         names: dict[str, list[str]] = {kind: [] for kind in lines}
         for kind, found in lines.items():
             for index, table in enumerate(getattr(self, kind)):
-                with located(f"{kind}[{index}]", keys_of(LineTable)):
+                with schema.located(f"{kind}[{index}]", schema.keys_of(LineTable)):
                     found.append(table.line(kind, names[kind]))
                 names[kind].append(table.name)
         named = {kind: dict(zip(names[kind], lines[kind], strict=True)) for kind in ("joints", "regions")}
@@ -276,7 +258,7 @@ class OutlineTable:
             return TriangleMesh.outline(self.corners, self.size, holes=lines["holes"], sizes=sizes, **named)
         except InputError as error:
             kind, _, name = error.field.partition(".")
-            place = error.field if error.field.split("[")[0] in keys_of(OutlineTable) else ""
+            place = error.field if error.field.split("[")[0] in schema.keys_of(OutlineTable) else ""
             if name in named.get(kind, ()):
                 place = f"{kind}[{list(named[kind]).index(name)}]"
             raise type(error)(place, error.value, error.remedy) from error
@@ -298,7 +280,7 @@ class ArcTable:
     """Other curves as the program writes them, one row for each of the edges: coefficients of Legendre, along the
     edge, of the angle [rad] from its chord to its tangent, counterclockwise: `bends = [[0.0, 0.25], [0.0,
     0.25]]`."""
-    name: Name | None = None
+    name: schema.Name | None = None
     """Which edges, by the name they have in the mesh, in `[[edges]]` or in `[[joints]]`: `name = "bore"`."""
     edges: tuple[tuple[int, int], ...] | None = None
     """The edges themselves instead, two vertices each: `edges = [[0, 1], [1, 2]]`."""
@@ -307,7 +289,7 @@ class ArcTable:
         _one_way(self, {("name",): (), ("edges",): ("bends",)})
         _one_way(self, {("radius",): (), ("axes",): ("angle",), ("bends",): ()})
         if (self.centre is None) != (self.bends is not None):
-            remedy = ADD if self.centre is None else "bends need no centre: leave it out"
+            remedy = schema.ADD if self.centre is None else "bends need no centre: leave it out"
             raise InputError("centre", self.centre, remedy)
 
     def on(self, mesh: TriangleMesh) -> Curve:
@@ -317,14 +299,16 @@ class ArcTable:
             curve = Curve(edges, checked_bends("bends", self.bends, len(edges)))
             return curve.checked("", mesh.vertices, mesh.topology)
         if self.name is not None:
-            pairs = mesh.pairs(self.name)
-        else:
-            pairs = checked_pairs("edges", self.edges or [], mesh.topology, mesh.vertices)
+            return self.curve(mesh.pairs(self.name), mesh.vertices)
+        return self.curve(checked_pairs("edges", self.edges or [], mesh.topology, mesh.vertices), mesh.vertices)
+
+    def curve(self, pairs: IntArray, vertices: FloatArray) -> Curve:
+        """The edges (k, 2) on this circle or ellipse."""
         assert self.centre is not None  # checked above
         if self.axes is not None:
             circled = ellipse(self.centre, self.axes, self.angle or 0.0)
-            return fitted("axes", circled, 0.0, 2.0 * np.pi, pairs, mesh.vertices)
-        return circle(self.centre, self.radius or 0.0, pairs, mesh.vertices)
+            return fitted("axes", circled, 0.0, 2.0 * np.pi, pairs, vertices)
+        return circle(self.centre, self.radius or 0.0, pairs, vertices)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -335,15 +319,15 @@ class MeshTable:
     """Grid lines across x: all of them, a piece, or a list of pieces: `x = { start = 0.0, stop = 2.0, cells = 8 }`."""
     y: Annotated[FloatArray, Axis()] | None = None
     """Grid lines across y: `y = [0.0, 0.5, 1.0]`."""
-    remove: Annotated[tuple[Rectangle, ...], Tables(Rectangle, None)] = ()
+    remove: Annotated[tuple[Rectangle, ...], schema.Tables(Rectangle, None)] = ()
     """Rectangles of the grid that are no part of the body: `remove = [{ x = [1.0, 2.0], y = [1.0, 2.0] }]`."""
     refine: RefineTable | None = None
     """Finer towards re-entrant corners, see `[mesh.refine]`: `refine = { largest = 0.25, smallest = 0.01 }`."""
-    file: Name | None = None
+    file: schema.Name | None = None
     """Mesh file, .msh, .inp, .med, .vtk or .vtu, by its place beside the problem file: `file = "meshes/dam.msh"`."""
-    join: Name | None = None
-    """Name for the joint of bodies in the mesh file that touch along straight lines; their nodes need not match:
-    `join = "seam"`."""
+    join: schema.Name | None = None
+    """Name for the joint of bodies in the mesh file that touch along straight lines, or along `arcs` that name edges of
+    both; their nodes need not match: `join = "seam"`."""
     outline: OutlineTable | None = None
     """Outline that gmsh divides into triangles, see `[mesh.outline]`: `outline = { size = 0.2, corners = [{ at =
     [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }] }`."""
@@ -373,14 +357,14 @@ class MeshTable:
             for kind, names in (("edges", self.edges), ("regions", self.regions)):
                 for name in names:
                     if name in (error.field, error.value if isinstance(error.value, str) else None):
-                        place = f"{kind}.{quoted(name)}"
+                        place = f"{kind}.{schema.quoted(name)}"
             raise type(error)(place, error.value, error.remedy) from error
 
     def body(self, lines: Lines) -> BoolArray:
         """Cells (ny, nx) that are not removed."""
         body = np.ones((len(lines[1]) - 1, len(lines[0]) - 1), dtype=bool)
         for index, rectangle in enumerate(self.remove):
-            with within(f"remove[{index}]"):
+            with schema.within(f"remove[{index}]"):
                 body[rectangle.cells(lines)] = False
         return body
 
@@ -390,7 +374,7 @@ class MeshTable:
         if (len(x) - 1) * (len(y) - 1) > _MOST_CELLS:
             raise InputError("", (len(x) - 1, len(y) - 1), f"give at most {_MOST_CELLS} cells in all")
         if not self.remove:
-            with located("", keys_of(MeshTable)):
+            with schema.located("", schema.keys_of(MeshTable)):
                 return TriangleMesh.grid(x, y)
         body = self.body(lines)
         try:
@@ -441,7 +425,7 @@ class _Place:
 class EdgesTable(_Place):
     """A named part of the boundary: by side and range on a grid, by segment or box on any mesh."""
 
-    name: Name
+    name: schema.Name
     """What conditions call this part of the boundary: `name = "base"`."""
     side: Literal["bottom", "right", "top", "left"] | None = None
     """Side of a grid: bottom, right, top or left: `side = "bottom"`."""
@@ -464,7 +448,7 @@ class EdgesTable(_Place):
 class JointTable(_Place):
     """A named line inside the body: by direction and range on a grid, by segment on any mesh."""
 
-    name: Name
+    name: schema.Name
     """What the contact calls this line: `name = "joint"`."""
     direction: Literal["horizontal", "vertical"] | None = None
     """Direction on a grid: horizontal or vertical: `direction = "horizontal"`."""
@@ -486,7 +470,7 @@ class RegionTable(Region):
     """Triangles of another material, which may have ranges and a name: then the region gets that name."""
 
     def __post_init__(self) -> None:
-        check_keys(self)
+        schema.check_keys(self)
 
     def region(self, plane: Plane) -> Region:
         """The region, in the plane state of the body."""

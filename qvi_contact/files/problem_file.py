@@ -16,29 +16,8 @@ from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 
+from qvi_contact.basics import schema
 from qvi_contact.basics.checks import Field, evaluate
-from qvi_contact.basics.schema import (
-    FINITE,
-    LARGEST,
-    MOST,
-    TEXT,
-    Choice,
-    Kind,
-    Listed,
-    Options,
-    Reader,
-    Tables,
-    Varying,
-    Whole,
-    in_toml,
-    joined,
-    key,
-    keys_of,
-    located,
-    quoted,
-    read_table,
-    within,
-)
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.loads import LOAD_POINTS
@@ -47,6 +26,8 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.mesh_tables import ArcTable, EdgesTable, JointTable, Lines, MeshTable, RegionTable
 from qvi_contact.files.options import RefineOptions, SolveOptions
+from qvi_contact.mesh import cutting
+from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.selection import new_name, triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
@@ -91,26 +72,26 @@ class TimeRange:
     """The first: `start = 0.0`."""
     stop: float
     """The last: `stop = 6.3`."""
-    steps: Annotated[int, Whole(1, _MOST_STEPS)]
+    steps: Annotated[int, schema.Whole(1, _MOST_STEPS)]
     """Number of steps: `steps = 20`."""
 
 
 @dataclass(frozen=True)
-class Values(Kind):
+class Values(schema.Kind):
     """Numbers, at least one, as a list or a range."""
 
     what: str
 
-    def read(self, value: Any, reader: Reader) -> tuple[float, ...]:
+    def read(self, value: Any, reader: schema.Reader) -> tuple[float, ...]:
         """All of them."""
         if isinstance(value, dict):
-            given = read_table(TimeRange, value, reader)
+            given = schema.read_table(TimeRange, value, reader)
             return tuple(np.linspace(given.start, given.stop, given.steps + 1).tolist())
         if not isinstance(value, list):
             raise InputError("", value, f"give a list of {self.what}s, or {{ start = 0.0, stop = 1.0, steps = 10 }}")
         if not value:
             raise InputError("", value, f"give at least one {self.what}")
-        return Listed(FINITE, 0, _MOST_STEPS).read(value, reader)
+        return schema.Listed(schema.FINITE, 0, _MOST_STEPS).read(value, reader)
 
 
 @dataclass(frozen=True)
@@ -143,12 +124,12 @@ class HistoryTable:
 class SweepPlan:
     """Arguments for `qvi_contact.solve_sweep`: parameter, values, and names of what is changed, by default all."""
 
-    parameter: Annotated[Any, Choice(("friction", "load", "gap", "offset"))]  # checked by solve_sweep too
+    parameter: Annotated[Any, schema.Choice(("friction", "load", "gap", "offset"))]  # checked by solve_sweep too
     """friction: μ of contacts; load: a factor of loads; gap, offset: what is added to these of contacts [length]:
     `parameter = "friction"`."""
     values: Annotated[tuple[float, ...], Values("value")]
     """Its values, a list or a range: `values = { start = 0.1, stop = 0.5, steps = 4 }`."""
-    of: Annotated[tuple[str, ...], Listed(TEXT, 0, MOST)] | None = None
+    of: Annotated[tuple[str, ...], schema.Listed(schema.TEXT, 0, schema.MOST)] | None = None
     """Names of the contacts, or of the loads, that are changed; all by default: `of = ["base"]`."""
 
 
@@ -172,7 +153,7 @@ class Document:
     """Labels of units, see `[units]`: `units = { length = "mm", stress = "MPa" }`."""
     constants: dict[str, float] | None = None
     """Numbers that expressions may name: `constants = { mu = 0.3, p = 10.0 }`."""
-    mesh: MeshTable | None = field(default=None, metadata=key(needed=True))
+    mesh: MeshTable | None = field(default=None, metadata=schema.key(needed=True))
     """The body, see `[mesh]`: `mesh = { x = [0.0, 1.0], y = [0.0, 1.0] }`."""
     edges: tuple[EdgesTable, ...] = ()
     """Named parts of the boundary, see `[[edges]]`: `edges = [{ name = "base", side = "bottom", stop = 0.5 }]`."""
@@ -180,19 +161,19 @@ class Document:
     """Lines inside, see `[[joints]]`; each needs a contact: `joints = [{ name = "a", segment = [[0, 1], [2, 1]] }]`."""
     material: Material
     """The body's material, see `[material]`: `material = { young = 2.1e5, poisson = 0.3 }`."""
-    regions: Annotated[tuple[RegionTable, ...], Tables(RegionTable, None)] = ()
+    regions: Annotated[tuple[RegionTable, ...], schema.Tables(RegionTable, None)] = ()
     """Parts of another material, see `[[regions]]`: `regions = [{ y = [0.0, 0.5], young = 7e4, poisson = 0.3 }]`."""
-    symmetry: Annotated[tuple[Symmetry, ...], Tables(Symmetry, None)] = ()
+    symmetry: Annotated[tuple[Symmetry, ...], schema.Tables(Symmetry, None)] = ()
     """Lines of symmetry, see `[[symmetry]]`: `symmetry = [{ edges = "left" }]`."""
-    displacements: Annotated[tuple[Displacement, ...], Tables(Displacement, None)] = ()
+    displacements: Annotated[tuple[Displacement, ...], schema.Tables(Displacement, None)] = ()
     """Prescribed displacements, see `[[displacements]]`: `displacements = [{ edges = "top", x = 0.0, y = -1e-3 }]`."""
-    tractions: Annotated[tuple[Traction, ...], Tables(Traction, None)] = ()
+    tractions: Annotated[tuple[Traction, ...], schema.Tables(Traction, None)] = ()
     """Prescribed tractions, see `[[tractions]]`: `tractions = [{ edges = "right", x = 0.0, y = 0.0 }]`."""
-    contacts: Annotated[tuple[Contact, ...], Tables(Contact, None)] = ()
+    contacts: Annotated[tuple[Contact, ...], schema.Tables(Contact, None)] = ()
     """Contacts, see `[[contacts]]`: `contacts = [{ edges = "bottom", friction = 0.3 }]`."""
-    solve: Annotated[Mapping[str, Any], Options(SolveOptions)] = field(default_factory=dict)
+    solve: Annotated[Mapping[str, Any], schema.Options(SolveOptions)] = field(default_factory=dict)
     """How to solve it, see `[solve]`: `solve = { degree = 5 }`."""
-    refine: Annotated[Mapping[str, Any], Options(RefineOptions)] = field(default_factory=dict)
+    refine: Annotated[Mapping[str, Any], schema.Options(RefineOptions)] = field(default_factory=dict)
     """How to refine it, see `[refine]`: `refine = { target = 1e-4 }`."""
     history: HistoryTable | None = None
     """Load steps, see `[history]`: `history = { times = [0.0, 1.0, 2.0] }`."""
@@ -209,48 +190,55 @@ class Document:
         """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
         table, lines = self.mesh, None
         assert table is not None  # it is needed
-        with within("mesh"):
+        arcs = {f"mesh.arcs[{index}]": arc for index, arc in enumerate(table.arcs)}
+        with schema.within("mesh"):
             if table.file is not None:
                 if folder is None:
                     remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
                     raise InputError("file", table.file, remedy)
                 try:
-                    mesh = TriangleMesh.load(folder / table.file, table.join)
+                    parts = read_mesh(folder / table.file)
+                    if table.join is not None:
+                        before = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
+                        arcs = {path: arc for path, arc in arcs.items() if path not in before}
+                        curves = [arc.curve(parts.edge_sets[arc.name or ""], parts.vertices) for arc in before.values()]
+                        parts = cutting.joined(parts._replace(arcs=curves), table.join)
+                    mesh = TriangleMesh(*parts)
                 except InputError as error:
-                    with located("" if error.field == "join" else "file", ("join",)):
+                    with schema.located("" if error.field == "join" else "file", ("join",)):
                         raise
             elif table.outline is not None:
-                with within("outline"):
+                with schema.within("outline"):
                     mesh = table.outline.mesh()
             elif table.x is None or table.y is None:
                 mesh = table.inline()
             else:
                 lines = table.x, table.y
                 mesh = table.grid(lines)
-        mesh = self._named(mesh, lines)
+        mesh = self._named(mesh, lines, arcs)
         if table.refine is None or lines is None:
             return mesh
-        with within("mesh"):
-            with within("refine"):
+        with schema.within("mesh"):
+            with schema.within("refine"):
                 lines = table.refine.lines(mesh, table.body(lines), lines)
             mesh = table.grid(lines)
-        return self._named(mesh, lines)
+        return self._named(mesh, lines, arcs)
 
-    def _named(self, mesh: TriangleMesh, lines: Lines | None) -> TriangleMesh:
+    def _named(self, mesh: TriangleMesh, lines: Lines | None, arcs: Mapping[str, ArcTable]) -> TriangleMesh:
         """The mesh with named parts: [[regions]] with ranges and a name; and edges on arcs; the lines are of a grid."""
         sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
         parts = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
         for path, part in parts.items():
-            with located(path, ("name", "start", "stop", "at", "segment", "box")):
+            with schema.located(path, ("name", "start", "stop", "at", "segment", "box")):
                 sets[new_name(part.name, sets)] = part.pairs(mesh, lines)
         for index, region in enumerate(self.regions):
             if region.name is not None and (region.x is not None or region.y is not None):
-                with located(f"regions[{index}]", keys_of(RegionTable)):
+                with schema.located(f"regions[{index}]", schema.keys_of(RegionTable)):
                     chosen = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
                     regions[new_name(region.name, regions, "region")] = chosen
         mesh = replace(mesh, edge_sets=sets, regions=regions)
-        for index, arc in enumerate(self.mesh.arcs if self.mesh is not None else ()):
-            with located(f"mesh.arcs[{index}]", keys_of(ArcTable)):
+        for path, arc in arcs.items():
+            with schema.located(path, schema.keys_of(ArcTable)):
                 mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
         return mesh
 
@@ -258,11 +246,11 @@ class Document:
         """The problem on that mesh, its fields checked where they count; `given` are the tables as they were read."""
         forces: Field = self.body_potential
         if self.body_forces:
-            with located("body_forces"):
+            with schema.located("body_forces"):
                 forces = BodyForces(self.body_forces)
         regions = []
         for index, table in enumerate(self.regions):
-            with located(f"regions[{index}]", keys_of(RegionTable)):
+            with schema.located(f"regions[{index}]", schema.keys_of(RegionTable)):
                 if table.name is None and table.x is None and table.y is None and "x" not in given["mesh"]:
                     remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
                     raise InputError("name", None, remedy)
@@ -277,8 +265,8 @@ class Document:
             name, found = error.field.split(".")[-1], _RENAMED.get(error.field, error.field)
             for path, each in placed:  # the last table that the error can mean, by the edges or name that it names
                 if error.value in (each.edges, getattr(each, "name", None)):
-                    found = f"{path}.{name}" if name in keys_of(type(each)) else path
-            with located(found):
+                    found = f"{path}.{name}" if name in schema.keys_of(type(each)) else path
+            with schema.located(found):
                 raise
         used = {contact.edges for contact in self.contacts}
         for index, joint in enumerate(given.get("joints", ())):
@@ -295,9 +283,9 @@ def _check_values(placed: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -
         samples = bernstein.SAMPLES if isinstance(condition, Traction) else np.zeros(0)
         t = np.concatenate([[0.0, 1.0], gauss_legendre(LOAD_POINTS)[0], samples])
         x, y = (points.ravel() for points in mesh.points_along(mesh.edges(condition.edges), t))
-        for name, own in keys_of(type(condition)).items():
+        for name, own in schema.keys_of(type(condition)).items():
             value = getattr(condition, name)
-            if isinstance(own.kind, Varying) and callable(value):
+            if isinstance(own.kind, schema.Varying) and callable(value):
                 with np.errstate(all="ignore"):
                     evaluate(f"{path}.{name}", value, x, y, minimum=own.kind.least)
 
@@ -319,18 +307,18 @@ class FileReader:
     def field(self, value: Any) -> Field:
         """A number, an expression or a polynomial."""
         if isinstance(value, dict) and "file" in value:
-            data = read_table(PointDataTable, value, self)
-            with located("", keys_of(PointDataTable)):
+            data = schema.read_table(PointDataTable, value, self)
+            with schema.located("", schema.keys_of(PointDataTable)):
                 if self.folder is None:
                     remedy = "the place of this file is not known for a text: read the problem file by load_problem"
                     raise InputError("file", data.file, remedy)
                 return PointData.load(self.folder / data.file, data.data)
         if isinstance(value, dict):
-            table = read_table(PolynomialTable, value, self)
-            with located(""):
+            table = schema.read_table(PolynomialTable, value, self)
+            with schema.located(""):
                 return Polynomial(table.polynomial)
         if isinstance(value, str):
-            with located(""):
+            with schema.located(""):
                 return self._expression(value)
         if isinstance(value, bool) or not isinstance(value, int | float):
             remedy = "give a number, an expression in quotes, or { polynomial = [[c00, c01], [c10]] }"
@@ -339,7 +327,7 @@ class FileReader:
 
     def scalar(self, value: str) -> float:
         """An expression of constants and t: one number."""
-        with located(""):
+        with schema.located(""):
             expression = self._expression(value)
             here, there = (evaluate("", expression, np.array([x]), np.array([y])) for x, y in ((0.0, 0.0), (0.7, 0.3)))
             if here != there:
@@ -399,7 +387,7 @@ class ProblemFile:
         known = {name: data[name] for name in _IN_TIME if name in data}
         for t in self.times[1:]:
             try:
-                document: Document = read_table(Document, known, replace(self._reader, t=t), partly=True)
+                document: Document = schema.read_table(Document, known, replace(self._reader, t=t), partly=True)
                 found.append(document.problem(self.problem.mesh, data))
             except InputError as error:
                 raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
@@ -411,7 +399,7 @@ class ProblemFile:
         try:
             yield
         except InputError as error:
-            path, remedy = _RENAMED.get(error.field, error.field), in_toml(error.remedy)
+            path, remedy = _RENAMED.get(error.field, error.field), schema.in_toml(error.remedy)
             for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
                 if error.value is not None and options.get(error.field) == error.value:
                     path = f"{kind}.{error.field}"
@@ -455,11 +443,7 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
 
     A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
     """
-    return _from_tables(_tables_of(text.replace("\r\n", "\n")), folder)
-
-
-def _tables_of(text: str) -> dict[str, Any]:
-    """The tables in a TOML text; `InputError` if it is none, or has values that no table wants."""
+    text = text.replace("\r\n", "\n")
     if len(text) > _LONGEST:
         raise InputError("TOML", text[:200], _TOO_LONG)
     try:
@@ -474,21 +458,21 @@ def _tables_of(text: str) -> dict[str, Any]:
         raise InputError("TOML", line, f"correct the syntax: {error}") from error
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
-    return data
+    return _from_tables(data, folder)
 
 
 def _check_scalars(value: object, path: str) -> None:
     """Refuse values that TOML knows and no table wants."""
     if isinstance(value, dict):
         for name, item in value.items():
-            _check_scalars(item, joined(path, quoted(name)))
+            _check_scalars(item, schema.joined(path, schema.quoted(name)))
     elif isinstance(value, list):
         for index, item in enumerate(value):
             _check_scalars(item, f"{path}[{index}]")
     elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # TOML's whole numbers have 64 bits
         raise InputError(path, f"a number of {value.bit_length()} bits", "give a whole number of at most 64 bits")
-    elif isinstance(value, float) and not abs(value) <= LARGEST:
-        remedy = f"give a finite number, of at most {LARGEST:g}: take other units if you need more"
+    elif isinstance(value, float) and not abs(value) <= schema.LARGEST:
+        remedy = f"give a finite number, of at most {schema.LARGEST:g}: take other units if you need more"
         raise InputError(path, value, remedy)
     elif not isinstance(value, int | float | str):
         remedy = "give a number, a text in quotes, a list or a table; dates are not used here"
@@ -502,20 +486,20 @@ def _from_tables(
     changed: Mapping[str, float] = MappingProxyType({}),
 ) -> ProblemFile:
     """What the tables of a file say, on a mesh that was made already, or with other values of some constants."""
-    keys, plain = keys_of(Document), FileReader(data, {})
+    keys, plain = schema.keys_of(Document), FileReader(data, {})
     first: dict[str, Any] = {}
     for name in ("constants", "history"):  # what expressions mean depends on them
-        with within(name):
+        with schema.within(name):
             first[name] = keys[name].kind.read(data[name], plain) if name in data else None
     constants = {**(first["constants"] or {}), **changed}
     times = () if first["history"] is None else first["history"].times
     for name, value in constants.items():
-        with located(f"constants.{quoted(name)}"):
+        with schema.located(f"constants.{schema.quoted(name)}"):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
     reader = FileReader(data, constants, times[0] if times else None, None if folder is None else Path(folder))
-    document: Document = read_table(Document, data, reader)
+    document: Document = schema.read_table(Document, data, reader)
     found = ProblemFile(
         problem=document.problem(document.built_mesh(reader.folder) if mesh is None else mesh, data),
         title=document.title,

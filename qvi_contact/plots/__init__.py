@@ -7,11 +7,8 @@ Nothing here needs a screen, keeps state or changes matplotlib's settings. Colou
 and nothing depends on colour alone.
 """
 
-from qvi_contact.plots.body import Drawn, Scales, draw_body
-from qvi_contact.plots.fields import COMPONENT_LABELS
-from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
-from qvi_contact.plots.history import history_figure
-from qvi_contact.plots.mechanism import draw_mechanism
+from qvi_contact.plots.body import COMPONENT_LABELS, Drawn, Scales, draw_body
+from qvi_contact.plots.figures import draw_mechanism, history_figure, limit_figure, problem_figure, result_figure
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import (
     BLUE,
@@ -53,11 +50,10 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "fields": ("draw_contours",),
-        "labels": ("beside", "value_range"),
+        "body": ("draw_contours",),
+        "figures": ("block_outlines", "mesh_figure"),
         "shape": ("Shape",),
-        "mechanism": ("block_outlines",),
         "style": ("cell_outlines", "edge_lines", "new_figure"),
-        "symbols": ("runs",),
+        "symbols": ("beside", "runs", "value_range"),
     },
 )

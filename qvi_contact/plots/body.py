@@ -1,39 +1,26 @@
-"""The one drawing that answers: the deformed body with a field, and what its contacts carry drawn on them."""
+"""The one drawing that answers: the deformed body with a field in bands, and what its contacts carry drawn on them."""
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.mesh.edges import cross
-from qvi_contact.plots.fields import COMPONENT_LABELS, draw_contours, usual_range
-from qvi_contact.plots.labels import Written, alignment, beside
+from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, draw_symbols
 from qvi_contact.plots.shape import Shape, faces
-from qvi_contact.plots.style import (
-    BLUE,
-    CHORDS,
-    GREY,
-    LEAST,
-    VERMILLION,
-    colour_bar,
-    edge_lines,
-    lines,
-    magnified,
-    plain_text,
-    plain_units,
-    show_all,
-)
-from qvi_contact.plots.symbols import ground, has_springs, springs
+from qvi_contact.plots.symbols import Written, alignment, beside, ground, springs
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import cell_factors, held_along_z, sample_body, stress_component
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.tri import TriContourSet
 
 _SAMPLES: Final = 120  # parts of the body's length that a field is drawn with
 _CALM: Final = 0.75  # displacements are drawn smaller than those of a mechanism
@@ -49,7 +36,7 @@ _DEEP: Final = 0.005  # of the body's length: overlap of bodies that is not seen
 _HATCH: Final = 0.016  # of obstacles, as a share of the body's length
 
 _ARROW: Final[dict[str, Any]] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
-_PRESSURE: Final[dict[str, Any]] = {"color": VERMILLION, "width": 0.007, "headwidth": 5.0, "headlength": 6.0}
+_PRESSURE: Final[dict[str, Any]] = {"color": style.VERMILLION, "width": 0.007, "headwidth": 5.0, "headlength": 6.0}
 _FRICTION: Final[dict[str, Any]] = {"color": "black", "width": 0.011, "headwidth": 4.5, "headlength": 5.0}
 _RESULTANT: Final[dict[str, Any]] = {"color": "black", "width": 0.025, "headwidth": 4.0, "headlength": 4.5}
 THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
@@ -58,41 +45,28 @@ THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """What one line of a contact carries, at its points and both ends, where it is drawn.
-
-    Attributes
-    ----------
-    name : str
-        The contact.
-    joint : bool
-        Whether it lies inside the body.
-    s : (k,) array
-        Length along the line [length].
-    place, obstacle : (k, 2) arrays
-        The deformed face of the body, and that of the obstacle, as drawn [length].
-    normal, tangent : (k, 2) arrays
-        Outward unit normal and unit tangent.
-    pressure, shear, fluid : (k,) arrays
-        −σ_N, σ_T and p_w [stress].
-    weights : (k,) array
-        Of integrals along the line, zero at the ends [length].
-    blocks : (k, 2) int array
-        The block inside and the one beyond, −1 on obstacles.
-
-    """
+    """What one line of a contact carries, at its k points and both ends, where it is drawn."""
 
     name: str
+    """The contact."""
     joint: bool
+    """Whether it lies inside the body."""
     s: FloatArray
+    """Length along the line [length]."""
     place: FloatArray
     obstacle: FloatArray
+    """The deformed face of the body, and that of the obstacle, as drawn [length], (k, 2)."""
     normal: FloatArray
     tangent: FloatArray
+    """Outward unit normal and unit tangent, (k, 2)."""
     pressure: FloatArray
     shear: FloatArray
     fluid: FloatArray
+    """−σ_N, σ_T and p_w [stress]."""
     weights: FloatArray
+    """Of integrals along the line, zero at the ends [length]."""
     blocks: IntArray
+    """The block inside and the one beyond, −1 on obstacles, (k, 2)."""
 
     def resultant(self, chosen: slice | FloatArray = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Force of some points on the body inside [stress × length], and the centre of pressure [length].
@@ -125,23 +99,15 @@ class Carried:
 
 @dataclass(frozen=True)
 class Scales:
-    """What drawings that are looked at beside each other have in common.
-
-    Attributes
-    ----------
-    factor : float
-        By how much displacements are exaggerated.
-    pressure, friction : float
-        The largest on contacts [stress].
-    stress : (float, float) or None
-        Ends of the bands of colour [stress]; None for those of each drawing.
-
-    """
+    """What drawings that are looked at beside each other have in common."""
 
     factor: float
+    """By how much displacements are exaggerated."""
     pressure: float
     friction: float
+    """The largest on contacts [stress]."""
     stress: tuple[float, float] | None = None
+    """Ends of the bands of colour [stress]; None for those of each drawing."""
 
     @classmethod
     def of(cls, results: Iterable[ContactResult], component: str = "von_mises") -> "Scales":
@@ -153,9 +119,11 @@ class Scales:
         for result in results:
             shape = Shape.of(result)
             moved = max(
-                float(np.hypot(*shape.coefficients.T).max()), LEAST * result.discretization.scales.displacement, moved
+                float(np.hypot(*shape.coefficients.T).max()),
+                style.LEAST * result.discretization.scales.displacement,
+                moved,
             )
-            most = min(most, _separate(result, shape, magnified(moved, _CALM * result.problem.mesh.length)))
+            most = min(most, _separate(result, shape, style.magnified(moved, _CALM * result.problem.mesh.length)))
             tractions += [
                 (float(np.abs(line.normal_stress).max()), float(np.abs(line.tangential_stress).max()))
                 for line in result.contacts.values()
@@ -171,29 +139,19 @@ class Scales:
 
 @dataclass(frozen=True)
 class Drawn:
-    """What a drawing of a body says of itself.
-
-    Attributes
-    ----------
-    factor : float
-        By how much displacements are exaggerated.
-    box : (2, 2) array
-        Lower left and upper right corner of all that is drawn [length].
-    pressure, friction : float
-        The largest on all contacts [stress].
-    thrust : bool
-        Whether there is a line of thrust.
-    written : list
-        Numbers of resultants, each with other places that it may have, see `labels.spread`.
-
-    """
+    """What a drawing of a body says of itself."""
 
     factor: float
+    """By how much displacements are exaggerated."""
     box: FloatArray
+    """Lower left and upper right corner of all that is drawn [length], (2, 2)."""
     pressure: float
     friction: float
+    """The largest on all contacts [stress]."""
     thrust: bool
+    """Whether there is a line of thrust."""
     written: list[Written]
+    """Numbers of resultants, each with other places that it may have, see `symbols.spread`."""
 
 
 def draw_body(
@@ -208,32 +166,16 @@ def draw_body(
     On each contact stand the pressure, as a diagram in one scale for all contacts, with arrows towards the body; the
     friction stress on the body, as arrows inside it; and the resultant, as a heavy arrow with its number, on straight
     contacts with its eccentricity e. Blocks that are pressed from two sides have a line of thrust between the centres
-    of pressure. Loads, supports and obstacles are small symbols. Displacements are those of `Shape`, exaggerated by
-    one factor; dashed lines show the body before.
+    of pressure. Loads, supports and obstacles are small symbols. Displacements are those of `Shape`, exaggerated by one
+    factor; dashed lines show the body before. Axes are in units of length.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Where to draw; axes are in units of length.
-    result : ContactResult
-        The state.
-    component : str
-        "xx", "yy", "xy" (tension positive), "von_mises" (with σ_zz in plane strain), or "first", "second": the
-        principal stresses σ₁ ≥ σ₂ in the plane.
-    units : Units, optional
-        Labels.
-    scales : Scales, optional
-        Those of several results that are looked at beside each other; by default those of this one.
-
-    Raises
-    ------
-    InputError
-        If there is no such stress, or no stress state.
-
+    The component is "xx", "yy", "xy" (tension positive), "von_mises" (with σ_zz in plane strain), or "first", "second":
+    the principal stresses σ₁ ≥ σ₂ in the plane. Scales are those of several results that are looked at beside each
+    other; by default those of this one. `InputError` if there is no such stress, or no stress state.
     """
     from scipy.spatial import cKDTree
 
-    units, mesh, shape = plain_units(units), result.problem.mesh, Shape.of(result)
+    units, mesh, shape = style.plain_units(units), result.problem.mesh, Shape.of(result)
     scales = Scales.of([result], component) if scales is None else scales
     factor = scales.factor
     samples = sample_body(result, _SAMPLES)
@@ -242,19 +184,19 @@ def draw_body(
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
     part = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
     field = draw_contours(axes, samples.points, places, samples.triangles, values, part[samples.cells], scales.stress)
-    t = np.linspace(0.0, 1.0, CHORDS + 1)
+    t = np.linspace(0.0, 1.0, style.CHORDS + 1)
     before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1)
     after = before + factor * shape.along(mesh.boundary, t)
-    axes.add_collection(lines(edge_lines(mesh, mesh.boundary), GREY, (0, (4, 3)), 0.6))
-    axes.add_collection(lines(after, "#333333", "solid", 0.8))
+    axes.add_collection(style.lines(style.edge_lines(mesh, mesh.boundary), style.GREY, (0, (4, 3)), 0.6))
+    axes.add_collection(style.lines(after, "#333333", "solid", 0.8))
     for joint in result.problem.joints:
         edges = mesh.edges(joint.edges)
         middle = np.stack(mesh.points_along(edges, t), axis=-1)
         for other in (False, True):
             face = middle + factor * shape.along(edges, t, other=other)
-            axes.add_collection(lines(face, "#333333", "solid", 0.6))
+            axes.add_collection(style.lines(face, "#333333", "solid", 0.6))
     carried = [part for name in result.contacts for part in _carried(result, name, shape, factor)]
-    sprung = {contact.name for contact in result.problem.contacts if has_springs(contact)}
+    sprung = {contact.name for contact in result.problem.contacts if contact.has_springs}
     for part in carried:
         away = SPRING * mesh.length * part.normal * (part.name in sprung)
         if part.name in sprung:
@@ -287,17 +229,18 @@ def draw_body(
     if 0 < len(labelled) <= _LABELLED:
         covered, written = _resultants(axes, labelled, mesh.length, units)
         extent.append(covered)
-    box = show_all(axes, np.concatenate(extent), units)
+    box = style.show_all(axes, np.concatenate(extent), units)
     across, up = box[1] - box[0]
     label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
-    colour_bar(axes, field, label, None, 0.04 * max(1.0, float(up / across)))
+    width = 0.04 * max(1.0, float(up / across))
+    axes.figure.colorbar(field, cax=axes.inset_axes((1.0 + 0.8 * width, 0.0, width, 1.0)), label=label, extend=None)
     return Drawn(factor, box, pressure, friction, thrust, written)
 
 
 def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
     """The largest of 1, 2, 5 times a power of ten up to the factor that draws no block inside another; at least 1."""
     mesh, block, cells = result.problem.mesh, shape.space.block, np.arange(result.problem.mesh.cell_count)
-    t = np.linspace(0.0, 1.0, CHORDS + 1)
+    t = np.linspace(0.0, 1.0, style.CHORDS + 1)
     owner = np.repeat(block[mesh.boundary.cells[:, 0]], len(t))
     inwards = np.repeat(mesh.boundary.normal, len(t), axis=0) * (-_DEEP * mesh.length)
     before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1).reshape(-1, 2) + inwards
@@ -359,11 +302,13 @@ def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing:
 
     outer = part.place + scale * part.pressure[:, None] * part.normal
     outline = np.concatenate([part.place, outer[::-1]])
-    axes.add_patch(Polygon(outline, facecolor=to_rgba(VERMILLION, 0.22), edgecolor="none", zorder=3))
-    axes.plot(*np.concatenate([part.place[:1], outer, part.place[-1:]]).T, color=VERMILLION, linewidth=0.9, zorder=3.2)
+    axes.add_patch(Polygon(outline, facecolor=to_rgba(style.VERMILLION, 0.22), edgecolor="none", zorder=3))
+    axes.plot(
+        *np.concatenate([part.place[:1], outer, part.place[-1:]]).T, color=style.VERMILLION, linewidth=0.9, zorder=3.2
+    )
     if part.fluid.any():
         fluid = part.place + scale * part.fluid[:, None] * part.normal
-        axes.plot(*fluid.T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 1.5)), zorder=3.3)
+        axes.plot(*fluid.T, color=style.BLUE, linewidth=0.9, linestyle=(0, (4, 1.5)), zorder=3.3)
     length = part.s[-1] - part.s[0]
     count = int(length / spacing)  # none where there is no room for two
     at = part.s[0] + (np.arange(count) + 0.5) * length / max(count, 1)
@@ -405,7 +350,7 @@ def _resultants(
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
         look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box}
         (x, y), align = spots[0]
-        written.append((axes.text(x, y, plain_text(text), **look, **align), spots))
+        written.append((axes.text(x, y, style.plain_text(text), **look, **align), spots))
     return np.concatenate(ends), written
 
 
@@ -431,5 +376,77 @@ def _thrust(axes: "Axes", carried: Sequence[Carried]) -> bool:
         groups = [chosen for chosen in (along > 0.0, along < 0.0) if weights[chosen].sum() > _LEAST * largest]
         if len(groups) > 1:
             drawn.append([weights[chosen] @ centres[chosen] / weights[chosen].sum() for chosen in groups])
-    axes.add_collection(lines(np.array(drawn), *THRUST), autolim=False)
+    axes.add_collection(style.lines(np.array(drawn), *THRUST), autolim=False)
     return bool(drawn)
+
+
+COMPONENT_LABELS: Final = {
+    "xx": "$\\sigma_{xx}$",
+    "yy": "$\\sigma_{yy}$",
+    "xy": "$\\sigma_{xy}$",
+    "von_mises": "von Mises stress",
+    "first": "$\\sigma_1$ in the plane",
+    "second": "$\\sigma_2$ in the plane",
+}
+
+_LEVELS: Final = 8  # about so many contour lines
+_ALL_BUT_FEW: Final = 0.99  # share of the points whose values set the range of contour lines
+_UNIFORM: Final = 1e-4  # range of values over their size below which there is nothing to see
+
+
+def usual_range(values: FloatArray) -> tuple[float, float]:
+    """The range of values, without a few that are much larger than all others, as in corners."""
+    sizes = np.abs(values)
+    size, usual = float(sizes.max()) or 1.0, float(np.quantile(sizes, _ALL_BUT_FEW))
+    end = usual if usual < 0.7 * size else size
+    return max(float(values.min()), -end), min(float(values.max()), end)
+
+
+def draw_contours(
+    axes: "Axes",
+    points: FloatArray,
+    places: FloatArray,
+    triangles: IntArray,
+    values: FloatArray,
+    part: IntArray,
+    ends: tuple[float, float] | None = None,
+) -> "TriContourSet":
+    """Draw values (n,) at points (n, 2) as bands with contour lines between, at the `places` (n, 2) of the drawing.
+
+    Where points of one `part` (n,) coincide they have the mean of their values. Bands end at `ends`, by default at the
+    `usual_range`. Values of both signs have a map that is white at zero.
+    """
+    from matplotlib import colormaps
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.ticker import MaxNLocator
+    from matplotlib.tri import Triangulation
+
+    rounded = np.round((points - points.min(axis=0)) / max(float(np.ptp(points, axis=0).max()), 1e-300), 9)
+    _, first, one = np.unique(np.column_stack([rounded, part]), axis=0, return_index=True, return_inverse=True)
+    one = one.ravel()
+    means = np.bincount(one, values) / np.bincount(one)
+    low, high = usual_range(means) if ends is None else ends
+    end = max(abs(low), abs(high))
+    size = float(np.abs(means).max()) or 1.0
+    if high - low <= _UNIFORM * size:
+        middle = (low + high) / 2.0
+        low, high = middle - 0.05 * size, middle + 0.05 * size
+    both = low < -0.05 * end and high > 0.05 * end
+    low, high = (-end, end) if both else (low, high)
+    levels = MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    share = np.linspace(0.0, 1.0, len(levels) + 1)
+    colours = colormaps["PuOr_r" if both else "Blues"](
+        share if both else 0.04 + 0.62 * (share if high > -low else share[::-1])
+    )
+    beyond = (bool(means.min() < levels[0]), bool(means.max() > levels[-1]))
+    extend: Literal["neither", "min", "max", "both"] = (("neither", "max"), ("min", "both"))[beyond[0]][beyond[1]]
+    used = colours[0 if beyond[0] else 1 : len(colours) if beyond[1] else -1]
+    norm = BoundaryNorm(levels, len(used), extend=extend)
+    shape = Triangulation(places[first, 0], places[first, 1], one[triangles])
+    look: dict[str, Any] = {"levels": levels, "norm": norm, "cmap": ListedColormap(used), "extend": extend}
+    bands: TriContourSet = axes.tricontourf(shape, means, zorder=0.5, **look)
+    with warnings.catch_warnings():  # Matplotlib 3.10 cannot, and says so
+        warnings.filterwarnings("ignore", "Rasterization")
+        bands.set_rasterized(True)
+    axes.tricontour(shape, means, levels, colors="#08306b", linewidths=0.35, linestyles="solid", zorder=0.6)
+    return bands

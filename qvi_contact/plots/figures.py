@@ -1,35 +1,28 @@
-"""Whole figures: a result, a problem, a limit load."""
+"""Whole figures: a result, a history with its loops, a problem, a mesh, how a body gives way at its limit load."""
 
 import textwrap
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
 from qvi_contact.mechanism import Mechanism
+from qvi_contact.mesh.edges import cross, turned
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.plots import style
 from qvi_contact.plots.body import THRUST, Drawn, Scales, draw_body
-from qvi_contact.plots.labels import Written, beside, spread
-from qvi_contact.plots.mechanism import draw_collapse, draw_mechanism
 from qvi_contact.plots.problem import draw_problem, draw_symbols
-from qvi_contact.plots.style import (
-    BLUE,
-    GREY,
-    VERMILLION,
-    bounding_box,
-    draw_outline,
-    legend_below,
-    new_figure,
-    plain_text,
-    plain_units,
-    settings,
-    show_all,
-)
+from qvi_contact.plots.style import lines
+from qvi_contact.plots.symbols import Written, beside, spread
 from qvi_contact.plots.tractions import contact_tractions
+from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 from solvers.basics.names import known_name
@@ -39,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_PARTS: Final = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)  # of named edges
 _PANELS: Final = 2  # at most so many charts unless some are asked for
 _WIDTH: Final = 6.3  # of a picture of a result [inch]: that of the text on a page
 _BODY: Final = 4.6  # about the width of the body in it
@@ -58,31 +52,13 @@ def result_figure(
 ) -> "Figure":
     """A result as one would put it in a report: the deformed body, and charts along contacts.
 
-    Title and answer stand above, what the solver says small below. `draw_body` says what is drawn. Without a stress
-    state, as of an infeasible problem, the loads are drawn, and how the mechanism moves the blocks, if there is one.
-
-    Parameters
-    ----------
-    result : ContactResult
-        The result.
-    units : Units, optional
-        Labels.
-    title : str
-        The problem's title.
-    panels : sequence of str, optional
-        Contacts with a chart of pressure and friction each; by default at most two, which are no more than one line.
-    component : str
-        The stress, see `draw_body`.
-    scales : Scales, optional
-        Those of several results that are looked at beside each other.
-
-    Raises
-    ------
-    InputError
-        If there is no contact of a name, or no such stress.
-
+    The problem's title and the answer stand above, what the solver says small below. `draw_body` says what is drawn,
+    and which stresses `component` names. Without a stress state, as of an infeasible problem, the loads are drawn, and
+    how the mechanism moves the blocks, if there is one. Contacts in `panels` have a chart of pressure and friction
+    each; by default at most two, which are no more than one line. `scales` are those of several results that are looked
+    at beside each other. `InputError` if there is no contact of a name, or no such stress.
     """
-    units = plain_units(units)
+    units = style.plain_units(units)
     names = [contact.name for contact in result.problem.contacts]
     for name in panels or ():
         known_name("panels", name, {"contacts": names})
@@ -90,8 +66,8 @@ def result_figure(
         return _motion_figure(result.problem, result.mechanism, title, _reason(result), result.solution.message, units)
     if panels is None:
         panels = [line.name for line in result.contacts.values() if not line.path.line[-1]][:_PANELS]
-    with settings():
-        figure = new_figure(_WIDTH, _WIDTH)
+    with style.settings():
+        figure = style.new_figure(_WIDTH, _WIDTH)
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
         drawn = draw_body(body, result, component, units, scales)
         _explained(body, drawn, result, units)
@@ -100,14 +76,14 @@ def result_figure(
             if drawn.pressure == 0.0:
                 panel.set_ylim(0.0, float(np.abs(result.gauss_stress()[2]).max()) or 1.0)  # rather than rounding
             if len(names) > 1:
-                panel.set_title(plain_text(name), loc="left", fontsize="medium")
+                panel.set_title(style.plain_text(name), loc="left", fontsize="medium")
             if number == len(charts):
                 handles = {
                     label: handle
                     for chart in charts
                     for handle, label in zip(*chart.get_legend_handles_labels(), strict=True)
                 }
-                legend_below(panel, list(handles.values()))
+                style.legend_below(panel, list(handles.values()))
         _placed(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
     return figure
 
@@ -124,9 +100,9 @@ def _placed(
     above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + 1)
     below = 0.06 + 0.12 * (foot.count("\n") + 1)
     texts = [
-        figure.text(0.01, 1.0, plain_text(title), va="top", fontsize="large", fontweight="bold"),
-        figure.text(0.01, 1.0, plain_text(answer), va="top"),
-        figure.text(0.01, 0.0, plain_text(foot), va="bottom", fontsize=6.0, color=GREY),
+        figure.text(0.01, 1.0, style.plain_text(title), va="top", fontsize="large", fontweight="bold"),
+        figure.text(0.01, 1.0, style.plain_text(answer), va="top"),
+        figure.text(0.01, 0.0, style.plain_text(foot), va="bottom", fontsize=6.0, color=style.GREY),
     ]
     for _ in range(_PASSES if written else 1):
         across, up = box[1] - box[0]
@@ -182,15 +158,17 @@ def _explained(axes: "Axes", drawn: Drawn, result: ContactResult, units: Units) 
     entries: list[Artist] = []
     pressure, friction = beside([drawn.pressure, drawn.friction], 3)
     if drawn.pressure > 0.0:
-        entries.append(Patch(color=VERMILLION, alpha=0.4, label=f"pressure, up to {pressure} {units.stress}"))
+        entries.append(Patch(color=style.VERMILLION, alpha=0.4, label=f"pressure, up to {pressure} {units.stress}"))
     if any(line.has_fluid for line in result.contacts.values()):
-        entries.append(Line2D([], [], color=BLUE, linestyle=(0, (4, 1.5)), linewidth=0.9, label="of it the fluid's"))
+        entries.append(
+            Line2D([], [], color=style.BLUE, linestyle=(0, (4, 1.5)), linewidth=0.9, label="of it the fluid's")
+        )
     if drawn.friction > 0.0 and friction != "0":
         look: dict[str, Any] = {"marker": ">", "markersize": 3, "color": "black", "linewidth": 0.9}
         entries.append(Line2D([], [], label=f"friction, up to {friction} {units.stress}", **look))
     if drawn.thrust:
-        colour, style, width = THRUST
-        entries.append(Line2D([], [], color=colour, linestyle=style, linewidth=width, label="line of thrust"))
+        colour, dashes, width = THRUST
+        entries.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label="line of thrust"))
     if callable(result.problem.body_potential):
         mesh, field = result.problem.mesh, result.problem.body_potential
         (x, y), edges = mesh.points_along(mesh.boundary, np.array([0.5])), mesh.boundary
@@ -199,17 +177,32 @@ def _explained(axes: "Axes", drawn: Drawn, result: ContactResult, units: Units) 
         sign = "→↗↑↖←↙↓↘"[round(float(np.arctan2(force[1], force[0])) / (np.pi / 4.0)) % 8]
         entries.append(Line2D([], [], linestyle="none", label=f"{sign} body force"))
     text = f"before; displacements × {drawn.factor:g}"
-    entries.append(Line2D([], [], color=GREY, linestyle=(0, (4, 3)), linewidth=0.6, label=text))
-    legend_below(axes, entries)
+    entries.append(Line2D([], [], color=style.GREY, linestyle=(0, (4, 3)), linewidth=0.6, label=text))
+    style.legend_below(axes, entries)
+
+
+def mesh_figure(mesh: TriangleMesh) -> "Figure":
+    """One picture of a mesh: its triangles, and its named edges and joints, which differ without colour too."""
+    with style.settings():
+        sides = np.ptp(mesh.vertices, axis=0)
+        figure = style.new_figure(*(5.0 * sides / sides.max() + [3.0, 1.0]))
+        axes = figure.subplots()
+        style.draw_grid(axes, mesh)
+        style.draw_outline(axes, mesh)
+        for number, name in enumerate((*mesh.edge_names, *mesh.joint_names)):
+            look = _PARTS[number % 6], ("-", "--", ":", "-.")[number % 4], 2.0
+            axes.add_collection(lines(style.edge_lines(mesh, mesh.edges(name)), *look, style.plain_text(name)))
+        style.show_all(axes, mesh.vertices, Units())
+        figure.legend(loc="outside right upper", frameon=False)
+    return figure
 
 
 def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figure":
     """One picture of a problem: mesh, materials, conditions, loads, contacts, joints."""
-    with settings():
-        low, high = bounding_box(problem.mesh)
-        sides = high - low
+    with style.settings():
+        sides = np.ptp(problem.mesh.vertices, axis=0)
         scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # what is around the body takes room too
-        figure = new_figure(scale * sides[0] + 6.5, max(3.2, scale * (sides[1] + 0.4 * max(sides)) + 0.7))
+        figure = style.new_figure(scale * sides[0] + 6.5, max(3.2, scale * (sides[1] + 0.4 * max(sides)) + 0.7))
         draw_problem(figure.subplots(), problem, units)
     return figure
 
@@ -219,29 +212,15 @@ def limit_figure(
 ) -> "Figure":
     """One picture of a limit load: how the body gives way, under its loads as small arrows.
 
-    A mechanism moves blocks; a body that yields flows, see `plots.mechanism.draw_collapse`.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem on the mesh of the analysis, such as `LimitRefinement.problem`.
-    limit : LimitLoad
-        What `limit_load_factor` has found.
-    units : Units, optional
-        Labels.
-    title, answer : str
-        What stands above: the problem's title, and how much it carries.
-
-    Raises
-    ------
-    InputError
-        If the limit load has no mechanism, since there is no upper limit, or no multiple at all.
-
+    A mechanism moves blocks; a body that yields flows, see `plots.figures.draw_collapse`. The problem is that on the
+    mesh of the analysis, such as `LimitRefinement.problem`; the limit is what `limit_load_factor` has found. The
+    problem's title and the answer, how much it carries, stand above. `InputError` if the limit load has no mechanism,
+    since there is no upper limit, or no multiple at all.
     """
     if limit.mechanism is None and limit.collapse is None:
         raise InputError("limit", repr(limit), "there is no mechanism to draw: no load is the largest one")
     found = limit.mechanism if limit.mechanism is not None else limit.collapse
-    return _motion_figure(problem, found, title, answer or repr(limit)[1:-1], "", plain_units(units))
+    return _motion_figure(problem, found, title, answer or repr(limit)[1:-1], "", style.plain_units(units))
 
 
 def _motion_figure(
@@ -249,20 +228,214 @@ def _motion_figure(
 ) -> "Figure":
     """How a body gives way: blocks moved, or where it yields and flows; obstacles, loads and supports."""
     mesh = problem.mesh
-    with settings():
-        figure = new_figure(_WIDTH, _WIDTH)
+    with style.settings():
+        figure = style.new_figure(_WIDTH, _WIDTH)
         axes = figure.subplots()
         words, ends = "", [mesh.vertices]
         if isinstance(motion, Mechanism):
             ends.append(draw_mechanism(axes, mesh, motion))
             words = "How the blocks move beyond that, magnified; dashed: where they are."
         else:
-            draw_outline(axes, mesh)
+            style.draw_outline(axes, mesh)
         if isinstance(motion, Collapse):
             draw_collapse(axes, mesh, motion)
             words = "Orange: where the body yields. Arrows: how it moves. Thick lines: contacts that slide."
         ends += draw_symbols(axes, problem, obstacles=True)
         axes.set_title(words, fontsize="small", loc="left")
-        box = show_all(axes, np.concatenate(ends), units)
+        box = style.show_all(axes, np.concatenate(ends), units)
         _placed(figure, box, title, answer, foot)
     return figure
+
+
+_DEEPEST: Final = 0.95  # share of the triangles that dissipate less than what has the deepest colour
+_STILL: Final = 0.02  # share of the largest velocity below which nothing is drawn
+_ARROW: Final = 0.002  # width of arrows, as a share of the picture's
+
+
+def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:
+    """Draw all blocks where a mechanism moves them, over dashed outlines of where they were; the corners (n, 2).
+
+    Its motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and
+    rotations without the growth that comes with that. `ContactResult.mechanism` or `LimitLoad.mechanism` give it; axes
+    are in units of length.
+    """
+    from matplotlib.collections import PolyCollection
+
+    cells = _moved(mesh, mechanism, mesh.corners, mechanism.blocks)
+    look: dict[str, Any] = {"facecolors": "#d6e6f2", "edgecolors": "#d6e6f2", "linewidths": 0.3}
+    axes.add_collection(PolyCollection(list(cells), zorder=1.0, **look))
+    before, after = block_outlines(mesh, mechanism)
+    axes.add_collection(lines(before, style.GREY, (0, (4, 3)), 0.7))
+    axes.add_collection(lines(after, style.BLUE, "solid", 1.0, "mechanism"))
+    return np.concatenate([before.reshape(-1, 2), after.reshape(-1, 2)])
+
+
+def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
+    """Draw where a body yields, how it flows, and which contacts slide, over a picture of the problem.
+
+    The deeper the orange of a triangle, the more power it dissipates for its area; white ones dissipate none. Arrows
+    are velocities in the middle of triangles. Contacts that slide are thick blue lines. The mesh is that of the
+    analysis, and `LimitLoad.collapse` gives the flow; axes are in units of length.
+    """
+    from matplotlib.collections import PolyCollection
+
+    motion = collapse.motion
+    a, b, c = mesh.corners.swapaxes(0, 1)
+    density = motion.dissipation / np.abs(cross(b - a, c - a))
+    shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
+    colours = np.column_stack([np.tile([0.9, 0.45, 0.0], (len(shade), 1)), 0.85 * shade])
+    axes.add_collection(PolyCollection(list(mesh.corners), facecolors=colours, edgecolors="none", zorder=1.5))
+    speed = motion.velocities.mean(axis=1)
+    largest = float(np.hypot(*speed.T).max())
+    moving = np.hypot(*speed.T) > _STILL * largest
+    x, y = mesh.corners.mean(axis=1)[moving].T
+    u, v = speed[moving].T * (style.LONGEST * mesh.length / max(largest, 1e-300))
+    axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=1.0, width=_ARROW, color=style.BLUE, zorder=4)
+    for name, moved in motion.contacts.items():
+        edges = mesh.edges(name) if name in (*mesh.edge_names, *mesh.joint_names) else None
+        sliding = np.abs(moved.slip).max(axis=1) > _STILL * largest
+        if edges is not None and sliding.any():
+            ends = mesh.vertices[np.stack([edges.first, edges.second], axis=1)][sliding]
+            axes.add_collection(lines(ends, style.BLUE, "solid", 3.0, f"sliding {name}"))
+
+
+def block_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Ends (n, 2, 2) of the edges around all blocks, before a mechanism moves them and after [length]."""
+    boundary, interior = mesh.boundary, mesh.interior
+    beside = mechanism.blocks[interior.cells]
+    joints = interior.take(beside[:, 0] != beside[:, 1])
+    first = np.concatenate([boundary.first, joints.first, joints.first])
+    second = np.concatenate([boundary.second, joints.second, joints.second])
+    cells = np.concatenate([boundary.cells[:, 0], joints.cells[:, 0], joints.cells[:, 1]])
+    ends = mesh.vertices[np.stack([first, second], axis=1)]
+    return ends, _moved(mesh, mechanism, ends, mechanism.blocks[cells])
+
+
+def _moved(mesh: TriangleMesh, mechanism: Mechanism, points: FloatArray, blocks: IntArray) -> FloatArray:
+    """Points (n, k, 2) of blocks (n,) where they are drawn [length]."""
+    found, scale = np.array(points), style.LONGEST * mesh.length
+    for number, motion in enumerate(mechanism.motions):
+        chosen = blocks == number
+        arm = points[chosen] - motion.centre
+        turn = np.arctan(scale * motion.rotation)
+        found[chosen] = motion.centre + turned(arm, turn) + scale * np.array([motion.x, motion.y])
+    return found
+
+
+_ROOM: Final = 0.12  # for numbers around the body, as a share of its drawing
+_LOOPS: Final = 4  # at most so many loops, and forces of contacts
+
+
+def history_figure(
+    history: History,
+    units: Units | None = None,
+    times: Sequence[float] | None = None,
+    title: str = "",
+    step: int | None = None,
+) -> "Figure":
+    """The deformed body in one step, hysteresis loops of up to four contacts, and forces of contacts step by step.
+
+    A loop needs something that moves, such as an obstacle or a prescribed displacement. Under loads alone there are
+    forces only. Steps are read one by one. With `times`, the value of t in each step, forces are drawn over t instead
+    of the number of the step, a hollow square at the first one. The body is that of a `step`, from 1, by default of the
+    last one that has a state. The problem's title, and what the history says of itself, stand above.
+
+    `InputError` if there is nothing to draw, no such step, or not a time for each step.
+    """
+    units = style.plain_units(units)
+    abscissa = None if times is None else real_array("times", times)
+    forces: dict[str, list[tuple[float, float]]] = {}
+    drawn = None
+    for number, each in enumerate(history.steps, 1):
+        if each.has_state:
+            drawn = (number, each) if step is None or number == step else drawn
+            for name, line in each.contacts.items():
+                forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
+    if drawn is None and step is not None:
+        raise InputError("step", step, "give the number of a step that has a state, the first is 1")
+    loops = {} if drawn is None else _loops(history, drawn[1].problem)
+    if drawn is None or not (forces or loops):
+        raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
+    count = max(map(len, forces.values()), default=0)
+    if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
+        raise InputError("times", times, f"give the times of all {count} steps")
+    rows = [names for names in (list(loops)[:_LOOPS], list(forces)[:_LOOPS]) if names]
+    with style.settings():
+        figure = style.new_figure(3.8 + 3.0 * max(map(len, rows)), 0.4 + 3.0 * len(rows))
+        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, 3.0 * max(map(len, rows))])[0]
+        body, (number, shown) = left.subplots(), drawn
+        picture = draw_body(body, shown, units=units)
+        low, high = picture.box + np.array([[-1.0], [1.0]]) * _ROOM * float(np.ptp(picture.box, axis=0).max())
+        body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
+        at = f"step {number}" if abscissa is None else f"t = {abscissa[number - 1]:g}"
+        body.set_title(f"{at}; displacements × {picture.factor:g}", fontsize="medium")
+        parts = right.subfigures(len(rows), 1, squeeze=False)[:, 0]
+        for part, names in zip(parts, rows, strict=True):
+            for axes, name in zip(part.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+                if part is parts[0] and loops:
+                    _draw_loop(axes, *loops[name])
+                    axes.set_title(style.plain_text(name), fontsize="medium")
+                    axes.set_xlabel(f"displacement [{units.displacement}]")
+                else:
+                    _draw_forces(axes, np.array(forces[name]), abscissa)
+                    axes.set_title(style.plain_text(f"{name}: forces"), fontsize="medium")
+                axes.set_ylabel(f"force [{units.engineering_force}]")
+        left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
+        said = "\n".join(filter(None, [title, history.message, *left_out]))
+        figure.suptitle(style.plain_text(said), x=0.02, ha="left", fontsize="medium")
+    return figure
+
+
+def _loops(history: History, problem: ContactProblem) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Loops of what is moved sideways: contacts, and edge sets whose tangential displacement is prescribed.
+
+    Edge sets moved across if these move the body; none if nothing moves, as under loads that change.
+    """
+    moved = [condition for condition in problem.conditions if isinstance(condition, Displacement)]
+    driven = []
+    for condition in moved:
+        tangent = problem.mesh.edges(condition.edges).tangent[0]
+        if {CARTESIAN[int(np.argmax(np.abs(tangent)))], "tangential"} & set(components(condition)):
+            driven.append(condition.edges)
+    loops: dict[str, tuple[FloatArray, FloatArray]] = {}
+    for name in (*(contact.name for contact in problem.contacts), *driven):
+        with suppress(InputError):  # an obstacle at rest while displacements move the body
+            loops.setdefault(name, history.loop(name))
+    for condition in moved if not loops else ():
+        loops.setdefault(condition.edges, history.loop(condition.edges))
+    return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
+
+
+def _draw_loop(axes: "Axes", moved: FloatArray, carried: FloatArray) -> None:
+    """Force over the displacement that drives it: a dot a step, the first in a square."""
+    axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
+    axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
+    axes.plot(moved, carried, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
+    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    axes.locator_params(axis="x", nbins=6)
+    axes.plot(moved[:1], carried[:1], color=style.GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
+
+
+def _draw_forces(axes: "Axes", forces: FloatArray, times: FloatArray | None) -> None:
+    """Normal and tangential force (steps, 2) of one contact step by step, over t where times are given."""
+    place = np.arange(1, len(forces) + 1) if times is None else times[: len(forces)]
+    looks: dict[str, dict[str, Any]] = {
+        "N": {"color": style.GREY, "marker": "s"},
+        "T": {"color": style.BLUE, "marker": "o", "linestyle": "--"},
+    }
+    for (label, look), values in zip(looks.items(), forces.T, strict=True):
+        axes.plot(place, values, markersize=3, linewidth=1.0, label=label, **look)
+        if times is not None:
+            axes.plot(
+                place[:1], values[:1], color=style.GREY, marker="s", markersize=7, fillstyle="none", linestyle="none"
+            )
+    axes.set_xlabel("step [-]" if times is None else "t")
+    axes.locator_params(axis="x", integer=times is None)
+    axes.legend(frameon=False)
+
+
+def notebook_png(shown: TriangleMesh | ContactProblem) -> bytes | None:
+    """What a notebook shows for a mesh or a problem at the end of a cell; None without matplotlib."""
+    if not style.has_matplotlib():
+        return None
+    return style.png_bytes(problem_figure(shown) if isinstance(shown, ContactProblem) else mesh_figure(shown))

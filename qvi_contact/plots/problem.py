@@ -9,23 +9,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.basics.units import Units
-from qvi_contact.plots.labels import Spot, Written, alignment, merged, spread, value_range, wrapped
-from qvi_contact.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    VERMILLION,
-    bounding_box,
-    cell_outlines,
-    draw_grid,
-    draw_outline,
-    plain_text,
-    plain_units,
-    require_matplotlib,
-    show_all,
-)
-from qvi_contact.plots.symbols import Places, Run, arrows, ground, has_springs, runs, springs
+from qvi_contact.plots import style, symbols
 from qvi_contact.problem.conditions import (
     CARTESIAN,
     LOCAL,
@@ -68,13 +52,13 @@ _ON_LINE: Final = (0.15, 0.5, 0.85)  # the same for lines inside the body
 _SLIM: Final = (0.8, 1.2)  # triangles of supports: one of equal sides would point three ways
 _ACROSS: Final = 0.7  # cosine of the angle to the normal below which a held component is a tangential one
 
-_FREE: Final[dict[str, Any]] = {"color": GREY, "linewidth": 1.0}
-_LOADED: Final[dict[str, Any]] = {"color": VERMILLION, "linewidth": 1.2}
-_HELD: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
-_MIRROR: Final[dict[str, Any]] = {"color": GREEN, "linewidth": 1.4, "linestyle": "-."}
+_FREE: Final[dict[str, Any]] = {"color": style.GREY, "linewidth": 1.0}
+_LOADED: Final[dict[str, Any]] = {"color": style.VERMILLION, "linewidth": 1.2}
+_HELD: Final[dict[str, Any]] = {"color": style.BLUE, "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
+_MIRROR: Final[dict[str, Any]] = {"color": style.GREEN, "linewidth": 1.4, "linestyle": "-."}
 _TOUCHING: Final[dict[str, Any]] = {"color": "black", "linewidth": 1.8}
-_HELD_TOGETHER: Final[dict[str, Any]] = {"color": GREY, "linewidth": 1.0, "linestyle": ":"}
-_JOINT: Final[dict[str, Any]] = {"color": ORANGE, "linewidth": 2.0, "linestyle": (0, (3, 1.5))}
+_HELD_TOGETHER: Final[dict[str, Any]] = {"color": style.GREY, "linewidth": 1.0, "linestyle": ":"}
+_JOINT: Final[dict[str, Any]] = {"color": style.ORANGE, "linewidth": 2.0, "linestyle": (0, (3, 1.5))}
 
 
 def draw_symbols(
@@ -89,7 +73,7 @@ def draw_symbols(
     Points (n, 2) of the boundary are drawn where `moved` takes them. Returns the ends of arrows (n, 2).
     """
     sketch = _Sketch(axes, problem, Units(), moved=moved, size=_SMALL)
-    for condition in merged(problem.conditions):
+    for condition in symbols.merged(problem.conditions):
         if not isinstance(condition, Contact):
             sketch.condition(condition)
         elif obstacles and condition not in problem.joints:
@@ -103,60 +87,43 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     Tractions and prescribed displacements are arrows that point the way they act on the body, full for tractions and
     hollow for displacements, each kind in a scale of its own; supports are triangles (full: both components, hollow:
     the normal one, diamonds: the tangential one); lines of symmetry stand on rollers; obstacles are hatched lines,
-    whose distance shows how the gap varies; joints are dashed lines inside the body.
-
-    Raises
-    ------
-    InputError
-        If a function of the problem gives bad values.
-
+    whose distance shows how the gap varies; joints are dashed lines inside the body. `InputError` if a function of the
+    problem gives bad values.
     """
-    require_matplotlib()
-    sketch = _Sketch(axes, problem, plain_units(units))
+    style.require_matplotlib()
+    sketch = _Sketch(axes, problem, style.plain_units(units))
     sketch.body()
-    for condition in merged(problem.conditions):
+    for condition in symbols.merged(problem.conditions):
         sketch.condition(condition)
     sketch.names()
     sketch.legend()
-    low, high = bounding_box(problem.mesh)
+    low, high = problem.mesh.vertices.min(axis=0), problem.mesh.vertices.max(axis=0)
     margin = (_AWAY + _ARROW + 0.06) * problem.mesh.length
-    show_all(axes, np.array([low - margin, high + margin]), sketch.units)
+    style.show_all(axes, np.array([low - margin, high + margin]), sketch.units)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
-    spread(axes, sketch.written)
+    symbols.spread(axes, sketch.written)
 
 
 @dataclass
 class _Sketch:
-    """A picture of a problem in the making.
-
-    Attributes
-    ----------
-    axes, problem, units
-        As in `draw_problem`.
-    moved : function
-        Takes points of the boundary to where they are drawn.
-    size : float
-        Of arrows and symbols, as a share of the usual one; with less the lines of conditions are left out.
-    ends : list of (n, 2) arrays
-        Ends of arrows [length].
-    entries : list of artists
-        What the legend shows, in the order of drawing.
-    groups : mapping
-        Edge sets of conditions that need no entry of their own, by what they have in common.
-    written : list
-        Names in the picture, each with other places that it may have.
-
-    """
+    """A picture of a problem in the making."""
 
     axes: "Axes"
     problem: ContactProblem
     units: Units
+    """As in `draw_problem`."""
     moved: Callable[[FloatArray], FloatArray] = np.asarray
+    """Takes points of the boundary to where they are drawn."""
     size: float = 1.0
+    """Of arrows and symbols, as a share of the usual one; with less the lines of conditions are left out."""
     ends: list[FloatArray] = field(default_factory=list)
+    """Ends of arrows [length], (n, 2)."""
     entries: list[Any] = field(default_factory=list)
+    """What the legend shows, in the order of drawing."""
     groups: dict[str, list[str]] = field(default_factory=lambda: {"free": [], "symmetry": []})
-    written: list[Written] = field(default_factory=list)
+    """Edge sets of conditions that need no entry of their own, by what they have in common."""
+    written: list[symbols.Written] = field(default_factory=list)
+    """Names in the picture, each with other places that it may have."""
 
     @property
     def length(self) -> float:
@@ -167,7 +134,7 @@ class _Sketch:
         from matplotlib.collections import PolyCollection
         from matplotlib.patches import Patch
 
-        mesh, outlines = self.problem.mesh, cell_outlines(self.problem.mesh)
+        mesh, outlines = self.problem.mesh, style.cell_outlines(self.problem.mesh)
         number = self.problem.cell_materials
         present = np.unique(number).tolist()
         for index, chosen in enumerate(present):
@@ -188,28 +155,23 @@ class _Sketch:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
                 middles = cells.mean(axis=1)  # its number stands in the cell nearest to the middle of all of its cells
                 place = middles[np.argmin(np.hypot(*(middles - middles.mean(axis=0)).T))]
-                box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.6}
+                box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": style.GREY, "linewidth": 0.6}
                 look_of = {"fontsize": "small", "bbox": box, "zorder": 6, **_CENTRED}
                 self.axes.text(place[0], place[1], str(index + 1), **look_of)
             if index < _MATERIALS:
-                self.entries.append(Patch(**look, edgecolor="#999999", label=wrapped(text)))
-        draw_grid(self.axes, mesh)
-        draw_outline(self.axes, mesh, "#999999", 0.6)
+                self.entries.append(Patch(**look, edgecolor="#999999", label=symbols.wrapped(text)))
+        style.draw_grid(self.axes, mesh)
+        style.draw_outline(self.axes, mesh, "#999999", 0.6)
         values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *mesh.vertices.T)
         if np.ptp(values) > 0.0:
-            self._entry(value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
+            self._entry(symbols.value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
 
     def condition(self, condition: Condition) -> None:
         """One condition in its symbols."""
-        kind: dict[type, Any] = {
-            Traction: self.traction,
-            Displacement: self.displacement,
-            Symmetry: self.symmetry,
-            Contact: self.contact,
-        }
-        kind[type(condition)](condition, self._runs(condition))
+        drawn = getattr(self, type(condition).__name__.lower())
+        drawn(condition, self._runs(condition))
 
-    def traction(self, condition: Traction, pieces: Sequence[Run]) -> None:
+    def traction(self, condition: Traction, pieces: Sequence[symbols.Run]) -> None:
         values = self._values(condition, pieces)
         if not any(value.any() for value in values.values()):
             if len(values) == 2:
@@ -217,41 +179,45 @@ class _Sketch:
                 self.groups["free"].append(condition.edges)
             return
         self._line(pieces, _LOADED)
-        self._arrows(condition, pieces, {"color": VERMILLION})
-        given = [value_range(_SIGNS[Traction][name], value, self.units.stress) for name, value in values.items()]
+        self._arrows(condition, pieces, {"color": style.VERMILLION})
+        given = [
+            symbols.value_range(_SIGNS[Traction][name], value, self.units.stress) for name, value in values.items()
+        ]
         self._entry(f"traction {condition.name}: {', '.join(given)}", _LOADED, marker=">", filled=True)
 
-    def displacement(self, condition: Displacement, pieces: Sequence[Run]) -> None:
+    def displacement(self, condition: Displacement, pieces: Sequence[symbols.Run]) -> None:
         values = self._values(condition, pieces)
         self._line(pieces, _HELD)
-        given = [value_range(_SIGNS[Displacement][name], value, self.units.length) for name, value in values.items()]
+        given = [
+            symbols.value_range(_SIGNS[Displacement][name], value, self.units.length) for name, value in values.items()
+        ]
         held = [name for name, value in values.items() if not value.any()]
         if held:
             self._supports(pieces, held)
         moved = len(held) < len(values)
         if moved:
-            self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": BLUE, "linewidth": 0.7})
+            self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": style.BLUE, "linewidth": 0.7})
         self._entry(
             f"{condition.edges}: {', '.join(given)}", _HELD, marker=">" if moved else "^", filled=len(held) == 2
         )
 
-    def symmetry(self, condition: Symmetry, pieces: Sequence[Run]) -> None:
+    def symmetry(self, condition: Symmetry, pieces: Sequence[symbols.Run]) -> None:
         self._line(pieces, _MIRROR)
         for run in pieces:
             places = self._beside(run)
-            self._symbols(places, np.ones(len(places.points), dtype=bool), "o", False, GREEN)
+            self._symbols(places, np.ones(len(places.points), dtype=bool), "o", False, style.GREEN)
         self.groups["symmetry"].append(condition.edges)
 
-    def contact(self, contact: Contact, pieces: Sequence[Run]) -> None:
+    def contact(self, contact: Contact, pieces: Sequence[symbols.Run]) -> None:
         joint = contact in self.problem.joints
         self._line(pieces, _JOINT if joint else _TOUCHING)
         if not joint:
             self.obstacle(contact)
-        elif has_springs(contact):
+        elif contact.has_springs:
             for run in pieces:
                 places = run.points(_SPACING * self.length, least=1)
                 half = 0.5 * SPRING * self.length * places.normals
-                springs(self.axes, places.points - half, places.points + half)
+                symbols.springs(self.axes, places.points - half, places.points + half)
         self._name(contact, pieces, joint)
         text = f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}"
         self._entry(text, _JOINT if joint else _TOUCHING)
@@ -261,19 +227,19 @@ class _Sketch:
         contacts = {contact.edges for contact in self.problem.contacts}
         ruled = dict.fromkeys(condition.edges for condition in self.problem.conditions)
         for name in (name for name in ruled if name not in contacts):
-            pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
+            pieces = symbols.runs(self.problem.mesh, self.problem.mesh.edges(name))
             longest = max(run.length for run in pieces)
             for run in [run for run in pieces if run.length > _WORTH_A_NAME * longest][:_NAMED]:
                 spots = [run.at(share) for share in _ALONG]
                 inside = [(at.points[0] - 0.015 * self.length * at.normals[0], -at.normals[0]) for at in spots]
                 outside = [(at.points[0] + 0.015 * self.length * at.normals[0], at.normals[0]) for at in spots]
                 rest = outside + inside[1:] if name in self.groups["free"] else inside[1:] + outside
-                self._write(name, [(place, alignment(way)) for place, way in inside[:1] + rest], GREY)
+                self._write(name, [(place, symbols.alignment(way)) for place, way in inside[:1] + rest], style.GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
-                pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
+                pieces = symbols.runs(self.problem.mesh, self.problem.mesh.edges(name))
                 self._line(pieces, _HELD_TOGETHER)
-                self._write(name, self._on_line(pieces), GREY)
+                self._write(name, self._on_line(pieces), style.GREY)
                 self._entry(f"{name}: inner line without a contact", _HELD_TOGETHER)
 
     def legend(self) -> None:
@@ -284,10 +250,10 @@ class _Sketch:
                 self._entry(f"{name}: {', '.join(self.groups[name])}", look, marker=marker)
         self.axes.legend(handles=self.entries, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False)
 
-    def _runs(self, condition: Condition) -> list[Run]:
-        return runs(self.problem.mesh, self.problem.mesh.edges(condition.edges))
+    def _runs(self, condition: Condition) -> list[symbols.Run]:
+        return symbols.runs(self.problem.mesh, self.problem.mesh.edges(condition.edges))
 
-    def _line(self, pieces: Sequence[Run], look: dict[str, Any]) -> None:
+    def _line(self, pieces: Sequence[symbols.Run], look: dict[str, Any]) -> None:
         for run in pieces if self.size == 1.0 else ():
             self.axes.plot(*run.line.T, solid_capstyle="butt", zorder=3, **look)
 
@@ -296,22 +262,22 @@ class _Sketch:
 
         face = look["color"] if filled else "white"
         self.entries.append(
-            Line2D([], [], marker=marker, markersize=5, markerfacecolor=face, label=wrapped(text), **look)
+            Line2D([], [], marker=marker, markersize=5, markerfacecolor=face, label=symbols.wrapped(text), **look)
         )
 
-    def _samples(self, name: str, value: Field | None, pieces: Sequence[Run]) -> FloatArray:
+    def _samples(self, name: str, value: Field | None, pieces: Sequence[symbols.Run]) -> FloatArray:
         """Values along the pieces, ends included; none for a component that is not given."""
         if value is None:
             return np.empty(0)
         points = np.concatenate([run.ends_and_points(self.length / _SAMPLES).points for run in pieces])
         return evaluate(name, value, *points.T)
 
-    def _values(self, condition: Traction | Displacement, pieces: Sequence[Run]) -> dict[str, FloatArray]:
+    def _values(self, condition: Traction | Displacement, pieces: Sequence[symbols.Run]) -> dict[str, FloatArray]:
         """Values of the given components along the pieces, ends included."""
         kind = type(condition).__name__
         return {name: self._samples(f"{kind}.{name}", value, pieces) for name, value in components(condition).items()}
 
-    def _vectors(self, condition: Traction | Displacement, places: Places) -> FloatArray:
+    def _vectors(self, condition: Traction | Displacement, places: symbols.Places) -> FloatArray:
         """The prescribed vectors (n, 2) at places; zero in components that are not given."""
         vectors, kind = np.zeros_like(places.points), type(condition).__name__
         for name, value in components(condition).items():
@@ -319,9 +285,9 @@ class _Sketch:
             vectors += size[:, None] * _directions(name, places)
         return vectors
 
-    def _arrows(self, condition: Traction | Displacement, pieces: Sequence[Run], look: dict[str, Any]) -> None:
+    def _arrows(self, condition: Traction | Displacement, pieces: Sequence[symbols.Run], look: dict[str, Any]) -> None:
         """Arrows, the longest one of all conditions of a kind in full length."""
-        alike = [other for other in merged(self.problem.conditions) if isinstance(other, type(condition))]
+        alike = [other for other in symbols.merged(self.problem.conditions) if isinstance(other, type(condition))]
         largest = max(
             float(np.hypot(*self._vectors(other, run.ends_and_points(self.length / _SAMPLES)).T).max())
             for other in alike
@@ -335,9 +301,9 @@ class _Sketch:
             vectors = self._vectors(condition, places) * (self.size * _ARROW * self.length / largest)
             slender = {} if self.size == 1.0 else {"width": 0.0035}
             places = places._replace(points=self.moved(places.points))
-            self.ends.append(arrows(self.axes, places, vectors, _AWAY * self.length, look | slender))
+            self.ends.append(symbols.arrows(self.axes, places, vectors, _AWAY * self.length, look | slender))
 
-    def _supports(self, pieces: Sequence[Run], held: Sequence[str]) -> None:
+    def _supports(self, pieces: Sequence[symbols.Run], held: Sequence[str]) -> None:
         """Triangles that point at the body, diamonds where only a component along the side is held."""
         from matplotlib.markers import MarkerStyle
         from matplotlib.transforms import Affine2D
@@ -347,20 +313,20 @@ class _Sketch:
             places = self._beside(run)
             along = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) <= _ACROSS
             along &= not both
-            self._symbols(places, along, "d", both, BLUE)
+            self._symbols(places, along, "d", both, style.BLUE)
             angles = np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0  # from "^" to the way into the body
             for angle in np.unique(np.round(angles[~along])):
                 marker = MarkerStyle("^", transform=Affine2D().scale(*_SLIM).rotate_deg(float(angle)))
-                self._symbols(places, ~along & (np.round(angles) == angle), marker, both, BLUE)
+                self._symbols(places, ~along & (np.round(angles) == angle), marker, both, style.BLUE)
 
-    def _beside(self, run: Run) -> Places:
+    def _beside(self, run: symbols.Run) -> symbols.Places:
         """Places of symbols beside a run."""
         places = run.points(_SPACING * self.length, least=1)
         points = self.moved(places.points) + _AWAY * self.length * places.normals
         self.ends.append(points + 0.5 * _AWAY * self.length * places.normals)
         return places._replace(points=points)
 
-    def _symbols(self, places: Places, chosen: BoolArray, marker: Any, filled: bool, colour: str) -> None:
+    def _symbols(self, places: symbols.Places, chosen: BoolArray, marker: Any, filled: bool, colour: str) -> None:
         if chosen.any():
             look: dict[str, Any] = {"linestyle": "none", "markersize": 4.5 * self.size, "color": colour, "zorder": 4}
             face = colour if filled else "white"
@@ -371,29 +337,29 @@ class _Sketch:
         pieces = self._runs(contact)
         gaps = [self._samples("Contact.gap", contact.gap, [run]) for run in pieces]
         least, most = min(gap.min() for gap in gaps), max(gap.max() for gap in gaps)
-        spread = 0.06 * self.length / (most - least) if most - least > 1e-9 * max(abs(least), abs(most)) else 0.0
+        rise = 0.06 * self.length / (most - least) if most - least > 1e-9 * max(abs(least), abs(most)) else 0.0
         for run, gap in zip(pieces, gaps, strict=True):
             places = run.ends_and_points(self.length / _SAMPLES)
-            distance = 0.5 * _AWAY * self.length + spread * (gap - least)
-            if has_springs(contact):
+            distance = 0.5 * _AWAY * self.length + rise * (gap - least)
+            if contact.has_springs:
                 distance += SPRING * self.size * self.length
             line = places.points + distance[:, None] * places.normals
-            if has_springs(contact):
+            if contact.has_springs:
                 few = run.points(_SPACING * self.length, least=1)
-                springs(self.axes, few.points, few.points + distance.mean() * few.normals)
-            ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
+                symbols.springs(self.axes, few.points, few.points + distance.mean() * few.normals)
+            symbols.ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
         plate = contact.plate
         if plate is not None:
             force = np.array([[plate.force_x or 0.0, plate.force_y or 0.0]])
             size = float(np.hypot(*force[0]))
-            middle = Places(*np.mean([run.at(0.5) for run in pieces], axis=0))
+            middle = symbols.Places(*np.mean([run.at(0.5) for run in pieces], axis=0))
             away = 2.0 * _AWAY * self.length
             if size > 0.0:
                 vector = 1.2 * _ARROW * self.length * force / size
                 place = middle._replace(points=middle.points + away * middle.normals)
-                arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
+                symbols.arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
 
-    def _name(self, contact: Contact, pieces: Sequence[Run], joint: bool) -> None:
+    def _name(self, contact: Contact, pieces: Sequence[symbols.Run], joint: bool) -> None:
         """The contact's name: outside beside the obstacle, or on the line of a joint."""
         if joint:
             self._write(contact.name, self._on_line(pieces), "black")
@@ -404,23 +370,23 @@ class _Sketch:
         if contact.plate is not None:  # the middle belongs to the plate's force
             aside = (run.at(0.2).points[0] - middle.points[0]) / (0.3 * run.length)
         shift = max(0.3 * run.length, 0.05 * self.length)
-        away = (2.0 * _AWAY + 0.03 + SPRING * has_springs(contact)) * self.length
+        away = (2.0 * _AWAY + 0.03 + SPRING * contact.has_springs) * self.length
         place = middle.points[0] + shift * aside + away * outward
-        self._write(contact.name, [(place, alignment(outward + aside))], "black")
+        self._write(contact.name, [(place, symbols.alignment(outward + aside))], "black")
 
-    def _on_line(self, pieces: Sequence[Run]) -> list[Spot]:
+    def _on_line(self, pieces: Sequence[symbols.Run]) -> list[symbols.Spot]:
         """Where the name of a line inside the body may stand."""
         run = max(pieces, key=lambda run: run.length)
         return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]
 
-    def _write(self, text: str, spots: Sequence[Spot], colour: str) -> None:
+    def _write(self, text: str, spots: Sequence[symbols.Spot], colour: str) -> None:
         """A name at the first of the spots; the others are taken where names would overlap."""
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8}
         look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
         place, align = spots[0]
-        self.written.append((self.axes.text(place[0], place[1], plain_text(text), **look, **align), spots))
+        self.written.append((self.axes.text(place[0], place[1], style.plain_text(text), **look, **align), spots))
 
-    def _law(self, contact: Contact, pieces: Sequence[Run]) -> Iterator[str]:
+    def _law(self, contact: Contact, pieces: Sequence[symbols.Run]) -> Iterator[str]:
         """The contact's data, without those that do nothing."""
         if contact.law != "unilateral":
             yield contact.law
@@ -429,7 +395,7 @@ class _Sketch:
             if each.symbol and (each.tied or contact.law != "tied"):
                 values = self._samples(f"Contact.{name}", value, pieces)
                 if values.any() or (value is not None and defaults_of(Contact).get(name) is None):
-                    yield value_range(each.symbol, values, getattr(self.units, each.unit, ""))
+                    yield symbols.value_range(each.symbol, values, getattr(self.units, each.unit, ""))
         plate = contact.plate
         if plate is not None:
             for name, value, unit in (
@@ -442,10 +408,10 @@ class _Sketch:
             ):
                 if value is not None:
                     about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if name == "M" else ""
-                    yield value_range(name, np.array([value]), unit) + about
+                    yield symbols.value_range(name, np.array([value]), unit) + about
 
 
-def _directions(component: str, places: Places) -> FloatArray:
+def _directions(component: str, places: symbols.Places) -> FloatArray:
     """Unit vectors (n, 2) of a component at places."""
     if component in LOCAL:
         return places.normals if component == "normal" else places.tangents

@@ -37,19 +37,12 @@ _ISOTROPIC: Final = np.diag([1.0, 1.0, 0.5])  # |ε|² of (ε_xx, ε_yy, 2ε_xy)
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A displacement of the body, with faces of their own on both sides of joints.
-
-    Attributes
-    ----------
-    space : DisplacementSpace
-        Elements of degree 2 on the mesh.
-    coefficients : (n, 2) array
-        Their coefficients [length].
-
-    """
+    """A displacement of the body, with faces of their own on both sides of joints."""
 
     space: DisplacementSpace
+    """Elements of degree 2 on the mesh."""
     coefficients: FloatArray
+    """Their coefficients [length], (n, 2)."""
 
     @classmethod
     def of(cls, result: ContactResult) -> "Shape":

@@ -1,9 +1,11 @@
-"""Colours, line styles and files of all pictures.
+"""Colours, line styles and files of all pictures, also inside pages.
 
 Colours are from the Okabe-Ito palette, colour maps from those that colour-blind people can read, and nothing depends
 on colour alone: line style, hatching and markers say the same.
 """
 
+import html
+import io
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -25,7 +27,6 @@ from solvers.basics.types import load
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
@@ -47,7 +48,7 @@ _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": Non
 """Kinds of files; the same picture makes the same file on any day."""
 
 
-_LETTERS: Final = 114  # of a small legend in the width of a picture of a result
+_LETTERS: Final = 104  # of a small legend in the width of a picture of a result
 _HANDLE: Final = 6.5  # letters that the sign before a text is wide
 
 _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet
@@ -89,22 +90,10 @@ def new_figure(width: float, height: float) -> "Figure":
 
 
 def save_figure(path: str | Path, figure: "Figure", dpi: float = 150.0) -> None:
-    """Write a figure to a PNG, SVG or PDF file, by the suffix, whole or not at all.
+    """Write a figure of matplotlib to a PNG, SVG or PDF file, by the suffix, whole or not at all.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file; an earlier one of that name is replaced.
-    figure : matplotlib figure
-        What to write.
-    dpi : float
-        Dots per inch of pixels.
-
-    Raises
-    ------
-    InputError
-        If the suffix is another one, or the file cannot be written.
-
+    An earlier file of that name is replaced; pixels have so many dots per inch. `InputError` if the suffix is another
+    one, or the file cannot be written.
     """
     suffix = picture_suffix(path)
     with settings(), replacing(path) as temporary, laid_out(figure, suffix[1:], dpi):
@@ -175,23 +164,17 @@ def edge_lines(mesh: TriangleMesh, edges: Edges) -> FloatArray:
 
 
 def draw_grid(axes: "Axes", mesh: TriangleMesh) -> None:
-    """Draw the cells in light grey, thinner the smaller they are on the page."""
-    outlines = cell_outlines(mesh)
-    sides = outlines[:, :: (outlines.shape[1] - 1) // 3]
-    shortest = np.hypot(*np.diff(sides, axis=1).T).min(axis=0)
-    width = float(np.clip(0.05 * np.median(shortest) * points_per_length(axes, mesh), 0.1, 0.6))
-    axes.add_collection(lines(outlines, "#cccccc", "solid", width))
+    """Draw the edges between cells in light grey, thinner the smaller the cells are on the page."""
+    box, (across, up) = axes.get_window_extent(), np.ptp(mesh.vertices, axis=0).tolist()
+    points = 72.0 / axes.figure.dpi * min(box.width / across, box.height / up)  # printer's, that a unit of length takes
+    usual = np.median(np.concatenate([mesh.interior.length, mesh.boundary.length]))
+    width = float(np.clip(0.05 * usual * points, 0.1, 0.6))
+    axes.add_collection(lines(edge_lines(mesh, mesh.interior), "#cccccc", "solid", width))
 
 
 def draw_outline(axes: "Axes", mesh: TriangleMesh, colour: str = GREY, width: float = 0.8) -> None:
     """Draw the body's boundary as a thin line."""
     axes.add_collection(lines(edge_lines(mesh, mesh.boundary), colour, "solid", width))
-
-
-def bounding_box(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
-    """The lower left and the upper right corner of the body's bounding box, shape (2,) each [length]."""
-    vertices = mesh.vertices
-    return np.asarray(vertices.min(axis=0)), np.asarray(vertices.max(axis=0))
 
 
 def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
@@ -215,23 +198,6 @@ def magnified(largest: float, length: float) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
 
 
-def colour_bar(
-    axes: "Axes", artist: "ScalarMappable", label: str, extend: str | None = "neither", width: float = 0.05
-) -> None:
-    """Add a colour bar as high as the axes to their right, its width a share of theirs."""
-    place = axes.inset_axes((1.0 + 0.8 * width, 0.0, width, 1.0))
-    axes.figure.colorbar(artist, cax=place, label=label, extend=extend)
-
-
-def points_per_length(axes: "Axes", mesh: TriangleMesh) -> float:
-    """About how many printer's points a unit of length takes on the page when the axes show the body."""
-    box = axes.get_window_extent()
-    dpi = axes.figure.dpi
-    low, high = bounding_box(mesh)
-    across = min(box.width / float(high[0] - low[0]), box.height / float(high[1] - low[1]))
-    return float(72.0 * across / dpi)
-
-
 def lines(points: FloatArray, colour: str, style: object, width: float, label: str | None = None) -> "LineCollection":
     """Line segments or chains of points (n, k, 2) as one artist."""
     from matplotlib.collections import LineCollection
@@ -248,3 +214,58 @@ def legend_below(axes: "Axes", handles: "Sequence[Artist]") -> None:
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
     look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}
     axes.legend(handles=list(handles), ncols=columns, **look, **place)
+
+
+_TAG: Final = re.compile(r"<[A-Za-z][^<>]*>")
+_ID: Final = re.compile(r"(?<=\sid=\")([^\"]*)")
+_REFERENCE: Final = re.compile(r"(?<=url\(#)([^)]*)|(?<=href=\"#)([^\"]*)")
+_WIDTH: Final = re.compile(r'\swidth="([\d.]+)pt"')
+_STYLE_SHEET: Final = re.compile(r"(<style[^>]*>)\s*\*\s*\{")
+
+_READABLE: Final = 0.85  # of the natural size; exponents of numbers, 6.3 points, are then 7 pixels high
+_PIXELS_PER_POINT: Final = 4.0 / 3.0
+_DOTS: Final = 120.0  # of pixels, an inch
+
+
+def png_bytes(figure: "Figure") -> bytes:
+    """The figure as pixels."""
+    picture = io.BytesIO()
+    with settings(), laid_out(figure, "png", _DOTS):
+        figure.savefig(picture, format="png", dpi=_DOTS, metadata={"Software": None})
+    return picture.getvalue()
+
+
+def svg_text(figure: "Figure", name: str) -> str:
+    """The figure as an SVG element, to be put into a page; the same bytes for the same data.
+
+    It was made by `new_figure` inside ``settings()``. The name is a word that no other picture of the page has: it
+    makes the ids of the two different.
+    """
+    from matplotlib import rc_context
+
+    with settings(), rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
+        text = io.StringIO()
+        with laid_out(figure, "svg", figure.dpi):
+            figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    whole = text.getvalue()
+    return "\n".join(line.rstrip() for line in whole[whole.index("<svg") :].splitlines()) + "\n"
+
+
+def inline_svg(svg: str, name: str, label: str) -> str:
+    """The picture to be put into a page, as an image with a label.
+
+    Matplotlib numbers its ids anew in each picture: each gets `name` and "--" in front, and so does each reference to
+    it. A style sheet for all elements holds for those of the picture only. The least width keeps text readable.
+    """
+
+    def prefixed(tag: re.Match[str]) -> str:
+        return _REFERENCE.sub(lambda match: f"{name}--{match[0]}", _ID.sub(rf"{name}--\1", tag[0]))
+
+    def labelled(tag: re.Match[str]) -> str:
+        width = _WIDTH.search(tag[0])
+        least = f' style="min-width: {_READABLE * _PIXELS_PER_POINT * float(width[1]):.0f}px"' if width else ""
+        start = f'<svg id="{name}--svg" role="img" aria-label="{html.escape(label)}"{least}'
+        return start + tag[0].removeprefix("<svg")
+
+    scoped = _STYLE_SHEET.sub(rf"\1#{name}--svg *{{", _TAG.sub(prefixed, svg))
+    return _TAG.sub(labelled, scoped, count=1).rstrip() + "\n"

@@ -15,6 +15,7 @@ so that two of them would write. It may be deleted when no run is at work.
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -42,32 +43,23 @@ _REMEDIES: Final = {
 }
 
 
+@dataclass(frozen=True)
 class Database:
     """A kind of SQLite files.
 
-    Parameters
-    ----------
-    what : str
-        What such a file is, as in "the store of a study".
-    application : int
-        Tells these files from others: the file's application_id.
-    schema : int
-        Version of the tables: the file's user_version.
-    tables : sequence of str
-        The statements that make them.
-    rows : str
-        The table of what is kept. A file without rows is nobody's: a run that came to nothing stands in no one's way.
-
-    Raises
-    ------
-    InputError
-        By all methods, and for every error of SQLite inside of them, about the field "store": in one line.
-
+    All methods raise `InputError`, also for every error of SQLite inside of them, about the field "store": in one line.
     """
 
-    def __init__(self, what: str, application: int, schema: int, tables: Sequence[str], rows: str) -> None:
-        self._what, self._application, self._schema = what, application, schema
-        self._tables, self._rows = tables, rows
+    what: str
+    """What such a file is, as in "the store of a study"."""
+    application: int
+    """Tells these files from others: the file's application_id."""
+    schema: int
+    """Version of the tables: the file's user_version."""
+    tables: Sequence[str]
+    """The statements that make them."""
+    rows: str
+    """The table of what is kept. A file without rows is nobody's: a run that came to nothing stands in no one's way."""
 
     @contextmanager
     def writing(self, path: Path, fill: Callable[[sqlite3.Connection], object]) -> Iterator[sqlite3.Connection]:
@@ -80,20 +72,20 @@ class Database:
             rows = None
             if path.exists():
                 with self.opened(path) as connection:
-                    rows = connection.execute(f"SELECT * FROM {self._rows} LIMIT 1").fetchone()
+                    rows = connection.execute(f"SELECT * FROM {self.rows} LIMIT 1").fetchone()
             if rows is None:
                 with replacing(path) as temporary, self._connected(temporary) as connection:
                     connection.execute("BEGIN IMMEDIATE")
                     with connection:  # all or nothing
-                        connection.execute(f"PRAGMA application_id = {self._application}")
-                        connection.execute(f"PRAGMA user_version = {self._schema}")
-                        for statement in self._tables:
+                        connection.execute(f"PRAGMA application_id = {self.application}")
+                        connection.execute(f"PRAGMA user_version = {self.schema}")
+                        for statement in self.tables:
                             connection.execute(statement)
                         fill(connection)
             with self.opened(path) as connection:
                 # beginning alone is possible with files that are read-only
                 connection.execute("BEGIN IMMEDIATE")
-                connection.execute(f"PRAGMA user_version = {self._schema}")
+                connection.execute(f"PRAGMA user_version = {self.schema}")
                 connection.rollback()
                 yield connection
 
@@ -106,14 +98,14 @@ class Database:
                 for name in ("page_count", "application_id", "user_version")
             )
             if pages == 0:
-                raise InputError("store", str(path), f"is an empty file, not {self._what}: delete it, or give another")
-            if application != self._application:
+                raise InputError("store", str(path), f"is an empty file, not {self.what}: delete it, or give another")
+            if application != self.application:
                 raise InputError("store", str(path), self._not_one)
-            if schema != self._schema:
-                remedy = f"has tables of version {schema}, not {self._schema}: give another file, or use the release "
+            if schema != self.schema:
+                remedy = f"has tables of version {schema}, not {self.schema}: give another file, or use the release "
                 raise InputError("store", str(path), f"{remedy}that wrote it")
             with closing(sqlite3.connect(":memory:")) as known:
-                for statement in self._tables:
+                for statement in self.tables:
                     known.execute(statement)
                 if _statements(connection) != _statements(known):  # a view in place of a table never ends
                     raise InputError("store", str(path), "has other tables than it was made with: give another file")
@@ -167,7 +159,7 @@ class Database:
 
     @property
     def _not_one(self) -> str:
-        return f"is not {self._what}: give another file"
+        return f"is not {self.what}: give another file"
 
 
 def _statements(connection: sqlite3.Connection) -> list[tuple[str, str, list[str]]]:

@@ -246,7 +246,7 @@ class ContactLine:
 
     def _repr_html_(self) -> str:
         """Forces, extremes and states as a table, for notebooks."""
-        return str(load("qvi_contact.files.notebook").contacts_html([self]))
+        return str(load("qvi_contact.command.page").contact_html(self))
 
 
 def contact_states(

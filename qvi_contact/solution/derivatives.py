@@ -9,10 +9,9 @@ In `docs/theory.md`: (D34).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import partial
-from typing import Any, Final, Literal, TypeAlias
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,8 +22,7 @@ from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import Contact, Displacement
-from qvi_contact.problem.material import Material
+from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import QVISolution
@@ -35,22 +33,12 @@ from solvers.derivative import Change, change
 Side: TypeAlias = Literal["above", "below"]
 """From where a parameter comes to its value."""
 
-_Grow: TypeAlias = Callable[[Any, float], Any]  # a value and a step, the larger value
-
+_OF_PLATES: Final = ("x", "y", "rotation", "force_x", "force_y", "moment")
 _AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
 
 _NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are compared
 _NEAR: Final = 1e-3  # the same for derivatives at either side of a change of mechanism
 _SAME: Final = 1e-4  # relative difference of these that counts as none: they are extrapolated
-
-
-@dataclass(frozen=True, eq=False)
-class _Datum:
-    """A number or function among the data."""
-
-    unit: float  # a step of its size; of moduli and stiffnesses minus themselves, which doubles their compliance
-    larger: Callable[[float], ContactProblem]  # the problem with it larger by a step, to first order
-    may_be_less: bool = True
 
 
 def derivative(result: ContactResult, quantity: str, parameter: str, side: Side | None = None) -> float:
@@ -64,11 +52,9 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
     known = result.discretization
-    given = result.problem, known.scales
-    data = {**_laws(*given), **_moved(*given), **_elastic(*given)}
-    datum = data[known_name("parameter", parameter, {"parameters": data})]
+    chosen = _datum(result.problem, known.scales, parameter, dict(_paths(result.problem)))
     base = known.with_data(known.problem, known.scales)
-    moved = known.with_data(datum.larger(datum.unit), known.scales)
+    moved = known.with_data(chosen.moved(1.0), known.scales)
     if moved.qvi.A.shape != base.qvi.A.shape or moved.qvi.n != base.qvi.n:
         raise InputError("parameter", parameter, "a step changes which unknowns there are: give its load a value first")
     value = measure.value
@@ -78,8 +64,8 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
 
     def one_sided(sign: float) -> tuple[float, bool]:
         found = change(result.solution, base.qvi, moved.qvi, sign)
-        there = value(ContactResult(known, _changed(result.solution, found))) - value(result)
-        return (there * sign + at_rest) / datum.unit, found.changes_state
+        there = value(ContactResult(known, _moved(result.solution, found))) - value(result)
+        return (there * sign + at_rest) / chosen.unit, found.changes_state
 
     above, changes = one_sided(1.0)
     if not changes or side == "above":
@@ -91,7 +77,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     raise InputError("side", None, remedy + "ask for one of them")
 
 
-def _changed(solution: QVISolution, by: Change) -> QVISolution:
+def _moved(solution: QVISolution, by: Change) -> QVISolution:
     return replace(
         solution,
         z=solution.z + by.z,
@@ -99,6 +85,115 @@ def _changed(solution: QVISolution, by: Change) -> QVISolution:
         tangential_multiplier=solution.tangential_multiplier + by.tangential,
         equality_multiplier=solution.equality_multiplier + by.equality,
     )
+
+
+_Path: TypeAlias = tuple[str | int, ...]
+"""Fields and places in lists that lead from a problem to a datum; ("load", NAME) to the factor of a load."""
+
+
+def _paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
+    """All data by name."""
+    for number, condition in enumerate(problem.conditions):
+        at = "conditions", number
+        if isinstance(condition, Contact):
+            names = [name for name in SPRINGS if not callable(getattr(condition, name))]
+            names += ["gap", "offset", *(() if condition.law == "tied" else SHEAR_LAW)]
+            known: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
+            known += [("plate", name) for name in _OF_PLATES if getattr(condition.plate, name, None) is not None]
+            yield from ((f"{condition.name}.{path[-1]}", (*at, *path)) for path in known)
+        elif isinstance(condition, Displacement):
+            yield from ((f"{condition.edges}.{name}", (*at, name)) for name in components(condition))
+    yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
+    if any(material.expansion for material in problem.materials):
+        yield "temperature", ("temperature",)
+        for number, region in enumerate(problem.regions):
+            if region.name is not None and region.temperature is not None:
+                yield f"{region.name}.temperature", ("regions", number, "temperature")
+    yield from ((f"{name}.young", (*path, "young")) for name, path in _materials(problem))
+
+
+def _limit_paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
+    """Data of limit loads by name."""
+    for number, contact in enumerate(problem.conditions):
+        if isinstance(contact, Contact) and contact.law != "tied":
+            known = (name for name in SHEAR_LAW if getattr(contact, name) is not None)
+            yield from ((f"{contact.name}.{name}", ("conditions", number, name)) for name in known)
+    yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
+    for title, path in _materials(problem):
+        strength = _at(problem, path).strength
+        known = (each.name for each in (() if strength is None else fields(strength)))
+        yield from (
+            (f"{title}.{name}", (*path, "strength", name)) for name in known if getattr(strength, name) is not None
+        )
+
+
+def _materials(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
+    """That of the body, and those of regions that have a name."""
+    yield "material", ("material",)
+    for number, region in enumerate(problem.regions):
+        if region.name is not None:
+            yield region.name, ("regions", number, "material")
+
+
+def _at(part: Any, path: _Path) -> Any:
+    """What a path leads to."""
+    for place in path:
+        part = part[place] if isinstance(place, int) else getattr(part, place)
+    return part
+
+
+def _with(part: Any, path: _Path, value: Any) -> Any:
+    """The same with another value at the end of a path."""
+    place, *rest = path
+    if rest:
+        value = _with(_at(part, (place,)), tuple(rest), value)
+    return [*part[:place], value, *part[place + 1 :]] if isinstance(place, int) else replace(part, **{place: value})
+
+
+class _Datum(NamedTuple):
+    """The problem with a datum larger by so many units, what a unit is, and whether the datum is 0 and may not be less.
+
+    One unit more of a modulus makes its compliance twice as large: that is less than the modulus.
+    """
+
+    moved: Callable[[float], ContactProblem]
+    unit: float
+    least: bool
+
+
+def _datum(
+    problem: ContactProblem, scales: Scales, parameter: str, paths: Mapping[str, _Path], *, relative: bool = False
+) -> _Datum:
+    """The datum of a name, with its own size as unit if `relative`; temperatures grow by what has that of stress."""
+    path = paths[known_name("parameter", parameter, {"parameters": paths})]
+    name = str(path[-1])
+    if path[0] == "load":
+        return _Datum(lambda step: multiplied(problem, [name], 1.0 + step), 1.0, least=False)
+    value = _at(problem, path)
+    if name == "young" or name in SPRINGS:
+        return _Datum(lambda step: _with(problem, path, value / (1.0 + step)), -value, least=False)
+    force = scales.stress * scales.length
+    units = {"friction": 1.0, "phi": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress, "force_x": force}
+    units |= {"force_y": force, "moment": force * scales.length, "rotation": scales.displacement / scales.length}
+    if name == "temperature":
+        units[name] = scales.stress * scales.compliance / max(abs(each.expansion) for each in problem.materials)
+    unit = units.get(name, scales.stress if "strength" in path else scales.displacement)
+    if relative and not callable(value):
+        unit = abs(value) or unit
+    return _Datum(
+        lambda step: _with(problem, path, _plus(value, step * unit)), unit, not callable(value) and value == 0.0
+    )
+
+
+def _plus(field: Field, step: float) -> Field:
+    """The field, larger by a step."""
+    if not callable(field):
+        return field + step
+
+    def larger(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(field(x, y), dtype=float) + step
+
+    return larger
 
 
 def limit_derivative(
@@ -115,11 +210,11 @@ def limit_derivative(
         raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
     if side not in (None, "above", "below"):
         raise InputError("side", side, "give 'above' or 'below', or leave it out")
-    data = {**_laws(problem, posed.low.scales), **_strengths(problem, posed.low.scales)}
-    datum = data[known_name("parameter", parameter, {"parameters": data})]
+    datum = _datum(problem, posed.low.scales, parameter, dict(_limit_paths(problem)), relative=True)
+    unit = datum.unit
 
     def program(step: float) -> ConicProgram:
-        low, high = (multiplied(datum.larger(step * datum.unit), posed.names, factor) for factor in (1.0, 2.0))
+        low, high = (multiplied(datum.moved(step), posed.names, factor) for factor in (1.0, 2.0))
         first = posed.low.with_data(low, posed.low.scales)
         return StressProgram(first, first.with_data(high, posed.low.scales)).program()
 
@@ -131,150 +226,15 @@ def limit_derivative(
                 "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
             )
         moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
-        return float(found.multipliers @ moved) / (_NEXT * datum.unit)
+        return float(found.multipliers @ moved) / (_NEXT * unit)
 
     above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
-    if not datum.may_be_less or side == "above":
+    if datum.least or side == "above":
         return above
     below = 2.0 * at(-_NEAR) - at(-2.0 * _NEAR)
     if side == "below":
         return below
-    if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / datum.unit):
+    if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / unit):
         return at(0.0)
     remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
     raise InputError("side", None, remedy + "ask for one of them")
-
-
-# Data by name.
-
-
-def _laws(problem: ContactProblem, scales: Scales) -> dict[str, _Datum]:
-    """What stresses and limit loads both depend on: friction, cohesion and caps of contacts, factors of loads."""
-    found = {f"load.{name}": _Datum(1.0, partial(_heavier, problem, name)) for name in loads_of(problem)}
-    for number, contact in enumerate(problem.conditions):
-        if isinstance(contact, Contact) and contact.law != "tied":
-            for name in ("friction", "cohesion", "shear_limit"):
-                value = getattr(contact, name)
-                if value is not None:
-                    larger = partial(_condition, problem, number, name, _plus)
-                    otherwise = 1.0 if name == "friction" else scales.stress
-                    found[f"{contact.name}.{name}"] = _of_size(value, otherwise, larger)
-    return found
-
-
-def _strengths(problem: ContactProblem, scales: Scales) -> dict[str, _Datum]:
-    """What limit loads alone depend on."""
-    found = dict[str, _Datum]()
-    for number, (title, material) in enumerate(_named_materials(problem)):
-        for each in fields(material.strength) if material.strength is not None and title is not None else ():
-            value = getattr(material.strength, each.name)
-            if value is not None:
-                larger = partial(_material, problem, number, each.name, _plus)
-                found[f"{title}.{each.name}"] = _of_size(value, 1.0 if each.name == "phi" else scales.stress, larger)
-    return found
-
-
-def _moved(problem: ContactProblem, scales: Scales) -> dict[str, _Datum]:
-    """Places and motions of obstacles and supports, forces on plates, springs."""
-    found, moved, force = dict[str, _Datum](), scales.displacement, scales.stress * scales.length
-    units = dict.fromkeys(("gap", "offset", "x", "y", "normal", "tangential"), moved)
-    units |= {"rotation": moved / scales.length, "force_x": force, "force_y": force, "moment": force * scales.length}
-    for number, condition in enumerate(problem.conditions):
-        changed = partial(_condition, problem, number)
-        parts: list[Any] = [condition] if isinstance(condition, Displacement) else []
-        title = condition.edges
-        if isinstance(condition, Contact):
-            parts, title = [condition, condition.plate], condition.name
-            for name in ("normal_stiffness", "tangential_stiffness"):
-                stiffness = getattr(condition, name)
-                if stiffness is not None and not callable(stiffness):
-                    found[f"{title}.{name}"] = _Datum(-stiffness, partial(changed, name, _stiffer))
-        for of_plate, part in enumerate(parts):
-            for name in units:
-                if getattr(part, name, None) is not None:
-                    larger = partial(changed, name, _plus, of_plate=bool(of_plate))
-                    found[f"{title}.{name}"] = _Datum(units[name], larger)
-    return found
-
-
-def _elastic(problem: ContactProblem, scales: Scales) -> dict[str, _Datum]:
-    """Temperatures, and moduli of materials."""
-    found = dict[str, _Datum]()
-    for number, (title, material) in enumerate(_named_materials(problem)):
-        if title is not None:
-            larger = partial(_material, problem, number, "young", _stiffer)
-            found[f"{title}.young"] = _Datum(-material.young, larger)
-    swelling = max(abs(material.expansion) for material in problem.materials)
-    if swelling:
-        rise = scales.stress * scales.compliance / swelling  # strains as the unit of stress does
-        found["temperature"] = _Datum(rise, lambda step: replace(problem, temperature=_plus(problem.temperature, step)))
-        for number, region in enumerate(problem.regions):
-            if region.name is not None and region.temperature is not None:
-                found[f"{region.name}.temperature"] = _Datum(rise, partial(_warmer, problem, number))
-    return found
-
-
-def _of_size(value: Field, otherwise: float, larger: Callable[[float], ContactProblem]) -> _Datum:
-    """A datum that is not negative, whose unit is its own size where it has one."""
-    if callable(value):
-        return _Datum(otherwise, larger)
-    return _Datum(abs(float(value)) or otherwise, larger, may_be_less=value != 0.0)
-
-
-def _named_materials(problem: ContactProblem) -> Iterator[tuple[str | None, Material]]:
-    """In the order of `ContactProblem.materials`."""
-    return zip(("material", *(region.name for region in problem.regions)), problem.materials, strict=True)
-
-
-# Problems with a datum that is larger by a step.
-
-
-def _heavier(problem: ContactProblem, name: str, step: float) -> ContactProblem:
-    return multiplied(problem, [name], 1.0 + step)
-
-
-def _condition(
-    problem: ContactProblem, number: int, name: str, grow: _Grow, step: float, *, of_plate: bool = False
-) -> ContactProblem:
-    """With a field of a condition, or of its plate."""
-    conditions: list[Any] = list(problem.conditions)
-    part = conditions[number].plate if of_plate else conditions[number]
-    part = replace(part, **{name: grow(getattr(part, name), step)})
-    conditions[number] = replace(conditions[number], plate=part) if of_plate else part
-    return replace(problem, conditions=conditions)
-
-
-def _material(problem: ContactProblem, number: int, name: str, grow: _Grow, step: float) -> ContactProblem:
-    """With Young's modulus or a strength of the body, 0, or of a region, from 1."""
-    material: Any = problem.materials[number]
-    owner = material if name == "young" else material.strength
-    owner = replace(owner, **{name: grow(getattr(owner, name), step)})
-    material = owner if name == "young" else replace(material, strength=owner)
-    return replace(problem, material=material) if number == 0 else _region(problem, number - 1, material=material)
-
-
-def _warmer(problem: ContactProblem, number: int, step: float) -> ContactProblem:
-    """With a region's own temperature."""
-    return _region(problem, number, temperature=_plus(problem.regions[number].temperature or 0.0, step))
-
-
-def _region(problem: ContactProblem, number: int, **changes: Any) -> ContactProblem:
-    regions = list(problem.regions)
-    regions[number] = replace(regions[number], **changes)
-    return replace(problem, regions=regions)
-
-
-def _stiffer(modulus: float, step: float) -> float:
-    """Larger by a step to first order; its compliance grows linearly with the step."""
-    return modulus / (1.0 - step / modulus)
-
-
-def _plus(field: Field, step: float) -> Field:
-    """The field, larger by a step."""
-    if not callable(field):
-        return field + step
-
-    def larger(x: FloatArray, y: FloatArray) -> FloatArray:
-        return np.asarray(field(x, y), dtype=float) + step
-
-    return larger

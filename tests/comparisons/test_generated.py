@@ -25,12 +25,9 @@ WANTED = {"idle": (wild.SOLVED, wild.REFUSED)}
 """What becomes of the problems of a family; of all others see `TestSample`."""
 
 SAMPLE = [
-    *(
-        (family, number)
-        for family in generator.FAMILIES
-        for number in range(examples(2))
-        if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
-    )
+    (family, number)
+    for family in generator.FAMILIES
+    for number in [n for n in range(examples(2)) if EFFORT > 1.0 or n not in STRENUOUS.get(family, ())][: examples(1)]
 ]
 
 
@@ -244,7 +241,7 @@ class TestBounds:
 
     @pytest.mark.skipif(find_spec("ngsolve") is None, reason="NGSolve is not installed")
     def test_a_reference_is_inside(self):
-        cases = [{"family": "grids", "number": 1}, {"family": "springs", "number": 2}]
+        cases = [{"family": "springs", "number": 0}]
         runs = bounds_report.runs_of(rows_of(replace(bounds.declared(1), cases=cases)))
         assert runs.judged.all()
         assert runs.inside.all()
@@ -265,4 +262,16 @@ class TestBounds:
             assert bounds_report.runs_of([worse]).outside.all()
         name, lower, upper, _, doubt = row.result["forces"][0]
         worse = replace(row, result={**row.result, "forces": [[name, lower, upper, 2.0 * upper - lower, doubt]]})
-        assert bounds_report.report([worse]).failed
+        assert bounds_report.report([worse], committed("bounds-refined")).failed
+
+    def test_polygons_that_slip(self):
+        """Nine of ten have a bound, and nearly all of these a force to 1 % within seconds; one is computed again."""
+        rows = committed("bounds-refined")
+        found = bounds_report.polygons_of(rows)
+        assert found["slipping"] >= 300
+        assert found["slipping_bounded"] > 0.9 * found["slipping"]
+        assert found["quick"] > 0.98 * found["slipping_bounded"]
+        slipping = next(row for row in rows if row.result["status"] == "slips" and row.result["guaranteed"])
+        again = bounds.refine_case(slipping.case)
+        assert again["guaranteed"]
+        assert again["error"] <= bounds_report.TARGET

@@ -1,1 +1,378 @@
-"""One page that says what came out: a person can file it, mail it, and open it anywhere."""
+"""A result as one HTML page that loads nothing: style, script, pictures and data are inside.
+
+Numbers have four digits or as many as are asked for, rounding noise is 0, and minus is a real one. Fields are data for
+the page's own script, which draws them and answers the pointer.
+"""
+
+import base64
+import platform
+import sys
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from hashlib import sha256
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from markupsafe import Markup
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.units import Units, shown
+from qvi_contact.basics.writing import page_template
+from qvi_contact.bracket import Bracket
+from qvi_contact.command import report
+from qvi_contact.command.outputs import SecondModel
+from qvi_contact.command.series import Series
+from qvi_contact.companion import CompanionResult
+from qvi_contact.discretization.space import FAMILY
+from qvi_contact.files.problem_file import ProblemFile
+from qvi_contact.limit.load_factor import LimitLoad
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.plots.body import Scales
+from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
+from qvi_contact.plots.style import inline_svg, laid_out, magnified, new_figure, png_bytes, settings, svg_text
+from qvi_contact.plots.tractions import contact_tractions, pieces_along
+from qvi_contact.problem.material import is_strained
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.refinement import Refinement
+from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
+from qvi_contact.solution.stress import held_along_z, out_of_plane_factors, sample_body
+from qvi_contact.version import __version__
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
+_MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for."""
+
+    file: ProblemFile
+    """The problem."""
+    text: str
+    """The problem file as it was read."""
+    command: str
+    """The command line."""
+    files: tuple[tuple[str, str], ...] = ()
+    """Name and SHA-256 of other files that were read."""
+
+    @classmethod
+    def read(cls, path: str, file: ProblemFile) -> "Request":
+        """What the command line asked for: the problem file read again as text, and the mesh file that it names."""
+        command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
+        text = Path(path).read_text(encoding="utf-8-sig")
+        name = tomllib.loads(text).get("mesh", {}).get("file")
+        if name is None:
+            return cls(file, text, command)
+        digest = sha256((Path(path).parent / name).read_bytes()).hexdigest()
+        return cls(file, text, command, ((name, digest),))
+
+
+def result_page(
+    request: Request,
+    steps: Sequence[ContactResult],
+    second: SecondModel | None = None,
+    refinement: Refinement | None = None,
+    series: Series | None = None,
+    panels: Sequence[str] | None = None,
+) -> str:
+    """The page about the result of a solve, of a refinement, or of the last of several in a series.
+
+    The bracket of a single result is that of the second model, which is computed for it. Contacts in `panels` have
+    charts, all of them by default.
+    """
+    file, result = request.file, steps[-1]
+    second = second or SecondModel(result)
+    bracket, missing = (
+        (second.bracket, second.missing)
+        if len(steps) == 1
+        else (None, "bounds are computed for a single solve only, and this is one of several results")
+    )
+    shown = (
+        _shown(result, bracket, file.units, panels)
+        if result.has_state
+        else {"field": None, "contacts": [], "tables": []}
+    )
+    several: list[report.Titled] = []
+    if series is not None and len(steps) > 1:
+        several = [
+            (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
+            for title, headings, rows in report.series_tables(steps, series.label, series.values, file.units)
+        ]
+    text: str = page_template("qvi_contact.command.page").render(
+        **_frame(request, result.problem, "Contact problem"),
+        result=result,
+        number=number,
+        bracket=bracket,
+        missing=missing,
+        refinement=refinement,
+        refinement_table=(report.refinement_headings(refinement, file.units), report.refinement_rows(refinement))
+        if refinement
+        else None,
+        trust=report.trust(refinement, file.units) if refinement else "",
+        several=several,
+        step_label="t" if series is None else series.label,
+        pictures=_pictures(steps, None if series is None else series.values, file),
+        settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
+        contact_data=[contact["data"] for contact in shown["contacts"]],
+        **shown,
+    )
+    return text
+
+
+def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]) -> str:
+    """The page about a limit load: what people read of it, and how the body gives way, on the mesh of the analysis."""
+    file, moved = request.file, limit.mechanism
+    picture = ""
+    if moved is not None or limit.collapse is not None:
+        figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
+        picture = _picture(figure, "result", "How the body gives way")
+    contacts = {} if moved is None else moved.contacts
+    text: str = page_template("qvi_contact.command.page", "limit.html").render(
+        **_frame(request, problem, "Limit load"),
+        lines=lines,
+        picture=picture,
+        motions=[(name, *(number(value, 3, 1e-6) for value in (at.opening, at.slip))) for name, at in contacts.items()],
+    )
+    return text
+
+
+def _frame(request: Request, problem: ContactProblem, title: str) -> dict[str, Any]:
+    """What all pages say around their answer: title, description, the problem, how to repeat it."""
+    file = request.file
+    return {
+        "title": file.title or title,
+        "paragraphs": [part for part in file.description.split("\n\n") if part.strip()],
+        "made": datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "request": request,
+        "units": file.units,
+        "problem": _picture(problem_figure(problem, file.units), "problem", "The problem: mesh, loads, contacts"),
+    }
+
+
+def _pictures(
+    steps: Sequence[ContactResult], values: Sequence[float] | None, file: ProblemFile
+) -> list[tuple[str, Markup]]:
+    """The picture of a result; of several those of some of them, the first and the last among them, with the value."""
+    if values is None or len(steps) == 1:
+        figure = result_figure(steps[-1], file.units, panels=())
+        return [("", _picture(figure, "result", "The deformed body and what its contacts carry"))]
+    chosen = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_STEPS)).round().astype(int)).tolist()
+    found, scales = [], Scales.of(step for step in map(steps.__getitem__, chosen) if step.has_state)
+    for step in chosen:
+        picture = png_bytes(result_figure(steps[step], file.units, panels=(), scales=scales))
+        source = f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
+        found.append((f"{values[step]:g}", Markup('<img src="{}" alt="The deformed body">').format(source)))
+    return found
+
+
+def _shown(
+    result: ContactResult, bracket: Bracket | None, units: Units, panels: Sequence[str] | None
+) -> dict[str, Any]:
+    """Tables and pictures of a stress state."""
+    companion = bracket.companion if bracket is not None and bracket.companion is not None else None
+    return {
+        "field": field_data(result, companion if companion is not None and companion.has_state else None, units),
+        "contacts": [
+            _contact(line, f"contact-{number}", units)
+            for number, line in enumerate(result.contacts.values(), 1)
+            if panels is None or line.name in panels
+        ],
+        "tables": result_tables(result, units),
+    }
+
+
+def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
+    """Picture of the tractions, where its axes lie in it, and the values at the points."""
+    with settings():
+        figure = new_figure(*_WIDE)
+        axes = figure.subplots()
+        contact_tractions(axes, line, units)
+        figure.legend(loc="outside right upper", frameon=False)
+        with laid_out(figure, "svg", figure.dpi):
+            box, (low, high) = axes.get_position(), axes.get_xlim()
+    frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
+    return {
+        "name": line.name,
+        "id": name,
+        "picture": _picture(figure, name, f"Tractions along contact {line.name}"),
+        "data": contact_data(line, units) | frame,
+    }
+
+
+def _picture(figure: "Figure", name: str, label: str) -> Markup:
+    return Markup(inline_svg(svg_text(figure, name), name, label))
+
+
+def _settings(result: ContactResult) -> list[tuple[str, str]]:
+    """How the answer was computed, and by what."""
+    solution, space, qvi = result.solution, result.discretization.space, result.discretization.qvi
+    used = {
+        "element": f"{FAMILY}, degree {space.degree}",
+        "mesh": repr(result.problem.mesh)[1:-1],
+        "unknowns": f"{qvi.n}, and {qvi.m} contact points",
+        "method": " ".join(filter(None, [solution.method, solution.inner])),
+        "factorisation": solution.factorisation,
+        "iterations": str(result.iterations),
+        "tolerance": f"{result.certificate.tolerance:g}",
+        "seconds": f"{sum(solution.timings.values()):.2g}",
+        "qvi-contact": __version__,
+        "Python": f"{platform.python_version()} on {platform.system()} {platform.machine()}",
+        **solution.versions,
+    }
+    return [(name, value) for name, value in used.items() if value]
+
+
+def number(value: float, digits: int = 5, least: float = 0.0) -> str:
+    """A number for people."""
+    return shown(value, least, digits).replace("-", "−")
+
+
+def _row(name: str, *numbers: tuple[float, float]) -> list[str]:
+    """A name, and numbers with the size up to which each is rounding."""
+    return [name, *(number(float(value), least=least) for value, least in numbers)]
+
+
+def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
+    """What contacts carry and do: forces, extremes, shares of their length in each state."""
+    states = [state for state in report.STATES if any(state in line.shares for line in lines)]
+    labels = ("N", "T", "largest pressure", "largest |σ_T|", "largest gap", "largest |slip|")
+    rows = []
+    for line in lines:
+        found = line.summary()
+        numbers = zip([found[name] for name in SUMMARY], report.least_shown(SUMMARY, line.rounding), strict=True)
+        rows.append([*_row(line.name, *numbers), *report.shares(line.shares, states)])
+    return "Contacts", ["contact", *report.with_units(labels, SUMMARY, units), *states], rows
+
+
+def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
+    """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
+    force, least = units.engineering_force, result.rounding
+    loaded = {name: result.resultant(name) for name in dict.fromkeys(each.edges for each in result.problem.conditions)}
+    resultants = [
+        _row(name, (each.x, least.force), (each.y, least.force), (each.moment, least.moment))
+        for name, each in loaded.items()
+    ]
+    about = ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
+    plates = [
+        _row(name, *zip(plate_numbers(result, name), report.least_shown(PLATE_COLUMNS, least), strict=True))
+        for name in result.plates
+    ]
+    tables = [
+        contacts_table(list(result.contacts.values()), units),
+        ("Resultants of the tractions on the body", about, resultants),
+        ("Rigid plates and pins", ["contact", *report.plate_headings(units)], plates),
+    ]  # fmt: skip
+    return [table for table in tables if table[2]]
+
+
+def result_html(result: ContactResult) -> Markup:
+    """How a solve ended, and its tables, which a notebook shows for a result at the end of a cell."""
+    said = [result.message, *(f"Remark: {remark}" for remark in result.remarks)]
+    lines = [Markup("<div>{}</div>").format(line) for line in said]
+    tables = result_tables(result, Units()) if result.has_state else []
+    return Markup("<div>{}</div>").format(Markup("").join([*lines, *map(_table_html, tables)]))
+
+
+def contact_html(line: ContactLine) -> Markup:
+    """The table of one contact, which a notebook shows for it."""
+    return _table_html(contacts_table([line], Units()))
+
+
+def _table_html(table: report.Titled) -> Markup:
+    _, headings, rows = table
+    module: Any = page_template("qvi_contact.command.page", "table.html").module
+    return Markup(module.table(headings, rows))
+
+
+_PARTS: Final = (64, 48, 32, 24, 16, 8, 1)  # along the body's length: the first with few enough points is taken
+_MOST_POINTS: Final = 9_000
+_SHORT: Final = 65_536  # so many numbers two bytes can tell apart
+_LARGEST: Final = 120_000  # points: with more the page would be too heavy to mail
+_COLOURS: Final = 33  # of a colour map
+
+
+def field_data(result: ContactResult, companion: CompanionResult | None, units: Units) -> dict[str, Any] | None:
+    """Points, small triangles, stresses and displacements of a result; None where there are too many for a page.
+
+    Arrays are little-endian, in base64: float32, triangles as uint16 or uint32, materials as uint16.
+    """
+    from matplotlib import colormaps
+
+    for parts in _PARTS:  # as many points as a page should have, or the fewest there can be
+        samples = sample_body(result, parts)
+        if len(samples.points) <= _MOST_POINTS:
+            break
+    if len(samples.points) > _LARGEST:
+        return None
+    strained = is_strained(result.problem) and result.problem.material.plane == "strain"
+    mesh, wide = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
+    moved = None if companion is None else companion.displacement_in(samples.cells, samples.reference[:, -2:])
+    largest = 0.0 if moved is None else float(np.hypot(*moved.T).max())
+    return {
+        "units": {"length": units.length, "stress": units.stress},
+        "points": _floats(samples.points),
+        "triangles": _encoded(samples.triangles.astype("<u2" if wide == 2 else "<u4")),
+        "bytes": wide,
+        "stress": _floats(samples.stress),
+        "material": _encoded(result.problem.cell_materials[samples.cells].astype("<u2")),
+        "factor": out_of_plane_factors(result.problem),
+        "held": _floats(held_along_z(result.problem, samples.cells, *samples.points.T)) if strained else None,
+        "displacement": None if moved is None else _floats(moved),
+        "factorOfDisplacement": 0.0 if moved is None else magnified(largest, mesh.length) if largest else 1.0,
+        "outline": _segments(mesh, mesh.boundary, companion),
+        "mesh": _segments(mesh, mesh.interior, companion),
+        "contacts": [_segments(mesh, mesh.edges(contact.edges), companion) for contact in result.problem.contacts],
+        "colours": {  # red, green and blue from 0 to 255 along colour maps
+            name: np.round(255 * colormaps[name](np.linspace(0.0, 1.0, _COLOURS))[:, :3]).astype(int).tolist()
+            for name in ("cividis", "cividis_r", "PuOr_r")
+        },
+    }
+
+
+def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
+    """The points of a contact as its picture shows them from left to right, numbers with seven digits."""
+    pieces = pieces_along(line)[0]
+    order, places = (np.concatenate(part) for part in zip(*((piece.points, piece.s) for piece in pieces), strict=True))
+    bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
+    columns = {
+        "x": line.x, "y": line.y, "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,
+        "bound": bound, "gap": line.gap, "slip": line.slip,
+    }  # fmt: skip
+    found: dict[str, Any] = {name: _rounded(values[order]) for name, values in columns.items()}
+    if line.has_fluid:
+        found["fluid"] = _rounded(line.pore_pressure[order])
+    found |= {"s": _rounded(places), "units": {"length": units.length, "stress": units.stress}}
+    return found | {"state": [ContactState(state).name.lower() for state in line.state[order].tolist()]}
+
+
+def _encoded(values: Any) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")
+
+
+def _floats(values: FloatArray) -> str:
+    return _encoded(values.astype("<f4"))
+
+
+def _rounded(values: FloatArray) -> list[float | None]:
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+def _segments(mesh: TriangleMesh, edges: Edges, companion: CompanionResult | None) -> dict[str, Any]:
+    """Both ends of the two halves of edges, x and y of each, and their displacements in the first cell beside."""
+    points = np.stack(mesh.points_along(edges, np.array([0.0, 0.5, 1.0])), axis=-1)
+    moved = None
+    if companion is not None:
+        flat, cells = points.reshape(-1, 2), np.repeat(edges.cells[:, 0], 3)
+        reference = mesh.reference(cells, flat)[:, -2:]
+        moved = companion.displacement_in(cells, reference).reshape(points.shape)
+    halves = [None if values is None else _floats(values[:, [0, 1, 1, 2]]) for values in (points, moved)]
+    return {"points": halves[0], "displacement": halves[1]}

@@ -1,0 +1,298 @@
+"""What the commands do: a function for each command of `cli`, with its options; what it returns is the exit status.
+
+Rooms that only one of them needs are loaded in its function.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+import click
+import numpy as np
+
+from qvi_contact.basics.schema import keys_of
+from qvi_contact.basics.writing import write_text
+from qvi_contact.command import report
+from qvi_contact.command import series as several
+from qvi_contact.command.cli import TARGETS
+from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, page_of, write_all
+from qvi_contact.command.progress_line import solving
+from qvi_contact.errors import InputError
+from qvi_contact.files.export import summary, write_collapse_vtu
+from qvi_contact.files.keys import listed
+from qvi_contact.files.options import RefineOptions
+from qvi_contact.files.problem_file import ProblemFile, load_problem
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.settings import Settings
+from qvi_contact.solution.solver import solve as solve_one
+from qvi_contact.verification import verify_file
+from solvers import available
+from solvers.basics.progress import deadline
+from solvers.factorisation import available_backends, missing_backends
+from solvers.factorisation.base import DENSE
+from solvers.settings import METHODS
+
+_SPACE: Final = ("degree", "law_on")
+
+
+@contextmanager
+def _opened(
+    file: str, given: dict[str, Any], single: str = ""
+) -> Iterator[tuple[ProblemFile, dict[str, str], dict[str, Any]]]:
+    """The problem in a file, the files to write, and arguments of `solve`: those of the file and those given.
+
+    Input errors in the block have their paths in the file. `single` is what a file with load steps is refused for.
+    """
+    targets = checked_targets(file, {name: given[name] for name in TARGETS if given.get(name) is not None})
+    problem_file = load_problem(file)
+    if single and problem_file.times:
+        remedy = f"{single} needs a single problem: give a file without [history]"
+        raise InputError("history", f"{len(problem_file.times)} steps", remedy)
+    known = keys_of(Settings)
+    typed = {name: value for name, value in given.items() if name in known and value is not None}
+    with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
+        element, stated = problem_file.element, problem_file.solve_options
+        options = {name: value for name, value in stated.items() if name not in element}
+        if "method" in typed and typed["method"] != Settings.of(None, options).chosen:
+            options = {name: value for name, value in options.items() if name in known}
+        yield problem_file, targets, options | element | typed
+
+
+def _space(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: options[name] for name in _SPACE if name in options}
+
+
+def _show(file: ProblemFile, found: dict[str, Any] | Iterable[str]) -> None:
+    """Print a document for programs, or title, description and lines for people."""
+    heading = filter(None, (file.title, *file.description.strip().splitlines()))
+    click.echo(json_text(found) if isinstance(found, dict) else "\n".join((*heading, *found)))
+
+
+def solve(
+    file: str,
+    verbose: bool,
+    as_json: bool,
+    swept: tuple[str, ...],
+    store: str | None,
+    panels: str | None,
+    **given: Any,
+) -> int:
+    """Solve a problem, its history, or a sweep."""
+    with _opened(file, given) as (problem_file, targets, options):
+        problem_file, plan = several.asked(problem_file, swept)
+        units = problem_file.units
+        charts = asked_panels(problem_file, panels)
+        several.check_asked(plan, store, given)
+        if plan is not None and store is not None:
+            shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
+            sweep = several.swept(problem_file, plan, options, verbose, store=store, **shared)
+            document = several.stored_document(problem_file, sweep)
+            if "save_json" in targets:
+                write_text(targets["save_json"], json_text(document) + "\n")
+            _show(problem_file, document if as_json else several.stored_lines(sweep))
+            return 0 if sweep.status == "solved" else 1
+        series, steps = several.solved_series(problem_file, plan, options, verbose, store)
+        solved = (steps[0] if series is None else series.results).status == "solved"
+        document = {"title": problem_file.title, "solved": solved}
+        if as_json or "save_json" in targets:
+            found = [summary(step, units) for step in steps]
+            document |= found[0] if series is None else series.document(found, units)
+        second = SecondModel(steps[-1], options.get("time_limit"))
+        history = None if series is None else series.history
+        page = page_of(file, problem_file, steps, second, series=series, panels=charts)
+        complete = write_all(targets, problem_file, second, document, page, history, charts)
+    lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
+    _show(problem_file, document if as_json else lines)
+    return 2 if not complete else 0 if solved else 1
+
+
+def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -> int:
+    """Check a stored result."""
+    with np.errstate(all="ignore"):  # what overflows fails
+        found = verify_file(result, tolerance)
+    click.echo(json_text(found.document()) if as_json else found.table(failures_only=not verbose))
+    return 0 if found.passed else 1
+
+
+def check(file: str, as_json: bool, **given: Any) -> None:
+    """Print what a problem file describes."""
+    with _opened(file, given) as (problem_file, targets, options):
+        problem, found = report.outline(problem_file, _space(options))
+    if "plot" in targets:
+        from qvi_contact import plots
+
+        plots.save_figure(targets["plot"], plots.problem_figure(problem, problem_file.units))
+    _show(problem_file, found if as_json else report.outline_lines(found, problem_file.units))
+
+
+def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
+    """Bound energy and forces by a displacement model."""
+    from qvi_contact.bracket import bounds, outcome
+
+    with _opened(file, given, "a bracket") as (problem_file, targets, options):
+        limit, title, units = options.pop("time_limit", None), problem_file.title or "bracket", problem_file.units
+        with solving(title, 3, verbose=verbose) as advance, deadline(limit):
+            result = solve_one(problem_file.problem, **options, verbose=verbose)
+            advance("stress model solved")
+            tolerance = given["tolerance"]
+            found = bounds.bracket(result, degree, tolerance, verbose=verbose) if result.has_state else None
+            advance("energy bounded, contact forces follow")
+            if found is not None:
+                _ = found.forces  # takes longest on large meshes: here, where progress is shown
+        complete = write_all(targets, problem_file, SecondModel(result, known=found), {})
+    if as_json:
+        document = {"title": problem_file.title, **summary(result, units)}
+        _show(problem_file, document | {"bracket": None if found is None else outcome.document(found, units)})
+    else:
+        more = () if found is None else ("", *outcome.lines(found, units))
+        _show(problem_file, (*report.result_lines(result, units), *more))
+    bounded = found is not None and result.status == "solved" and math.isfinite(found.gap)
+    return 2 if not complete else 0 if bounded else 1
+
+
+def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
+    """Look for other solutions."""
+    from qvi_contact.bracket import other_solutions
+
+    with _opened(file, given, "a search for other solutions") as (problem_file, targets, options):
+        limit, title, units = options.pop("time_limit", None), problem_file.title or "branches", problem_file.units
+        with solving(title, 2, verbose=verbose) as advance, deadline(limit):
+            result = solve_one(problem_file.problem, **options, verbose=verbose)
+            advance("solved; friction is followed from other values")
+            found = other_solutions(result) if result.status == "solved" else None
+        document = {"title": problem_file.title, **report.branches_document(result, found, units)}
+        second = SecondModel(result if found is None else found.preferred, given["time_limit"])
+        complete = write_all(targets, problem_file, second, document)
+    _show(problem_file, document if as_json else report.branches_lines(result, found, units))
+    return 2 if not complete else 0 if result.status == "solved" else 1
+
+
+def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
+    """Refine the mesh until a number is accurate."""
+    from qvi_contact.refinement import refine as refined
+
+    with _opened(file, given, "a refinement") as (problem_file, targets, options):
+        asked = {name: given[name] for name in keys_of(RefineOptions) if given[name] is not None}
+        units = problem_file.units
+        with solving(problem_file.title or "refine", verbose=verbose) as advance:
+            found: Any = refined(
+                problem_file.problem, **{**problem_file.refine_options, **asked}, **options,
+                callback=lambda done: advance(report.so_far(done)), verbose=verbose,
+            )  # fmt: skip
+        document = {"title": problem_file.title, **summary(found.result, units)}
+        document["refinement"] = report.refinement_document(found, units)
+        second = SecondModel(found.result, options.get("time_limit"))
+        page = page_of(file, problem_file, (found.result,), second, refinement=found)
+        complete = write_all(targets, problem_file, second, document, page)
+    last = [line for line in report.result_lines(found.result, units) if not line or line not in found.message]
+    _show(
+        problem_file, document if as_json else (*report.refinement_lines(found, units), *([""] if last else []), *last)
+    )
+    return 2 if not complete else 0 if found.status == "reached" else 1
+
+
+def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
+    """Bound the largest multiple of loads."""
+    from qvi_contact import plots
+    from qvi_contact.command.page import Request, limit_page
+    from qvi_contact.limit.load_factor import limit_load_factor
+    from qvi_contact.refinement import LimitFactor
+    from qvi_contact.refinement import refine as refined
+
+    with (
+        _opened(file, given) as (problem_file, targets, options),
+        solving(problem_file.title or "limit", verbose=verbose),
+    ):
+        space = _space(options)
+        told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
+        problem, refinement, degree = problem_file.problem, None, space.get("degree")
+        if not loads and "proof" in targets:
+            click.echo("\n".join(_write_proof(targets["proof"], problem, (), degree)))
+            return 0
+        if target is None:
+            found = limit_load_factor(problem, loads=list(loads), **told)
+        else:
+            refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
+            found, problem = refinement.limit, refinement.problem
+        proved = _write_proof(targets["proof"], problem, loads, degree) if "proof" in targets else []
+    said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, []
+    if "plot" in targets:
+        if found.mechanism is None and found.collapse is None:
+            missing.append(f"there is no mechanism to draw in {targets['plot']}")
+        else:
+            figure = plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}.")
+            plots.save_figure(targets["plot"], figure)
+    if "vtk" in targets:
+        if found.collapse is None:
+            reason = "no part of the body yields, or it has no largest load"
+            missing.append(f"there is no flow to write to {targets['vtk']}: {reason}")
+        else:
+            write_collapse_vtu(targets["vtk"], problem, found, units)
+    if "report" in targets:
+        write_text(targets["report"], limit_page(Request.read(file, problem_file), problem, found, said))
+    for line in missing:
+        click.echo(f"qvi-contact: {line}", err=True)
+    if as_json:
+        _show(problem_file, {"loads": list(loads), **report.limit_document(found, refinement)})
+    else:
+        click.echo("\n".join([*said, *proved]))
+    missed = refinement is not None and refinement.status != "reached"
+    return 1 if missed or found == -math.inf else 0
+
+
+def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degree: int | None) -> list[str]:
+    """Write a proof file; what people read of it."""
+    from qvi_contact.limit import check_proof as proofs
+    from qvi_contact.limit.load_factor import limit_proof
+    from qvi_contact.limit.proof import save_proof
+
+    proof = limit_proof(problem, list(loads), degree=degree)
+    save_proof(path, proof)
+    found = proofs.sentences(*proofs.check(proof)[:2])
+    return found + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
+
+
+def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_json: bool, **given: Any) -> int:
+    """Bound the factor of safety."""
+    from qvi_contact.limit.load_factor import strength_reduction_factor
+
+    with (
+        _opened(file, given) as (problem_file, _, options),
+        solving(problem_file.title or "safety", verbose=verbose),
+    ):
+        found = strength_reduction_factor(
+            problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"],
+            **_space(options),
+        )  # fmt: skip
+    if as_json:
+        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": found.upper})
+    else:
+        above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
+        click.echo(f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}")
+    return 0 if found.lower >= 1.0 else 1
+
+
+def check_proof(file: str) -> int:
+    """Check a proof file."""
+    holds, line = report.checked_proof(file)
+    click.echo(line)
+    return 0 if holds else 1
+
+
+def keys(name: str) -> None:
+    """List keys of problem files."""
+    click.echo("\n".join(listed(name)))
+
+
+def methods(as_json: bool) -> None:
+    """List methods, inner solvers and factorisations."""
+    factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
+    if as_json:
+        document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
+        click.echo(json_text(document))
+        return
+    missing = {name: f"not installed: {install}" for name, install in missing_backends().items()}
+    shown = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
+    for title, names in {"methods": METHODS, "inner solvers": available(), "factorisations": shown}.items():
+        click.echo("\n  ".join([title, *names]))
