@@ -329,6 +329,7 @@ def _ruled(problem: ContactProblem) -> IntArray:
         named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
         refuse([*named, "an edge without a name"][0], component, edge, remedy)
+    owner.flags.writeable = False  # problems share it
     return owner
 
 
