@@ -230,7 +230,9 @@ def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repe
 @experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=140, show_default=True,
               help="Problems of each family, and as many more with springs.")  # fmt: skip
-def bounds(count: int) -> Plan:
+@click.option("--polygons", type=COUNT, metavar="NUMBER", default=650, show_default=True,
+              help="Polygons that are refined to 1 % where they slip; about half of them do.")  # fmt: skip
+def bounds(count: int, polygons: int) -> Plan:
     """Bound the errors of generated problems with friction, temperature and springs, and compare with NGSolve.
 
     Displacements of degree 5 on graded meshes, with a frictional contact iteration of their own, stand for the exact
@@ -239,11 +241,11 @@ def bounds(count: int) -> Plan:
 
     \b
     Example:
-        python -m comparisons bounds --count 3
+        python -m comparisons bounds --count 3 --polygons 10
     """  # noqa: D301
     from comparisons.bounds import report, study
 
-    return Plan([study.declared(count)], report.report)
+    return Plan([study.declared(count), study.refined(polygons)], report.report)
 
 
 @experiment(timeout=120.0, memory=4096, short_help="Generated problems: what becomes of each.")

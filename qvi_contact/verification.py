@@ -21,15 +21,13 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, finite_number
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.loads import prescribed_tractions
-from qvi_contact.discretization.supports import PrescribedTraction
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import OWN, STORE, Archive, result_from_archive, solution_names
 from qvi_contact.files.export import field_arrays
 from qvi_contact.mesh.edges import vectors_along
-from qvi_contact.problem.conditions import is_frictionless
+from qvi_contact.problem.conditions import Traction, is_frictionless
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
@@ -245,7 +243,7 @@ def missed_tractions(result: ContactResult) -> float:
     """
     known = result.discretization
     unit = result.certificate.scales.get("stress", 1.0)
-    given = prescribed_tractions(result.problem, known.scales)
+    given = result.problem.prescribed(Traction)
     parts = list(zip(given, prescribed_and_computed(known, result.dofs), strict=True))
     ends = [(part.turns and part.edges.curved, tuple(part.edges.first)) for part, _ in parts]
     missed, forces, sizes = list[float](), dict[tuple[int, ...], FloatArray](), dict[tuple[int, ...], float]()
@@ -257,16 +255,11 @@ def missed_tractions(result: ContactResult) -> float:
             continue
         t, weights = gauss_legendre(computed.shape[1])
         values = weights * (computed @ legendre.basis(computed.shape[1] - 1, t).T)
-        along = np.einsum("kq,kqd->kd", values, _along(part, t))
-        due = wanted.integrals(_along(part.take(wanted.edge), wanted.t))
+        along = np.einsum("kq,kqd->kd", values, vectors_along(part.edges, part.direction, t))
+        due = wanted.integrals(vectors_along(part.edges.take(wanted.edge), part.direction[wanted.edge], wanted.t))
         forces[edges] = forces.get(edges, np.zeros(2)) + length @ (along - due)
         sizes[edges] = max(size, sizes.get(edges, 0.0))
     return _largest([*missed, *(np.abs(force) / sizes[edges] for edges, force in forces.items())])
-
-
-def _along(part: PrescribedTraction, t: FloatArray) -> FloatArray:
-    """The direction of a component at reference points of its edges, (n, q, 2)."""
-    return vectors_along(part.edges, part.direction, t, turns=part.turns)
 
 
 DOCUMENT_VERSION: Final = 1

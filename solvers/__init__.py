@@ -25,29 +25,10 @@ if TYPE_CHECKING:
     from solvers.solve import solve_qvi
 
 __all__ = [
-    "Certificate",
-    "ContactMatrices",
-    "EnergyRoot",
-    "Feasibility",
-    "FrictionQVI",
-    "InputError",
-    "Iteration",
-    "Law",
-    "Loads",
-    "QVIError",
-    "QVISolution",
-    "SolveError",
-    "SolverUnavailableError",
-    "Status",
-    "Stiffness",
-    "TractionFactor",
-    "UnknownNameError",
-    "available",
-    "certify",
-    "check_feasibility",
-    "solve_qvi",
-]
-
+    "Certificate", "ContactMatrices", "EnergyRoot", "Feasibility", "FrictionQVI", "InputError", "Iteration", "Law",
+    "Loads", "QVIError", "QVISolution", "SolveError", "SolverUnavailableError", "Status", "Stiffness",
+    "TractionFactor", "UnknownNameError", "available", "certify", "check_feasibility", "solve_qvi",
+]  # fmt: skip
 
 __getattr__ = front(
     __name__,

@@ -76,44 +76,6 @@ class _Rows:
         return cls(sizes[:, None] * np.concatenate(blocks), sizes * np.concatenate(limits), F.reshape(2 * m, -1))
 
 
-@dataclass(eq=False)
-class _Run:
-    """What stays the same, and the best state so far."""
-
-    qvi: FrictionQVI
-    compliance: Compliance
-    tolerance: float
-    stress: float
-    unit: float
-    best: Outcome
-    options: PivotingOptions
-    accuracy: float = np.inf
-    pivots: int = 0
-    began: float = 0.0
-
-    @property
-    def spent(self) -> bool:
-        """Whether no iterations are left."""
-        return len(self.best.history) >= self.options.max_iterations
-
-    def keep(self, m: Vector) -> bool:
-        """Judge multipliers (2m,); True if their certificate passes."""
-        qvi = self.qvi
-        state = self.compliance.state(m)
-        z, certificate = state[0], certify(qvi, *state, self.tolerance)
-        entry = Iteration(
-            len(self.best.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, self.pivots,
-            time.perf_counter() - self.began,
-        )  # fmt: skip
-        self.best.history.append(entry)
-        report(Progress("pivoting", entry))
-        if certificate.accuracy < self.accuracy:
-            self.accuracy = certificate.accuracy
-            best = self.best
-            best.z, best.m_N, best.m_T, best.nu = state
-        return certificate.passed
-
-
 def affordable(qvi: FrictionQVI) -> bool:
     """Whether the contact is small enough, and the law one of points."""
     return 0 < qvi.m <= LARGEST and qvi.n > 0
@@ -121,22 +83,63 @@ def affordable(qvi: FrictionQVI) -> bool:
 
 def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions) -> Outcome:
     """Solve the QVI by the method of this module."""
-    began = time.perf_counter()
-    compliance = Compliance(qvi)
+    began, compliance, accuracy = time.perf_counter(), Compliance(qvi), np.inf
     best = Outcome.nothing(qvi, Status.STALLED, "the path of pivots ends in a ray")
-    run = _Run(qvi, compliance, tolerance, *_scales(qvi, compliance), best, options, began=began)
-    for number in range(_DIRECTIONS):
-        if _try(run, number):
+    for m, pivots in _vertices(qvi, compliance, best):
+        state = compliance.state(m)
+        z, certificate = state[0], certify(qvi, *state, tolerance)
+        entry = Iteration(
+            len(best.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, pivots,
+            time.perf_counter() - began,
+        )  # fmt: skip
+        best.history.append(entry)
+        report(Progress("pivoting", entry))
+        if certificate.accuracy < accuracy:
+            accuracy = certificate.accuracy
+            best.z, best.m_N, best.m_T, best.nu = state
+        if certificate.passed:
             best.reason = Status.SOLVED
             break
-        if deadline.over:
-            best.reason, best.message = Status.TIME_LIMIT, "the time limit was reached on the path of pivots"
-            break
-        if run.spent:
+        if len(best.history) >= options.max_iterations:
             best.reason, best.message = Status.MAX_ITERATIONS, ""
             break
+    if best.reason is not Status.SOLVED and deadline.over:
+        best.reason, best.message = Status.TIME_LIMIT, "the time limit was reached on the path of pivots"
     best.iterations = len(best.history)
     return best
+
+
+def _vertices(qvi: FrictionQVI, compliance: Compliance, best: Outcome) -> Iterator[tuple[Vector, int]]:
+    """Multipliers (2m,) of vertices and corrections of them, with the pivots to each, until the time is over.
+
+    Along each direction d, with guessed signs of bilateral points, guessed again from the best state. A vertex is
+    corrected by what its active bounds miss, as accurate stresses say.
+    """
+    stress, unit = _scales(qvi, compliance)
+    guessed = qvi.bilateral & (qvi.mu > 0.0)
+    for number in range(_DIRECTIONS):
+        signs = np.where(guessed & (compliance.bonded[: qvi.m] > 0.0), 1.0, -1.0)
+        for _ in range(_SIGNS):
+            rows, M, q = _posed(qvi, compliance, qvi.law, signs, stress, unit)
+            vertex = solve_lcp(M, q, _direction(len(q), number))
+            if vertex is None:
+                break
+            x, active = vertex.x, vertex.basic
+            for left in reversed(range(_POLISHING + 1)):
+                yield rows.F @ x, vertex.pivots
+                if not left or not active.any():
+                    break
+                z, _ = compliance.unknowns(rows.F @ x)
+                missed = (rows.limit - rows.H @ compliance.tractions(z)) / stress
+                if not np.isfinite(missed).all():
+                    break
+                x = x.copy()
+                x[active] -= lstsq(M[np.ix_(active, active)], missed[active], cond=_RANK)[0]
+                x = np.maximum(x, 0.0)
+            before = signs
+            signs = np.where(guessed & (qvi.normal(best.z) > 0.0), 1.0, -1.0)
+            if (signs == before).all():
+                break
 
 
 def other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Iterator[Vector]:
@@ -181,49 +184,9 @@ def _posed(
     return rows, M, (rows.limit - rows.H @ compliance.bonded) / stress
 
 
-def _try(run: _Run, number: int) -> bool:
-    """Along one direction d, with guessed signs of bilateral points; whether that ends in a solution."""
-    qvi = run.qvi
-    guessed = qvi.bilateral & (qvi.mu > 0.0)
-    normal = run.compliance.bonded[: qvi.m]
-    for _ in range(_SIGNS):
-        if run.spent:
-            return False
-        signs = np.where(guessed & (normal > 0.0), 1.0, -1.0)
-        rows, M, q = _posed(qvi, run.compliance, qvi.law, signs, run.stress, run.unit)
-        vertex = solve_lcp(M, q, _direction(len(q), number))
-        if vertex is None:
-            return False
-        run.pivots = vertex.pivots
-        if _polished(run, rows, M, vertex):
-            return True
-        normal = qvi.normal(run.best.z) if np.isfinite(run.accuracy) else normal
-        if not guessed.any() or (np.where(guessed & (normal > 0.0), 1.0, -1.0) == signs).all():
-            return False
-    return False
-
-
 def _direction(size: int, number: int) -> Vector:
     """All alike first, then others without any pattern that rows could share."""
     return np.ones(size) if number == 0 else 0.2 + np.random.default_rng(number).random(size)
-
-
-def _polished(run: _Run, rows: _Rows, M: Matrix, vertex: Vertex) -> bool:
-    """Correct the vertex by what its active bounds miss, as accurate stresses say; whether the certificate passes."""
-    x, active = vertex.x, vertex.basic
-    for _ in range(_POLISHING):
-        if run.keep(rows.F @ x):
-            return True
-        if run.spent:
-            return False
-        z, _ = run.compliance.unknowns(rows.F @ x)
-        missed = (rows.limit - rows.H @ run.compliance.tractions(z)) / run.stress
-        if not active.any() or not np.isfinite(missed).all():
-            return False
-        x = x.copy()
-        x[active] -= lstsq(M[np.ix_(active, active)], missed[active], cond=_RANK)[0]
-        x = np.maximum(x, 0.0)
-    return run.keep(rows.F @ x)
 
 
 # Linear complementarity by pivoting: x ≥ 0, w = q + M x ≥ 0, xᵀw = 0.

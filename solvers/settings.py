@@ -241,8 +241,7 @@ class Settings:
 
     When the time is over the best state so far is returned, with the status "time_limit" unless its certificate passes.
     It is looked at in every iteration, and handed on to inner solvers that take a limit; a factorisation under way, and
-    an inner solve by another one, is not interrupted. A factorisation that is estimated to take more than twice the
-    time left, or twice the memory of the machine, is not begun; the message has the estimate.
+    an inner solve by another one, is not interrupted. A large factorisation is not begun when the time is over.
 
     """
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from solvers.certificate.certificate import Certificate, certify
 from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
 from solvers.inequality.problem import FrictionQVI
+
+_LAST, _LEAST = 10, 4  # residuals that tell a contraction, at most and at least
+_ROUNDING = 1e-13  # residuals below this do not
 
 
 class Iteration(NamedTuple):
@@ -133,47 +136,22 @@ class QVISolution:
 
     @property
     def contraction(self) -> float | None:
-        """Observed contraction of the fixed point, see `contraction`; None for methods without an outer loop."""
-        return observed_contraction(self.history) if self.method == "fixed-point" else None
+        """Factor by which the fixed point's residual shrank in an iteration; None for others, or with fewer than four.
+
+        The median of the last ten above rounding: single lucky or spoilt ones do not count. Above 1 the loop diverges.
+        That of Anderson's loop is usually smaller than that of the map that `uniqueness` bounds.
+        """
+        found = [entry for entry in self.history if entry.inner_status is not None and np.isfinite(entry.residual)]
+        last = [(entry.number, np.log(entry.residual)) for entry in found if entry.residual > _ROUNDING][-_LAST:]
+        if self.method != "fixed-point" or len(last) < _LEAST:
+            return None
+        number, size = np.diff(last, axis=0).T
+        return float(np.exp(np.median(size / number)))
 
     @cached_property
     def uniqueness(self) -> UniquenessBound:
         """The sufficient bound of friction for uniqueness, computed when it is asked for; see `uniqueness`."""
         return uniqueness_bound(self.problem)
-
-
-# How fast an outer loop was seen to converge.
-
-
-_LAST: Final = 10  # residuals that count, from the end
-_LEAST: Final = 4  # of them, or there is no estimate
-_FLOOR: Final = 1e-13  # residuals below this are rounding
-
-
-def observed_contraction(history: Sequence[Iteration]) -> float | None:
-    """Factor by which the residual shrank in each of the last iterations.
-
-    Of the last ten residuals r_k above 1e-13 the median of log(r_j / r_i) / (j − i) over all pairs i < j (the slope of
-    Theil and Sen), as a factor: a single lucky or spoilt iteration does not count. Above 1 the loop diverges. With
-    Anderson's acceleration it is the factor of the accelerated loop, usually smaller than the Lipschitz constant of the
-    map that `uniqueness` bounds. Where inner problems were solved, entries without one, such as Newton's method after
-    the loop, are no steps of it and do not count.
-
-    Returns
-    -------
-    float, or None if there are fewer than four such residuals.
-
-    """
-    nested = any(entry.inner_status is not None for entry in history)
-    steps = [entry for entry in history if entry.inner_status is not None or not nested]
-    found = [(entry.number, entry.residual) for entry in steps if np.isfinite(entry.residual)]
-    chosen = [(number, residual) for number, residual in found if residual > _FLOOR][-_LAST:]
-    if len(chosen) < _LEAST:
-        return None
-    number, residual = np.array(chosen).T
-    first, second = np.triu_indices(len(number), 1)
-    slopes = np.log(residual[second] / residual[first]) / (number[second] - number[first])
-    return float(np.exp(np.median(slopes)))
 
 
 # Where an iteration starts: the answer to a problem before.
@@ -239,10 +217,10 @@ class Outcome:
     near: bool | None = None
 
     @classmethod
-    def nothing(cls, qvi: FrictionQVI, reason: Status, message: str, advice: str = "") -> Outcome:
+    def nothing(cls, qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
         """Nothing but the reason why there is no result."""
         z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
-        return cls(reason, z, rows, rows, nu, message=message, advice=advice)
+        return cls(reason, z, rows, rows, nu, message=message)
 
     def certified(self, qvi: FrictionQVI, tolerance: float) -> Certificate:
         """What it is worth."""

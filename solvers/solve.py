@@ -62,7 +62,8 @@ def solve_qvi(
     -------
     A `QVISolution` in every case, status and advice included; solved only if its certificate passed. `attempts` has
     what was tried, and why. There may be other solutions: the solution of (D2) is not unique for large friction. By
-    default, and where the contact is small, another way is tried to find one; its `remarks` say what was seen.
+    default, where the contact is small and the solution was not followed from a state near it, another way is tried to
+    find one; its `remarks` say what was seen.
 
     Raises
     ------
@@ -282,8 +283,7 @@ class Search:
                         break
         except (FactorisationError, MemoryError) as error:
             reason = error.reason if isinstance(error, FactorisationError) else "memory"
-            advice = "Nothing was begun, as the limit could not be met." if reason == "time" else ""
-            nothing = Outcome.nothing(qvi, _FAILURES[reason], str(error) or "out of memory", advice)
+            nothing = Outcome.nothing(qvi, _FAILURES[reason], str(error) or "out of memory")
             self.best, certificate = dataclasses.replace(nothing, hopeless=True), None
             self.attempts += (Attempt(method, why, nothing.reason, 0),)
         best, before = self.best, time.perf_counter()
@@ -354,7 +354,7 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
         solution = search.by(settings.chosen)
         if settings.by_default:
             solution = search.fallen_back(solution)
-            if solution.solved and not deadline.over:
+            if solution.solved and not solution.near and not deadline.over:  # one that was followed is the one wanted
                 doubted = solution.method != settings.chosen or bool(solution.remarks)
                 remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
                 solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution

@@ -16,6 +16,9 @@ SHARE: Final = 0.1
 ROUNDING: Final = 1e-9
 """Share of the largest force that is rounding."""
 
+TARGET, QUICK = 0.01, 10.0
+"""Of the polygons: the error that is asked for, over the force, and the seconds in which most should have it."""
+
 _NUMBERS: Final = ("bound", "moved", "stress", "displacement", "doubt", "reach", "unknowns", "reference_unknowns")
 _OTHERS: Final = ("message", "law", "guaranteed", "states", "forces")
 
@@ -91,7 +94,21 @@ def _or_none(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def report(rows: Sequence[Row]) -> Report:
+def polygons_of(rows: Sequence[Row]) -> dict[str, Any]:
+    """What sentences say of the second study."""
+    slipping = frame_of(rows, ("error", "rounds", "processor"), ("bounded", "guaranteed", "refined", "message"))
+    slipping = slipping[slipping.status == "slips"]
+    bounded = slipping[slipping.bounded == True]  # noqa: E712 - missing where nothing slips
+    done = bounded[bounded.error <= TARGET]
+    return {
+        "slipping": len(slipping), "slipping_bounded": len(bounded),
+        "slipping_guaranteed": int((bounded.guaranteed == True).sum()),  # noqa: E712
+        "refined": len(done), "quick": int((done.processor <= QUICK).sum()),
+        "typical": _or_none(done.processor.median()),
+    }  # fmt: skip
+
+
+def report(rows: Sequence[Row], polygons: Sequence[Row]) -> Report:
     """The report; the same rows give the same one."""
     runs = runs_of(rows)
     forces, judged = forces_of(runs), runs[runs.judged]
@@ -108,6 +125,6 @@ def report(rows: Sequence[Row]) -> Report:
               "forces": missed, "others": others}  # fmt: skip
     forms = dict.fromkeys(("q05", "q50", "q95", "ratio"), "{:.2f}".format)
     forms |= dict.fromkeys(("bound", "moved", "stress", "displacement", "doubt"), "{:.2e}".format)
-    values = values_of(runs, forces)
+    values = values_of(runs, forces) | polygons_of(polygons)
     failed = values["outside"] + values["forces_outside"] > 0
     return render("comparisons.bounds", "bounds", values, tables, {}, rows, forms=forms, failed=failed)

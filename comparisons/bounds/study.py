@@ -1,13 +1,14 @@
 """The study: bounds of the package beside displacements of another code, one row a problem."""
 
 from collections.abc import Mapping
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from comparisons.bounds.problems import FAMILIES, stated
 from comparisons.lab.studies import PACKAGES, Study
-from qvi_contact import QVIError, solve
+from qvi_contact import QVIError, refine, solve
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket import Bracket, BracketKind
 
@@ -20,6 +21,39 @@ def declared(count: int) -> Study:
     cases = [{"family": family, "number": number} for number in range(count) for family in FAMILIES]
     cases += [{"family": "springs", "number": number} for number in range(count, 2 * count)]
     return Study("bounds", 1, "comparisons.bounds.study:solve_case", cases, packages=(*PACKAGES, "ngsolve"))
+
+
+def refined(count: int) -> Study:
+    """The study of the first polygons: which slip, of which there are bounds, and how long 1 % of the force takes."""
+    return Study(
+        "bounds-refined", 1, "comparisons.bounds.study:refine_case", [{"number": number} for number in range(count)]
+    )
+
+
+def refine_case(case: Mapping[str, Any]) -> dict[str, Any]:
+    """The task of the second study, on a polygon without NGSolve.
+
+    "status" is "slips", "sticks", "no friction", or of `solve`. Of what slips: "bounded" and "guaranteed" on the first
+    mesh; of the force of the contact what `refine` says, "refined" its status, "error" over the force, "rounds",
+    "unknowns" and "processor", its seconds.
+    """
+    problem, degree = stated("polygons", case["number"])
+    result = solve(problem, degree=degree)
+    if not result.has_state:
+        return {"status": result.status.value}
+    if not problem.contacts[0].friction:
+        return {"status": "no friction"}
+    if not result.contacts["contact"].shares["slip"]:
+        return {"status": "sticks"}
+    found = result.bracket
+    bounded = found.coulomb is not None and bool(np.isfinite(found.coulomb.error))
+    began = process_time()
+    outcome = refine(problem, result, 0.01, "contact.normal_force", guaranteed=True, degree=degree)
+    return {
+        "status": "slips", "bounded": bounded, "guaranteed": bounded and found.guaranteed,
+        "message": "" if bounded else found.coulomb_reason, "refined": outcome.status.value, "error": outcome.estimate,
+        "rounds": len(outcome.rounds), "unknowns": len(outcome.result.dofs), "processor": process_time() - began,
+    }  # fmt: skip
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:

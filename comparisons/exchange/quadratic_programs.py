@@ -101,7 +101,7 @@ def programs_of(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterato
         centre = Centre(posed.problem, np.zeros(posed.problem.n))
         for bound, threshold in bounds.items():
             h, A = centre.h(posed.threshold(threshold)), posed.problem.A
-            yield QuadraticProgram(f"{name}_{form}_{bound}", inner.P, -centre.f, inner.G, h, A, centre.b)
+            yield QuadraticProgram(f"{name}_{form}_{bound}", inner.qvi.K, -centre.f, inner.G, h, A, centre.b)
 
 
 def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: Callable[[str], object]) -> list[Path]:

@@ -291,6 +291,14 @@ def _motions(answer: Answer, quick: bool, plate: str, axis: str, tolerance: floa
     yield rows.relative(f"motion of {plate} [mm]", ours, theirs)
 
 
+def _toe(answer: Answer, quick: bool) -> Iterator[Row]:
+    """How far the toe of the retaining wall settles."""
+    companion, rows = _displacements(answer, quick, 0.01)
+    known = 2.0 * _WALL[0] / (3.0 * _WALL[2]) / 30.0
+    settlement = -float(companion.displacement(0.0, 0.0)[1])
+    yield rows.relative("settlement of the toe [m]", settlement, known, "2 N/(3 x k), a rigid wall; concrete bends")
+
+
 @dataclass(frozen=True)
 class Table:
     """What a problem file is about, in one sentence, the lines known of it, what else is compared, and the degree."""
@@ -305,6 +313,9 @@ _HERTZ: Final = "Hertz; half planes, a/R = "
 _DAM: Final = (10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0)  # weight, uplift and thrust [MN/m]
 _SEAM: Final = (15.24, 0.00981 * 33.0 * 40.0 / 2.0, 0.00981 * 33.0**2 / 2.0)  # the same of the dam on a seam
 _SLIDING: Final = (0.5 * (_SEAM[0] - _SEAM[1]) + 0.05 * 40.0) / _SEAM[2]
+_WALL: Final = (0.1539, 0.36 * 0.018 * 4.5**2 / 2.0, (0.20049 - 0.36 * 0.018 * 4.5**3 / 6.0) / 0.1539)
+"""Weight and thrust of the retaining wall [MN/m], and how far behind the toe the base is pressed [m]."""
+
 _EXTERNAL, _METHODS, _PUBLISHED = Kind.EXTERNAL, Kind.METHODS, Kind.PUBLISHED
 
 KNOWN: Final[dict[str, Table]] = {
@@ -450,6 +461,16 @@ KNOWN: Final[dict[str, Table]] = {
               "absolute"),
     ], [partial(_by_another_method, contact="punch", form="condensed"),
          partial(_motions, plate="punch", axis="y", tolerance=0.02)]),
+    "retaining_wall": Table("A retaining wall on springs: the heel lifts off, and pressure and tilt are by hand.", [
+        Known("N [MN/m]", "base.normal_force", _WALL[0], 1e-9, "weight of the wall and of the soil on its heel"),
+        Known("T [MN/m]", "base.tangential_force", _WALL[1], 1e-9, "Ka γ h²/2"),
+        Known("centre of pressure x [m]", _centre("base", "x"), _WALL[2], 1e-9, "balance of moments"),
+        Known("largest pressure [MPa]", _line("base", lambda line: -value_at(line, line.normal_stress, 0.0)),
+              2.0 * _WALL[0] / (3.0 * _WALL[2]), 0.01, "2 N/(3 x), a rigid wall on springs; concrete bends"),
+        Known("share of the base that is open", _share("base", "open"), 1.0 - 3.0 * _WALL[2] / 2.2, 0.03,
+              "1 − 3 x/b, a rigid wall on springs; to one point of the mesh", compare="absolute"),
+        *_both_sides("earth", 0.55 * _WALL[0] / _WALL[1], "μ N/H, factor of sliding"),
+    ], [_toe]),
     "shrink_fit": Table("A warm shaft in a cold hub: a shrink fit by temperature.", [
         Known("N [N/mm]", "fit.normal_force", 47.25 * 25.0 * pi / 2.0, 1e-5, "(E α ΔT/2)(1 - R²/b²) R π/2, Lamé"),
         Known("pressure in the middle [MPa]",

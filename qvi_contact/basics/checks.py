@@ -18,8 +18,8 @@ from solvers.basics.checks import (
 )
 
 __all__ = [
-    "BoolArray", "Field", "FloatArray", "IntArray", "check_field", "evaluate", "finite_number", "mapping", "one_of",
-    "positive_number", "real_array", "true_or_false", "whole_number",
+    "BoolArray", "Field", "FloatArray", "IntArray", "acts", "check_field", "evaluate", "finite_number", "mapping",
+    "one_of", "positive_number", "real_array", "true_or_false", "whole_number",
 ]  # fmt: skip
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -28,6 +28,11 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 
 #: A number, or a function of the coordinate arrays ``(x, y)`` that returns an array of the same shape.
 Field: TypeAlias = float | Callable[[FloatArray, FloatArray], ArrayLike]
+
+
+def acts(field: Field) -> bool:
+    """Whether a field is anything but the number zero."""
+    return callable(field) or field != 0.0
 
 
 def check_field(field: str, value: object, *, minimum: float | None = None) -> None:

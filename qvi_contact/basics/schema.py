@@ -193,10 +193,10 @@ class Choice(Kind):
 
 @dataclass(frozen=True)
 class Varying(Kind):
-    """A field: a number of at least `least`, or a function of (x, y); a positive constant is above zero."""
+    """A field: a number of at least `least`, or a function of (x, y); what to do instead of zero says `instead`."""
 
     least: float | None = None
-    positive: bool = False
+    instead: str = ""
 
     def read(self, value: Any, reader: Reader) -> Any:
         return reader.field(value)
@@ -206,8 +206,8 @@ class Varying(Kind):
         from qvi_contact.basics.checks import check_field
 
         check_field(name, value, minimum=self.least)
-        if self.positive and not callable(value) and value == 0.0:
-            raise InputError(name, value, "give a positive number: leave the strength out if the body does not yield")
+        if self.instead and not callable(value) and value == 0.0:
+            raise InputError(name, value, f"give a positive number: {self.instead}")
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
         return writer.field(path, value)

@@ -80,14 +80,17 @@ class Units:
         return _FORCES.get((self.stress, self.length), self.force)
 
     @property
-    def engineering_moment(self) -> str:
-        """Unit of moments a unit of thickness, such as N mm/mm for MPa and mm."""
-        return self._times_length(self.moment)
+    def moment(self) -> str:
+        """Unit of moments a unit of thickness, and of energies: stress × length²."""
+        return f"{self.stress} {self.length}²"
 
     @property
-    def engineering_energy(self) -> str:
-        """Unit of energies a unit of thickness: that of moments."""
-        return self._times_length(self.energy)
+    def engineering_moment(self) -> str:
+        """The same as engineers write it, such as N mm/mm for MPa and mm."""
+        force = _FORCES.get((self.stress, self.length))
+        return self.moment if force is None else f"{force.split('/')[0]} {self.length}/{self.length}"
+
+    energy, engineering_energy = moment, engineering_moment
 
     def filled(self, sentence: str) -> str:
         """A sentence about a result with its numbers in these units: "0.2 MPa" for "0.2 [stress]".
@@ -101,20 +104,6 @@ class Units:
             return found[0] if unknown else names.get(found[1], self.engineering_force)
 
         return _NUMBER.sub(called, sentence)
-
-    def _times_length(self, otherwise: str) -> str:
-        force = _FORCES.get((self.stress, self.length))
-        return otherwise if force is None else f"{force.split('/')[0]} {self.length}/{self.length}"
-
-    @property
-    def moment(self) -> str:
-        """Unit of moments a unit of thickness: stress × length²."""
-        return f"{self.stress} {self.length}²"
-
-    @property
-    def energy(self) -> str:
-        """Unit of energies a unit of thickness: stress × length²."""
-        return f"{self.stress} {self.length}²"
 
 
 SHARE: Final = 1e-9

@@ -37,18 +37,16 @@ from qvi_contact.bracket.parts import (
     Bounds,
     CellFields,
     EdgeParts,
-    EdgeTractions,
     bulk,
     by_cell,
-    contact_parts,
+    edge_parts,
     initial_work,
-    spring_parts,
     strain_energy,
 )
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.solver import check_scope
-from qvi_contact.companion.space import DEGREES, triangle
+from qvi_contact.companion.space import HIGHEST, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.errors import InputError
@@ -69,8 +67,6 @@ _SPOKEN = {
     "Contact.cohesion": "The cohesion, or Tresca's bound,",
     "Contact.shear_limit": "The shear limit",
     "Contact.pore_pressure": "The pore pressure",
-    "Contact.gap": "The gap",
-    "Contact.offset": "The offset",
     "Contact.normal_stiffness": "The normal stiffness",
     "Contact.tangential_stiffness": "The tangential stiffness",
     "ContactProblem.body_potential": "The body potential",
@@ -80,17 +76,17 @@ _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that i
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
 
 
-def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]:
-    """Which data are no polynomials of the degree that both models hold exactly, one sentence each.
+def data_reasons(discretization: Discretization) -> tuple[str, ...]:
+    """Which data are no polynomials of the degree that the stress holds exactly, one sentence each.
 
-    Supports, gaps and offsets are held up to the degree of the displacements, tractions and friction bounds c and t_max
-    up to that of tractions along an edge, p − 2, a body potential up to 5 on cells, and up to p − 2 along contacts.
-    Springs have one stiffness on an edge.
+    Tractions and friction bounds c and t_max are held up to the degree of tractions along an edge, p − 2, a body
+    potential up to 5 on cells, and up to p − 2 along contacts. Springs have one stiffness on an edge. What of supports,
+    gaps and offsets displacements do not hold says `CompanionResult.reasons`.
     """
     problem, space = discretization.problem, discretization.space
     found = [
         f"{_SPOKEN.get(name, name)} on {place!r} is not a polynomial of degree {most} on every edge."
-        for name, place, edges, field, most in _on_edges(discretization, degree)
+        for name, place, edges, field, most in _on_edges(discretization)
         if callable(field) and not is_polynomial(problem, problem.mesh.edges(edges), name, field, most)
     ]
     cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
@@ -108,17 +104,16 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
     return tuple(dict.fromkeys(found))
 
 
-def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str, str, str, Field | None, int]]:
+def _on_edges(discretization: Discretization) -> Iterator[tuple[str, str, str, Field | None, int]]:
     """(name, place, edge set, field, largest degree) of all data on edges."""
     problem, most = discretization.problem, discretization.space.traction_degree
     for condition in problem.cartesian_conditions:
-        if isinstance(condition, (Traction, Displacement)):
-            own = degree if isinstance(condition, Displacement) else most
+        if isinstance(condition, Traction):
             for component, value in components(condition).items():
-                yield f"{type(condition).__name__}.{component}", condition.edges, condition.edges, value, own
+                yield f"Traction.{component}", condition.edges, condition.edges, value, most
         elif isinstance(condition, Contact):
             place = condition.name, condition.edges
-            fields = {"gap": degree, "offset": degree, "normal_stiffness": 0, "tangential_stiffness": 0}
+            fields = {"normal_stiffness": 0, "tangential_stiffness": 0}
             if condition.law != "tied":
                 fields |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
                 yield "ContactProblem.body_potential", *place, problem.body_potential, most
@@ -233,7 +228,7 @@ def bracket(
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     check_scope(result.problem)
-    beside = min(result.discretization.space.degree, DEGREES[-1])  # one less has the same order, but half of the gap
+    beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap
     degree = triangle(beside if degree is None else degree).degree
     options: dict[str, Any] = {"callback": callback}
     if max_iterations is not None:
@@ -246,27 +241,24 @@ def bracket(
         log.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance, **options)
         shared: SharedStress | str = ""
-        laws: list[Mapping[str, FloatArray] | None] = [given.bounds]
-        slip: list[Mapping[str, FloatArray]] = [{}]
         if given.kind is BracketKind.GIVEN_BOUND:
             shared = _with_shares(result, tolerance, **options)
-            shares = shared.shares if isinstance(shared, SharedStress) else {}
-            laws, slip = [*laws, given.bounds], [{}, {name: s.slipping for name, s in shares.items()}]
-        problem = given.discretization.problem
-        companions = solve_companions(
+        slip: list[Mapping[str, FloatArray]] = [{}]
+        if isinstance(shared, SharedStress):  # a displacement for Coulomb's law, too
+            slip.append({name: share.slipping for name, share in shared.shares.items()})
+        problem, laws = given.discretization.problem, [given.bounds] * len(slip)
+        first, *more = solve_companions(
             problem, laws, degree=degree, tolerance=tolerance, slip_directions=slip, **options
         )
-        found = _assemble(given, stress, companions[0])
-        if given.kind is BracketKind.GIVEN_BOUND:
-            companion = companions[1]
-            reasons = dict.fromkeys((*earlier, *found.reasons[len(given.reasons) :], *companion.reasons))
-            bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
-            if isinstance(shared, SharedStress) and companion.has_state:
-                try:
-                    bounds = coulomb_bounds(shared, companion, tuple(reasons))
-                except (FactorisationError, MemoryError) as error:
-                    bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
-            found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
+        found = _assemble(given, stress, first)
+        bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
+        if isinstance(shared, SharedStress) and more[0].has_state:
+            reasons = dict.fromkeys((*earlier, *found.reasons[len(given.reasons) :], *more[0].reasons))
+            try:
+                bounds = coulomb_bounds(shared, more[0], tuple(reasons))
+            except (FactorisationError, MemoryError) as error:
+                bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
+        found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found
@@ -333,13 +325,10 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-        own, left = EdgeTractions.of(discretization, u), (stress.excess, stress.tension)
-        contacts, slack, outer = contact_parts(discretization, own, given.threshold, left, companion)
-        for name, part in spring_parts(fields, companion).items():
-            contacts[name] = replace(contacts.get(name, EdgeParts(0.0 * part, 0.0 * part, part)), springs=part)
+        contacts, slack, outer = edge_parts(fields, discretization, stress.own, given.threshold, stress.left, companion)
     lower = -complementary - slack if not stress.message else -np.inf
     upper = companion.energy if moved else np.inf
-    parts = by_cell(discretization, inside, contacts)
+    parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
     return Bracket(
         problem=problem,
@@ -363,7 +352,7 @@ def _reasons(
     given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult, balance: float, apart: float
 ) -> tuple[str, ...]:
     """Why the bounds are not guaranteed."""
-    data = data_reasons(given.discretization, companion.degree)
+    data = data_reasons(given.discretization)
     found = [*given.reasons, *data, *companion.reasons]
     if given.lowered and not data:
         found.append(

@@ -26,12 +26,10 @@ from qvi_contact.bracket.friction_norm import (
 from qvi_contact.bracket.parts import (
     Bounds,
     CellFields,
-    EdgeParts,
     EdgeTractions,
     bulk,
     by_cell,
-    contact_parts,
-    spring_parts,
+    edge_parts,
     strain_energy,
 )
 from qvi_contact.bracket.share import Share, SharedStress
@@ -108,7 +106,7 @@ class CoulombBounds:
         missed, stopped = defect_bound(self.residual, self.defect, self.norm.value), self.norm.stopped
         if stopped is not None and np.isfinite(self.within):
             missed += stopped.work(self.shares, self.within, missed)
-        return coulomb_force_bounds(self.stress, self.displacement, self.shares, self.within, missed, self.norm)
+        return coulomb_force_bounds(self, missed)
 
     @property
     def error(self) -> float:
@@ -164,15 +162,8 @@ def coulomb_bounds(
 ) -> CoulombBounds | str:
     """T5 with T2: the bounds from a stress and a displacement, or why these two say nothing.
 
-    Parameters
-    ----------
-    stress : SharedStress
-        τ + η, with Bernstein coefficients as rows.
-    companion : CompanionResult
-        v, of the same problem on the same mesh, which slips as the shares allow.
-    reasons : tuple of str
-        Why neither is exactly admissible.
-
+    The stress τ + η has Bernstein coefficients as rows; the displacement v is one of the same problem on the same mesh,
+    and slips as the shares allow. Reasons say why neither is exactly admissible.
     """
     result, shares, known = stress.result, stress.shares, stress.result.discretization
     own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
@@ -180,37 +171,31 @@ def coulomb_bounds(
     for rows in known.contacts:
         if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > ADMISSIBLE * own.size:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
-    edges, slack, _ = contact_parts(known, own, own.bound, left, companion)
-    edges = {
-        name: EdgeParts(np.maximum(part.contact, 0.0), np.maximum(part.friction, 0.0), part.springs)
-        for name, part in edges.items()
-    }
     refusal = _displacement_refused(companion, shares)
     if refusal:
         return refusal
     problem = known.problem
-    fields = CellFields.of(known, result.dofs, companion.degree)
-    before = CellFields.of(known, stress.before.dofs, companion.degree)
+    fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
+    edges, slack, _ = edge_parts(fields, known, own, own.bound, left, companion)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-    springs = {name: EdgeParts(0.0 * part, 0.0 * part, part) for name, part in spring_parts(fields, companion).items()}
-    inside = by_cell(known, inside, springs)
+    inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
+    missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
     norm = friction_norm(problem, shares, unit)
     residual = float(np.sqrt(2.0 * inside.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
     if arcs:  # an estimate of the energy norm of what is left there: a traction k on an edge h has k h √c
         rest, soft = rest_on_arcs(known, result.dofs), float(problem.compliances[:, 0, 0].max())
         residual += rest * float(np.sqrt(soft * (np.concatenate(arcs) ** 2).sum()))
-    defect = slack + float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
-    s, parts_of_cells = norm.value, 0.0 * inside
+    defect = slack + float(sum(part.sum() for part in missed.values()))
+    s, cells = norm.value, 0.0 * inside
     error = error_bound(residual, defect, s)
-    size_of_stress = float(np.sqrt(2.0 * strain_energy(fields, problem.compliances)))
+    size = float(np.sqrt(2.0 * strain_energy(fields, problem.compliances)))
     if norm.stopped is not None and error >= norm.stopped.reach:
-        near, apart = (100.0 * value / size_of_stress for value in (norm.stopped.reach, error))
+        near, apart = (100.0 * value / size for value in (norm.stopped.reach, error))
         what = f"what sticks stops it for solutions within {near:.2g} % of this one, less than the bound {apart:.2g} %"
         norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
     if s < LARGEST:
-        on_edges = by_cell(known, 0.0 * inside, edges)
-        parts_of_cells = 2.0 * amplification(s) ** 2 * inside + on_edges / coercivity(s)
+        cells = 2.0 * amplification(s) ** 2 * inside + by_cell(problem, missed) / coercivity(s)
     return CoulombBounds(
         shares,
         norm,
@@ -218,8 +203,8 @@ def coulomb_bounds(
         defect,
         error,
         float(np.sqrt(2.0 * strain_energy(fields.less(before), problem.compliances))),
-        size_of_stress,
-        parts_of_cells,
+        size,
+        cells,
         (*reasons, *(() if norm.proved else (norm.reason,))),
         stress.places,
         result,

@@ -14,16 +14,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.friction_norm import FrictionNorm
 from qvi_contact.bracket.parts import EDGE_POINTS, Bounds, CellFields, tractions_on
 from qvi_contact.bracket.share import LeastChange, Share
-from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
 from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.discretization import Discretization
@@ -32,8 +30,10 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
 from qvi_contact.solution.contact_line import leads_one_way
-from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import obstacle_work, support_work
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket.coulomb import CoulombBounds
 
 _CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
@@ -93,33 +93,16 @@ class _Line:
         return found
 
 
-def coulomb_force_bounds(
-    stress: ContactResult,
-    companion: CompanionResult,
-    shares: Mapping[str, Share],
-    error: float,
-    defect: float,
-    norm: FrictionNorm,
-) -> dict[str, Bounds]:
+def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
     Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law.
-
-    Parameters
-    ----------
-    stress, companion, shares
-        τ + η, v and s, see `coulomb_bounds`.
-    error : float
-        F [√energy].
-    defect : float
-        The bound of Σ [stress × length²].
-    norm : FrictionNorm
-        That of s; where it is proved, those of the dual problems must be, too.
-
+    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law. Σ is at
+    most `defect` [stress × length²]. Where the norm for s is proved, those of the dual problems must be, too.
     """
+    stress, companion = errors.stress, errors.displacement
     contacts = stress.problem.contacts
-    if not np.isfinite(error) or any(bears_shear(each) and not has_coulomb(each) for each in contacts):
+    if not np.isfinite(errors.within) or any(bears_shear(each) and not has_coulomb(each) for each in contacts):
         return {}
     assert companion.state is not None
     if 2 * companion.state.contacts.count > MOST:
@@ -129,13 +112,13 @@ def coulomb_force_bounds(
     body = BodyAtRest.of(stress.problem, companion.degree)
     changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
     for cut in _CUTS:
-        pairs = _Pairs(body, fields, changes, stress, companion, list(_lines(stress, companion, shares, cut)))
+        pairs = _Pairs(errors, defect, body, fields, changes, list(_lines(errors, cut)))
         for line in pairs.lines:
             targets = {"normal_force": (-1.0, 0.0)}
             if line.share and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
                 targets["tangential_force"] = (0.0, 1.0)
             for name, (a, b) in targets.items():
-                bounds = pairs.bounds(line, a, b, error, defect, norm)
+                bounds = pairs.bounds(line, a, b)
                 if bounds is not None:
                     key = f"{line.contact.name}.{name}"
                     lower, upper = found.get(key, (-np.inf, np.inf))
@@ -147,24 +130,24 @@ def coulomb_force_bounds(
 class _Pairs:
     """Dual pairs z, ζ on the mesh of a result: displacements at rest, τ, and changes of all its tractions."""
 
+    errors: CoulombBounds
+    defect: float
     body: BodyAtRest
     fields: CellFields
     changes: LeastChange
-    stress: ContactResult
-    companion: CompanionResult
     lines: list[_Line]
 
     @property
     def known(self) -> Discretization:
         """The discretisation of the stress."""
-        return self.stress.discretization
+        return self.errors.stress.discretization
 
     @property
     def unit(self) -> float:
         """D: z is that large where its dimensionless coefficients are 1 [length]."""
         return self.known.scales.displacement
 
-    def bounds(self, line: _Line, a: float, b: float, error: float, defect: float, norm: FrictionNorm) -> Bounds | None:
+    def bounds(self, line: _Line, a: float, b: float) -> Bounds | None:
         """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
         goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
         c, z, plates = self._displacement(goals)
@@ -172,12 +155,13 @@ class _Pairs:
         ratio = self._ratio(goals, c, change)
         if ratio is None:
             return None
-        second = norm.work(self.stress.problem, parts, error, defect)
+        error = self.errors.within
+        second = self.errors.norm.work(self.known.problem, parts, error, self.defect)
         if not np.isfinite(second):
             return None
         middle, residual = self._value(goals, c, z, plates, change)
         middle -= a * float(line.trace.fluid.sum()) * self.known.scales.stress * self.known.scales.length
-        rest = (error * residual + ratio * defect + second) / self.unit
+        rest = (error * residual + ratio * self.defect + second) / self.unit
         rest += _ROUNDED * abs(middle)
         return Bounds(float(middle - rest), float(middle + rest))
 
@@ -218,7 +202,7 @@ class _Pairs:
         """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
         qvi, q = self.known.qvi, self.known.rule.count
         work = np.zeros((2, qvi.m))
-        products = bernstein.product_integrals(q - 1, self.companion.degree)
+        products = bernstein.product_integrals(q - 1, self.errors.displacement.degree)
         for line in self.lines:
             local = np.stack(line.trace.on_edges(*c[:, line.trace.here]))
             work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
@@ -299,9 +283,9 @@ class _Pairs:
         change: FloatArray,
     ) -> tuple[float, float]:
         """The resultant as far as it is known [stress × length], and |ε(z) − cζ| of z with the unit of length D."""
-        known, scales, companion = self.known, self.known.scales, self.companion
+        known, scales, companion = self.known, self.known.scales, self.errors.displacement
         assert companion.state is not None
-        u = self.stress.dofs
+        u = self.errors.stress.dofs
         other = u + known.basis @ change
         fields = self.fields
         dual = CellFields.of(known, other, companion.degree).less(fields)
@@ -329,10 +313,9 @@ class _Pairs:
         return work / self.unit, float(np.sqrt(size))
 
 
-def _lines(
-    stress: ContactResult, companion: CompanionResult, shares: Mapping[str, Share], cut: float
-) -> Iterator[_Line]:
-    known, state = stress.discretization, companion.state
+def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
+    stress, shares, state = errors.stress, errors.shares, errors.displacement.state
+    known = stress.discretization
     assert state is not None
     c, length = state.c.reshape(2, -1), known.scales.displacement
     # where all of a contact is closed and sticks its displacements are the rounding of those of the body

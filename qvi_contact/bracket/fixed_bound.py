@@ -111,7 +111,7 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
         if edges.curved:
             remedy = "this step of a history has slipped before along arcs: bracket the result of one solve"
             raise InputError("result", contact.name, remedy)
-        slip = coefficients(known, rows.slip * known.scales.displacement, known.rule.count - 1)
+        slip = coefficients(known, rows.slip * known.scales.displacement)
         meeting: dict[int, list[tuple[int, int]]] = {}
         for end, vertices in enumerate((edges.first, edges.second)):
             for edge, vertex in enumerate(vertices.tolist()):
@@ -142,10 +142,9 @@ class AdmissibleStress:
 
     # it carries the stress; solved for the given bound if that of the bracketed result violates the law somewhere
     result: ContactResult
-    # excess, tension, (e,) each: what is left of violations on each contact edge, largest (|τ_T| − s)⁺ and (τ_N)⁺,
-    # dimensionless
-    excess: FloatArray
-    tension: FloatArray
+    own: EdgeTractions  # its tractions
+    # (e,) each: what is left of violations on each contact edge, largest (|τ_T| − s)⁺ and (τ_N)⁺, dimensionless
+    left: tuple[FloatArray, FloatArray]
     message: str = ""  # why there is no such stress; empty if there is
 
 
@@ -158,16 +157,16 @@ def admissible_stress(
     """
     discretization = given.discretization
 
-    def violations(result: ContactResult) -> tuple[FloatArray, FloatArray, float]:
-        """Those on each edge, and the largest over the largest traction, where all is open the unit of stress."""
+    def violating(result: ContactResult) -> tuple[AdmissibleStress, float]:
+        """A stress, and its largest violation over the largest traction, where all is open the unit of stress."""
         own = EdgeTractions.of(discretization, result.dofs)
-        excess, tension = own.violations(given.threshold, discretization.qvi.bilateral)
+        left = own.violations(given.threshold, discretization.qvi.bilateral)
         size = float(max(own.size, result.certificate.scales.get("stress", 0.0))) or 1.0
-        return excess, tension, float(max(excess.max(initial=0.0), tension.max(initial=0.0))) / size
+        return AdmissibleStress(result, own, left), float(max(part.max(initial=0.0) for part in left)) / size
 
-    excess, tension, worst = violations(result)
+    found, worst = violating(result)
     if worst <= tolerance:
-        return AdmissibleStress(result, excess, tension)
+        return found
     qvi = discretization.qvi  # with m > 0, as something is violated
     solution = solve_qvi(qvi.with_bound(np.maximum(given.threshold.ravel(), 0.0)), tolerance=tolerance, **options)
     strict = ContactResult(discretization, solution)
@@ -175,6 +174,6 @@ def admissible_stress(
     if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
         message = "No stress on this mesh obeys the contact law on whole edges for that bound: refine the mesh."
     if not strict.has_state:
-        return AdmissibleStress(result, excess, tension, message)
-    excess, tension, worst = violations(strict)
-    return AdmissibleStress(strict, excess, tension, "" if worst <= LOOSEST else message)
+        return replace(found, message=message)
+    found, worst = violating(strict)
+    return found if worst <= LOOSEST else replace(found, message=message)

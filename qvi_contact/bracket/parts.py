@@ -15,7 +15,6 @@ In `docs/theory.md`: (D20), (D40).
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,10 +23,12 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined, scaled_stress_at_rest
-from qvi_contact.discretization.space import split_points
+from qvi_contact.discretization.space import edge_rule, split_points
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.material import is_strained
+from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.stress import cell_stresses, normal_and_shear
 
 _OUTWARD = 2.0  # safety of the work of violations that are left
@@ -61,6 +62,11 @@ class EdgeParts:
     friction: FloatArray
     springs: FloatArray
 
+    @property
+    def total(self) -> FloatArray:
+        """Their sum (edges,)."""
+        return self.contact + self.friction + self.springs
+
 
 @dataclass(frozen=True, eq=False)
 class EdgeTractions:
@@ -79,27 +85,25 @@ class EdgeTractions:
     @classmethod
     def of(cls, discretization: Discretization, u: FloatArray) -> "EdgeTractions":
         """From degrees of freedom u of Φ."""
-        qvi, degree = discretization.qvi, discretization.space.traction_degree
+        qvi, rule = discretization.qvi, discretization.rule
         if not qvi.m:
-            none = np.zeros((0, degree + 1))
+            none = np.zeros((0, rule.count))
             return cls(none, none, none, np.ones(0, dtype=bool), 0.0)
         limited = [rows for rows in discretization.contacts if rows.law != "tied"]
-        pairs = [normal_and_shear(discretization, u, rows.points) for rows in limited]
-        normal = joined([normal + rows.pore_pressure for (normal, _), rows in zip(pairs, limited, strict=True)])
-        shear = joined([shear for _, shear in pairs])
+        pairs = [tractions_on(discretization, u, rows) for rows in limited]
+        normal, shear = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         (cohesion, exact), (cap, cap_exact) = (
             _polynomials(discretization, joined([getattr(rows.limits, name) for rows in limited]))
             for name in ("cohesion", "cap")
         )
-        pressure = qvi.law.pressed(discretization.rule.at_rows(normal))
+        pressure = qvi.law.pressed(normal.ravel())
         law = cohesion + (qvi.mu * pressure).reshape(cohesion.shape)
 
         def below(first: FloatArray, second: FloatArray) -> BoolArray:
             """On which edges the first bound is the smaller one in all coefficients, rounding set aside."""
             return np.asarray((first <= second * (1.0 + _BELOW_ZERO)).all(axis=1))
 
-        size = float(max(np.abs(normal).max(), np.abs(shear).max()))
-        normal, shear = (coefficients(discretization, part, degree) for part in (normal, shear))
+        size = float(max(np.abs(rule.at_points(part.ravel())).max() for part in (normal, shear)))
         exact = np.where(below(law, cap), exact, cap_exact & below(cap, law))
         return cls(normal, shear, np.minimum(law, cap), exact, size)
 
@@ -120,24 +124,13 @@ class EdgeTractions:
 def tractions_on(discretization: Discretization, u: FloatArray, rows: ContactRows) -> tuple[FloatArray, FloatArray]:
     """The same coefficients of σ_N and σ_T on one contact, dimensionless."""
     normal, shear = normal_and_shear(discretization, u, rows.points)
-    degree = discretization.space.traction_degree
-    return coefficients(discretization, normal + rows.pore_pressure, degree), coefficients(
-        discretization, shear, degree
-    )
+    return coefficients(discretization, normal + rows.pore_pressure), coefficients(discretization, shear)
 
 
-def coefficients(discretization: Discretization, values: FloatArray, degree: int) -> FloatArray:
-    """Bernstein coefficients (e, degree + 1) of the polynomials nearest to values at the contact points (m,)."""
-    nearest = _nearest(degree, tuple(discretization.rule.points.tolist()))
-    return np.asarray(values.reshape(-1, nearest.shape[1]) @ nearest.T)
-
-
-@cache
-def _nearest(degree: int, points: tuple[float, ...]) -> FloatArray:
-    """Matrix (degree + 1, q) from values at q points to the coefficients of the nearest polynomial."""
-    matrix = np.asarray(np.linalg.pinv(bernstein.basis(degree, np.array(points))))
-    matrix.flags.writeable = False
-    return matrix
+def coefficients(discretization: Discretization, values: FloatArray) -> FloatArray:
+    """Bernstein coefficients (e, q) of the polynomials through values (m,) at the q contact points of each edge."""
+    rule = edge_rule("edges", discretization.space.degree)
+    return rule.at_rows(values).reshape(-1, rule.count)
 
 
 def _polynomials(discretization: Discretization, values: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -145,7 +138,7 @@ def _polynomials(discretization: Discretization, values: FloatArray) -> tuple[Fl
     q = discretization.rule.count
     values = values.reshape(-1, q)
     given: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
-    found = coefficients(discretization, np.where(given[:, None], values, 0.0), q - 1)
+    found = coefficients(discretization, np.where(given[:, None], values, 0.0))
     size = np.where(given, np.abs(values).max(axis=1), 0.0)
     usable: BoolArray = np.asarray((found >= -_BELOW_ZERO * size[:, None]).all(axis=1))
     inside = found @ bernstein.basis(q - 1, bernstein.SAMPLES).T
@@ -181,7 +174,7 @@ def _springs(discretization: Discretization, u: FloatArray) -> Iterator[SpringFi
     problem, (t, w) = discretization.problem, gauss_legendre(EDGE_POINTS)
     for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
         edges = problem.mesh.edges(contact.edges)
-        for half, name in enumerate(("normal_stiffness", "tangential_stiffness")):
+        for half, name in enumerate(SPRINGS):
             field = getattr(contact, name)
             if field is not None:
                 part = tractions_on(discretization, u, rows)[half] * discretization.scales.stress
@@ -238,23 +231,15 @@ def bulk(fields: CellFields, compliances: FloatArray, strain: FloatArray) -> Flo
     return np.asarray(0.5 * np.einsum("cg,cgk,ckl,cgl->c", fields.weights, difference, stiffness, difference))
 
 
-def spring_parts(fields: CellFields, companion: CompanionResult) -> dict[str, FloatArray]:
-    """½ ∫ (τ + k d)²/k ds on each edge (edges,) of contacts with springs."""
-    found, t = dict[str, FloatArray](), gauss_legendre(EDGE_POINTS)[0]
-    for each in fields.springs:
-        part = 0.5 * (each.weights * each.missed(companion.stretch(each.name, t)) ** 2).sum(axis=1)
-        found[each.name] = found.get(each.name, 0.0) + part
-    return found
-
-
-def contact_parts(
+def edge_parts(
+    fields: CellFields,
     discretization: Discretization,
     own: EdgeTractions,
     bound: FloatArray,
     left: tuple[FloatArray, FloatArray],
     companion: CompanionResult,
 ) -> tuple[dict[str, EdgeParts], float, float]:
-    """Parts of the gap by contact, without springs, for a friction bound s (e, q); and two works.
+    """Parts of the gap by contact that is not tied or has springs, for a friction bound s (e, q); and two works.
 
     What violations cost that a solver left, the excess and tension of `EdgeTractions.violations`, is estimated by twice
     their work with v in the place of u. The other is ∫ |s − s_τ||v_T − w| ds with the bound s_τ of the stress.
@@ -262,10 +247,16 @@ def contact_parts(
     problem, unit, (t, weights) = discretization.problem, discretization.scales.stress, gauss_legendre(EDGE_POINTS)
     nodes, back = bernstein.nodes(companion.degree), bernstein.from_values(companion.degree)
     found, slack, outer, (excess, tension) = dict[str, EdgeParts](), 0.0, 0.0, left
-    for rows in (rows for rows in discretization.contacts if rows.law != "tied"):
-        e = rows.edges
-        contact = next(contact for contact in problem.contacts if contact.name == rows.name)
-        edges = problem.mesh.edges(contact.edges)
+    for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
+        e, edges = rows.edges, problem.mesh.edges(contact.edges)
+        sprung = np.zeros(len(edges))
+        for each in fields.springs:
+            if each.name == rows.name:
+                sprung += 0.5 * (each.weights * each.missed(companion.stretch(each.name, t)) ** 2).sum(axis=1)
+        if contact.law == "tied":
+            if contact.has_springs:
+                found[rows.name] = EdgeParts(0.0 * sprung, 0.0 * sprung, sprung)
+            continue
         lengths, normal, shear = edges.length, unit * own.normal[e], unit * own.shear[e]
         gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
         opening = gap - companion.trace(rows.name, t)[0]
@@ -273,7 +264,7 @@ def contact_parts(
         offset = evaluate("Contact.offset", contact.offset, *problem.mesh.points_along(edges, nodes))
         slip = (companion.trace(rows.name, nodes)[1] - offset) @ back.T
         nothing, friction = np.zeros_like(shear), lengths * slip_work(slip, shear, unit * bound[e])
-        found[rows.name] = EdgeParts(lengths * ((pressure * opening) @ weights), friction, np.zeros(len(edges)))
+        found[rows.name] = EdgeParts(lengths * ((pressure * opening) @ weights), friction, sprung)
         moved = lengths * slip_work(slip, nothing, nothing + 1.0)
         slack += _OUTWARD * unit * float(tension[e] @ (lengths * (np.abs(opening) @ weights)) + excess[e] @ moved)
         outer += unit * float(np.abs(own.bound - bound)[e].max(axis=1) @ moved)
@@ -287,17 +278,13 @@ def slip_work(slip: FloatArray, shear: FloatArray, bound: FloatArray) -> FloatAr
     return np.asarray(bernstein.absolute_integrals(bound, slip) + signed)
 
 
-def by_cell(discretization: Discretization, inside: FloatArray, on_edges: Mapping[str, EdgeParts]) -> FloatArray:
-    """All parts (cells,): those of the cells (cells,), and of the edges to their cell, on joints to both halves."""
-    problem = discretization.problem
-    cells = inside.copy()
+def by_cell(problem: ContactProblem, on_edges: Mapping[str, FloatArray]) -> FloatArray:
+    """Parts (edges,) of the edges of contacts as parts of their cells (cells,), on joints of both in halves."""
+    found = np.zeros(problem.mesh.cell_count)
     for contact in problem.contacts:
         if contact.name in on_edges:
-            near, far = problem.mesh.edges(contact.edges).cells.T
-            own = on_edges[contact.name]
-            parts = own.contact + own.friction + own.springs
-            joint = contact in problem.joints
-            np.add.at(cells, near, 0.5 * parts if joint else parts)
-            if joint:
-                np.add.at(cells, far, 0.5 * parts)
-    return cells
+            cells, parts = problem.mesh.edges(contact.edges).cells, on_edges[contact.name]
+            sides = (0, 1) if contact in problem.joints else (0,)
+            for side in sides:
+                np.add.at(found, cells[:, side], parts / len(sides))
+    return found

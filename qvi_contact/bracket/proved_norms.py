@@ -14,8 +14,9 @@ from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
+from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.data import PARALLEL
-from qvi_contact.companion.space import DisplacementSpace, triangle
+from qvi_contact.companion.space import DisplacementSpace, reference_matrices, triangle
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
@@ -145,19 +146,9 @@ def _profile(places: FloatArray, known: list[tuple[FloatArray, FloatArray]]) -> 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
     """The norm of v ↦ θ v_a e_b in the energy norm: a number it does not exceed.
 
-    Parameters
-    ----------
-    ratio : float
-        Poisson's ratio of the plane state, −c12/c11: ν in plane stress, ν/(1 − ν) in plane strain.
-    inf_sup : float
-        β of the rectangle mirrored at the sides where displacements are odd.
-    largest : float
-        max |θ|.
-    steepest : float
-        max |∂_b θ| times the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖.
-    turned : float
-        H with ‖∂_a θ v_a‖ ≤ H ‖∂_a v_a‖.
-
+    `ratio` is Poisson's of the plane state, −c12/c11: ν in plane stress, ν/(1 − ν) in plane strain; `inf_sup` is β of
+    the rectangle mirrored at the sides where displacements are odd; `largest` is max |θ|, `steepest` max |∂_b θ| times
+    the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖, and `turned` is H with ‖∂_a θ v_a‖ ≤ H ‖∂_a v_a‖.
     """
     if not np.isfinite(turned):
         return float("inf")
@@ -212,14 +203,8 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
 def star_constant(ratio: float, gain: float) -> float:
     """The norm of v ↦ v_t n in the energy norm: a number it does not exceed.
 
-    Parameters
-    ----------
-    ratio : float
-        Poisson's ratio of the plane state, −c12/c11.
-    gain : float
-        G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω, zero where displacements are free, for the rotation ω of
-        every displacement.
-
+    `ratio` is Poisson's of the plane state, −c12/c11; `gain` is G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω,
+    zero where displacements are free, for the rotation ω of every displacement.
     """
     soft = 1.0 - ratio
     across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
@@ -249,21 +234,18 @@ def _inf_sup(problem: ContactProblem) -> float | None:
 def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
     """G of `star_constant`: by a field ψ of mean divergence 1 where supports are, and β for what is left."""
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
-    cell, numbers = space.cell, space.along(problem.mesh.boundary)
+    n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
     unknown = np.ones((space.size // 2, 2), dtype=bool)  # components that vanish on edges that leave them free
     for edge, held in enumerate(sides):
         unknown[numbers[edge]] &= [spans(held, unit) for unit in np.eye(2)]
     free = unknown.ravel()
-    t, weights = cell.quadrature(space.degree + 1)
-    slopes = np.einsum("cab,aqn->cqnb", space.slopes, cell.derivative_values(t) @ np.stack(cell.differences))
-    w = space.areas[:, None] * weights
-    divergence = slopes.reshape(*slopes.shape[:2], -1)
-    local = np.einsum("cq,cqnb,cqmb->cnm", w, slopes, slopes)
-    blocks = np.einsum("cq,cqi,cqj->cij", w, divergence, divergence)
-    squared = space.assembled(blocks)  # ‖div ψ‖²
-    laplace = space.assembled(np.einsum("cnm,xy->cnxmy", local, np.eye(2)).reshape(blocks.shape))  # ‖∇ψ‖²
-    works, area = np.einsum("cq,cqi->ci", w, divergence).ravel(), float(w.sum())
-    mean = np.bincount(space.dofs.ravel(), works, minlength=space.size)  # ∫ div ψ
+    trace = np.array([1.0, 1.0, 0.0])
+    body = Elasticity(space, np.tile(np.outer(trace, trace), (len(space.table), 1, 1)))
+    squared, (t, weights) = body.stiffness(), body.points()  # ‖div ψ‖²
+    mean, area = body.virtual_work(weights[..., None] * trace, t), float(weights.sum())  # ∫ div ψ
+    matrices = space.areas, space.slopes, space.slopes, reference_matrices(space.cell), np.eye(2)
+    blocks = np.einsum("c,cax,cbx,abij,kl->cikjl", *matrices, optimize=True)
+    laplace = space.assembled(blocks.reshape(-1, 2 * n, 2 * n))  # ‖∇ψ‖²
     matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
     if not np.abs(right[free]).max(initial=0.0) > 0.0:
         return None

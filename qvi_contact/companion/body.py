@@ -12,7 +12,7 @@ are.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -21,7 +21,7 @@ from scipy import sparse
 from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.companion.data import MISFIT, Supports, load_points
+from qvi_contact.companion.data import MISFIT, Supports, load_points, moments
 from qvi_contact.companion.space import DisplacementSpace, reference_matrices
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
@@ -122,12 +122,8 @@ class Elasticity:
         t, weights = self.points()
         d = v[self.space.size :]
         springs = 0.0 if self.springs is None else 0.5 * float(d @ (self.springs @ d))
-        if self.at_rest is None:
-            strain = self.strain(v, slice(None), t)
-            work = np.einsum("cq,cqk,cqk->", weights, strain, strain @ self.moduli.swapaxes(1, 2))
-        else:
-            stress = self.stress(v, slice(None), t)
-            work = np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli))
+        stress = self.stress(v, slice(None), t)
+        work = np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli))
         return 0.5 * float(work) + springs
 
     def force(self, v: FloatArray) -> FloatArray:
@@ -160,11 +156,11 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     for given in problem.prescribed(Traction):
         edges, count = given.edges, load_points(space.degree)
         part = along_edges(problem.mesh, edges, given.name, given.value, count)
-        shapes = bernstein.basis(space.degree, part.t.ravel()).reshape(*part.t.shape, -1)
         lengths = edges.length / scales.length
         along = vectors_along(edges.take(part.edge), given.direction[part.edge], part.t, turns=given.turns)
         for component in (0, 1):
-            work = lengths[:, None] * part.integrals(shapes * along[..., [component]]) / scales.stress
+            loaded = replace(part, values=part.values * along[..., component])
+            work = lengths[:, None] * moments(loaded, space.degree) / scales.stress
             np.add.at(tractions, 2 * space.along(edges) + component, work)
         if part.error > MISFIT * float(np.abs(part.values).max(initial=0.0)):
             size = f"{part.error:.2g} [stress]"

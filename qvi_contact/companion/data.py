@@ -15,10 +15,10 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
-from qvi_contact.companion.space import DisplacementSpace
+from qvi_contact.companion.space import DisplacementSpace, spread
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
@@ -28,7 +28,6 @@ LOAD_POINTS = 10
 
 MISFIT = 1e-10
 """Difference between data and their polynomial on an edge, relative to the data's unit, that counts as rounding."""
-
 
 PARALLEL = 1e-8
 """Sine of the angle between two directions that is the rounding of coordinates."""
@@ -68,28 +67,9 @@ def along_arcs(arcs: Edges, vectors: FloatArray, degree: int) -> FloatArray:
     return np.asarray(np.einsum("ki,eia,ij->ekja", project, vectors_along(arcs, vectors, nodes), values))
 
 
-def edge_moments(
-    problem: ContactProblem, edges: Edges, name: str, field: Field, degree: int, unit: float
-) -> tuple[FloatArray, float]:
-    """∫₀¹ f B_i dt (e, degree + 1) of a field f ≥ 0 over its unit, by the finer of two Gauss rules, and its misfit.
-
-    That is the largest difference found at `bernstein.SAMPLES` between f and the polynomial that the finer rule
-    integrates, or between both rules. Polynomials are exact up to degree 2 `load_points`; between these points nothing
-    is known of f.
-    """
-
-    def at(t: FloatArray) -> FloatArray:
-        return evaluate(name, field, *problem.mesh.points_along(edges, t), minimum=0.0) / unit
-
-    first, second = load_points(degree), 2 * load_points(degree) + 1
-    (t, w), (fine_t, fine_w) = gauss_legendre(first), gauss_legendre(second)
-    fine = at(fine_t)
-    values = fine @ (bernstein.basis(degree, fine_t) * fine_w[:, None])
-    if not callable(field):
-        return values, 0.0
-    coarse = at(t) @ (bernstein.basis(degree, t) * w[:, None])
-    unseen = at(bernstein.SAMPLES) - fine @ bernstein.to_samples(second)
-    return values, max(float(np.abs(part).max(initial=0.0)) for part in (coarse - values, unseen))
+def moments(given: EdgeQuadrature, degree: int) -> FloatArray:
+    """∫₀¹ f B_i dt (e, degree + 1) of a function on e edges."""
+    return given.integrals(bernstein.basis(degree, given.t.ravel()).reshape(*given.t.shape, -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,9 +173,3 @@ def _along_arcs(
     own, beside = spread(inside, inside, inverse, size), spread(inside, at_ends, inverse @ B, size)
     rows = spread(inside, inside, A, size) + spread(inside, at_ends, B, size)
     return sparse.csr_array(whole + own - beside @ whole), sparse.csr_array(whole.T + rows)
-
-
-def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
-    """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
-    at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-    return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))

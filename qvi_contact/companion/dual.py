@@ -31,8 +31,10 @@ from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.body import CondensedBody
-from qvi_contact.companion.data import PARALLEL, spread
+from qvi_contact.companion.data import PARALLEL
+from qvi_contact.companion.space import spread
 from qvi_contact.companion.traces import DisplacementContact
+from qvi_contact.discretization.plates import independent_rows
 from qvi_contact.errors import InputError
 from solvers import FrictionQVI, QVISolution
 
@@ -215,15 +217,10 @@ def groups(B: sparse.csr_array) -> list[IntArray]:
 
 def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
     """Equality rows that those before them do not determine; a contradiction raises."""
-    kept: list[int] = []
     sizes = np.linalg.norm(A, axis=1)
-    for index in range(len(A)):
-        combination = np.linalg.lstsq(A[kept].T, A[index], rcond=None)[0] if kept else np.zeros(0)
-        rest = A[index] - combination @ A[kept]
-        if np.linalg.norm(rest) > _DEPENDENT * max(float(sizes[index]), _DEPENDENT * float(sizes.max())):
-            kept.append(index)
-            continue
-        contradiction = float(b[index] - combination @ b[kept])
+    kept, combinations = independent_rows(A, _DEPENDENT * np.maximum(sizes, _DEPENDENT * sizes.max(initial=0.0)))
+    for index, combination in combinations.items():
+        contradiction = float(b[index] - combination @ b[kept[: len(combination)]])
         if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
             if index >= rigid:
                 remedy = (

@@ -13,7 +13,8 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_arra
 from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.dual import Contacts
 from qvi_contact.companion.space import DisplacementSpace
-from qvi_contact.companion.traces import DisplacementContact, plate_centre
+from qvi_contact.companion.traces import DisplacementContact
+from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -284,16 +285,12 @@ class CompanionResult(PicklesFields):
             plate = contact.plate
             if plate is None:
                 continue
-            moved = dict.fromkeys(("force_x", "force_y", "moment"), 0.0)
+            moved = {}
             for component, *_ in trace.motions:
                 unit = scales.displacement / (scales.length if component == "moment" else 1.0)
                 moved[component] = float(self._state.plates[start]) * unit
                 start += 1
-            place = plate.reference(*plate_centre(self.problem, trace.edges))
-            turn = moved["moment"]
-            x = moved["force_x"] - turn * (plate.pivot[1] - place[1])
-            y = moved["force_y"] + turn * (plate.pivot[0] - place[0])
-            found[trace.name] = plate_motion(plate, x, y, turn)
+            found[trace.name] = plate_motion(plate, centre_of(self.problem, trace.edges), moved)
         return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
 
     @property

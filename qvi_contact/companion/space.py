@@ -16,7 +16,8 @@ corner a to b,
     x(λ) = Σ λ_i X_i + Σ_sides λ_a λ_b q(λ_b − λ_a),   τ (1 − τ) q(2τ − 1) = γ(τ) − (1 − τ) X_a − τ X_b
 
 which is γ on the side, the straight line on the others, and smooth, so that displacements that are polynomials of λ are
-of full order. Neighbours agree on every side. q is a polynomial that differs from its definition by rounding.
+of full order. (The map of the mesh, seen from barycentres, is not: it bends between the thirds of a cell.) Neighbours
+agree on every side. q is a polynomial that differs from its definition by rounding.
 """
 
 from dataclasses import dataclass
@@ -24,26 +25,21 @@ from functools import cache, cached_property, lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.polynomial.legendre import legder, leggauss, legvander
+from numpy.polynomial.legendre import legder, legvander
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from skfem import MeshTri  # type: ignore[import-untyped]
-from skfem.assembly import Dofs  # type: ignore[import-untyped]
-from skfem.element import Element  # type: ignore[import-untyped]
-from skfem.refdom import RefTri  # type: ignore[import-untyped]
 
-from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature
-from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import OPPOSITE, Edges, arc_offsets
+from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
+from qvi_contact.element.legendre import from_values, gauss_legendre
+from qvi_contact.element.triangle import EDGES, bernstein, exponents, gradient, quadrature
+from qvi_contact.mesh.edges import Edges, Topology, arc_offsets
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
-_SIDES: Final = ((0, 1), (1, 2), (0, 2))  # in scikit-fem's order, from the lower number of a corner to the higher one
 _SLOPES: Final = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of λ
 
-DEGREES: Final = (1, 2, 3, 4, 5)
-"""Degrees of displacements that are offered."""
+HIGHEST: Final = 5
+"""Highest degree of displacements that is offered."""
 
 DEFAULT_DEGREE: Final = 3
 """The one taken where none is given."""
@@ -53,18 +49,8 @@ _STEPS: Final = 8  # of Newton's method for the inverse of the map; each doubles
 
 
 def triangle(degree: int | None = None) -> "Triangle":
-    """The triangle with displacements of a degree, the same again for the same degree; see `DEGREES`.
-
-    Raises
-    ------
-    InputError
-        If that degree is not offered.
-
-    """
-    chosen = DEFAULT_DEGREE if degree is None else degree
-    if isinstance(chosen, bool) or not isinstance(chosen, int | np.integer) or chosen not in DEGREES:
-        raise InputError("degree", degree, f"give one of {', '.join(map(str, DEGREES))}")
-    return _triangle(int(chosen))
+    """The triangle with displacements of a degree, the same again for the same degree; `InputError` if it is none."""
+    return _triangle(DEFAULT_DEGREE if degree is None else whole_number("degree", degree, HIGHEST))
 
 
 @dataclass(frozen=True)
@@ -92,7 +78,7 @@ class Triangle:
     def sides(self) -> IntArray:
         """The coefficients (3, 3, p + 1) from one corner to another along a side; −1 from a corner to itself."""
         alpha, found = exponents(self.degree), np.full((3, 3, self.degree + 1), -1)
-        for first, last in _SIDES:
+        for first, last in EDGES:
             on_side = np.flatnonzero(alpha[:, first] + alpha[:, last] == self.degree)
             side = on_side[np.argsort(alpha[on_side, last])]
             found[first, last], found[last, first] = side, side[::-1]
@@ -120,15 +106,17 @@ class Triangle:
     def table(self, vertices: IntArray) -> IntArray:
         """Numbers of the coefficients of cells whose corners are the vertices (cells, 3), shape (cells, n).
 
-        By scikit-fem: vertices, sides, inside; neighbours share those of vertices and sides.
+        Vertices come first, then sides, then what is inside; neighbours share those of vertices and sides.
         """
-        p, points = self.degree, np.zeros((2, int(vertices.max()) + 1))
-        topology = MeshTri(points, np.ascontiguousarray(vertices.T))
-        numbers = Dofs(topology, _Counts(RefTri, p - 1, (p - 1) * (p - 2) // 2)).element_dofs.T
-        on_sides = [self.sides[first, last][1:-1] for first, last in _SIDES]
+        p, count = self.degree, int(vertices.max()) + 1
+        topology, found = Topology.of(vertices, count), np.empty((len(vertices), len(self.places)), dtype=np.int64)
+        found[:, self.corners] = vertices
+        for s, (first, last) in enumerate(EDGES):
+            found[:, self.sides[first, last][1:-1]] = count + (p - 1) * topology.of_cells[:, [s]] + np.arange(p - 1)
         inside = np.flatnonzero((exponents(p) > 0).all(axis=1))
-        own = np.argsort(np.concatenate([self.corners, *on_sides, inside]))
-        return np.asarray(numbers, dtype=np.int64)[:, own]
+        numbers = np.arange(len(vertices) * len(inside)).reshape(len(vertices), -1)
+        found[:, inside] = count + (p - 1) * len(topology.ends) + numbers
+        return found
 
 
 _triangle = cache(Triangle)
@@ -151,15 +139,6 @@ def reference_matrices(cell: Triangle) -> FloatArray:
     return found
 
 
-class _Counts(Element):  # type: ignore[misc]  # scikit-fem has no types
-    """How many coefficients vertices, sides and the inside of a cell have."""
-
-    nodal_dofs = 1
-
-    def __init__(self, domain: object, side: int, inside: int) -> None:
-        self.refdom, self.facet_dofs, self.interior_dofs = domain, side, inside
-
-
 @dataclass(frozen=True, eq=False)
 class CurvedCells:
     """What arcs add to the triangles of a mesh that have some; dimensionless."""
@@ -171,10 +150,9 @@ class CurvedCells:
     @classmethod
     def of(cls, mesh: TriangleMesh, length: float) -> "CurvedCells":
         """Those of a mesh, whose lengths are divided by `length`."""
-        bends = mesh.sides
-        numbers = np.flatnonzero(bends.any(axis=(1, 2)))
+        numbers = np.flatnonzero(mesh.curved)
         corners = (mesh.vertices[mesh.cells[numbers]] - mesh.origin) / length
-        return cls(numbers, corners, bends[numbers])
+        return cls(numbers, corners, mesh.sides[numbers])
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -190,22 +168,19 @@ class CurvedCells:
     @cached_property
     def _bulges(self) -> FloatArray:
         """Coefficients of Legendre of q of all sides, (3, c, terms, 2)."""
-        terms = _TERMS + self.bends.shape[2]
-        nodes, weights = leggauss(terms)
-        t = (1.0 + nodes) / 2.0
-        project = (np.arange(terms) + 0.5)[:, None] * (legvander(nodes, terms - 1) * weights[:, None]).T
-        found = np.zeros((3, len(self), terms, 2))
-        for s, (a, b) in enumerate(OPPOSITE):
+        t = gauss_legendre(_TERMS + self.bends.shape[2])[0]
+        found = np.zeros((3, len(self), len(t), 2))
+        for s, (a, b) in enumerate(EDGES):
             chord = self.corners[:, b] - self.corners[:, a]
             bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
-            found[s] = project @ (bulge / (t * (1.0 - t))[:, None])
+            found[s] = from_values(len(t) - 1, len(t)) @ (bulge / (t * (1.0 - t))[:, None])
         return found
 
     def points(self, which: IntArray, t: FloatArray) -> FloatArray:
         """Points (k, q, 2) at reference points t, (q, 2) or (k, q, 2), of some of the cells (k,)."""
         barycentric = _barycentric(t, len(which))
         found = barycentric @ self.corners[which]
-        for s, (a, b) in enumerate(OPPOSITE):
+        for s, (a, b) in enumerate(EDGES):
             bent = self._bent(which, s)
             first, second = barycentric[bent, :, a], barycentric[bent, :, b]
             found[bent] += (first * second)[..., None] * _sum(self._bulges[s, which[bent]], second - first)
@@ -217,7 +192,7 @@ class CurvedCells:
         found = np.broadcast_to(
             (self.corners[which].swapaxes(1, 2) @ _SLOPES)[:, None], (*barycentric.shape[:2], 2, 2)
         ).copy()
-        for s, (a, b) in enumerate(OPPOSITE):
+        for s, (a, b) in enumerate(EDGES):
             bent = self._bent(which, s)
             first, second = barycentric[bent, :, a], barycentric[bent, :, b]
             q = self._bulges[s, which[bent]]
@@ -311,10 +286,7 @@ class DisplacementSpace:
 
     def assembled(self, blocks: FloatArray) -> sparse.csr_array:
         """The sum (size, size) of matrices of the cells (cells, 2 n, 2 n)."""
-        dofs = self.dofs
-        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        found = sparse.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size))
-        return sparse.csr_array(found.tocsr())
+        return spread(self.dofs, self.dofs, blocks, self.size)
 
     def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
@@ -367,11 +339,17 @@ class DisplacementSpace:
         blocks = int(self.block.max()) + 1
         found = np.zeros((self.size // 2, 2, blocks, 3))
         for block in range(blocks):
-            mine = np.flatnonzero(self.owner == block)
+            mine = self.owner == block
             x, y = (self.places[mine] - self.places[mine].mean(axis=0)).T
             found[mine, 0, block, 0] = found[mine, 1, block, 1] = 1.0
             found[mine, 0, block, 2], found[mine, 1, block, 2] = -y, x
         return found.reshape(self.size, 3 * blocks)
+
+
+def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
+    """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
+    at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+    return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))
 
 
 def _corner(mesh: TriangleMesh, cells: IntArray, vertices: IntArray) -> IntArray:

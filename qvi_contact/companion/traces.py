@@ -24,14 +24,15 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
-from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, edge_moments, load_points
+from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, load_points, moments
 from qvi_contact.companion.space import DisplacementSpace
-from qvi_contact.discretization.plates import COMPONENTS
+from qvi_contact.discretization.plates import COMPONENTS, centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.problem.conditions import DRIVES, Contact, Law, RigidPlate
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
 
 _OnEdges: TypeAlias = tuple[FloatArray, FloatArray]
@@ -202,19 +203,16 @@ class _OnLine:
         return np.asarray(found, dtype=np.float64)
 
     def moments(self, kind: str) -> FloatArray:
-        """∫ f B_i ds (n,) of a datum over S, dimensionless; 99 points of an edge show whether it is exact."""
-        field, p, stress = getattr(self.contact, kind), self.degree, self.scales.stress
-        lengths = (self.edges.length / self.scales.length)[:, None]
-        if not callable(field):
-            return self.summed(np.repeat(lengths, p + 1, axis=1)) * (float(field) / stress / (p + 1))
-        values, misfit = edge_moments(self.problem, self.edges, f"Contact.{kind}", field, p, stress)
-        if misfit > MISFIT * max(1.0, float(np.abs(values).max(initial=0.0))):
-            what = "pore pressure" if kind == "pore_pressure" else kind
+        """∫ f B_i ds (n,) of a datum over S, dimensionless."""
+        field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.degree)
+        given = along_edges(self.problem.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
+        if given.error > MISFIT * max(stress, float(np.abs(given.values).max(initial=0.0))):
             self.reasons.append(
-                f"The {what} of {self.contact.name!r} is not a polynomial on each edge. The integrated values differ "
-                f"by up to {misfit * stress:.2g} [stress]."
+                f"The {kind.replace('_', ' ')} of {self.contact.name!r} jumps or grows steeply. Quadrature leaves an "
+                f"error of {given.error:.2g} [stress] times an edge's length."
             )
-        return self.summed(lengths * values)
+        lengths = (self.edges.length / (self.scales.length * stress))[:, None]
+        return self.summed(lengths * moments(given, self.degree))
 
     def stiffness(self, kind: str, signs: FloatArray) -> FloatArray | None:
         """∫ k B_i B_j ds (e, p + 1, p + 1) of springs, dimensionless, with the signs (e, p + 1) of the coefficients."""
@@ -259,7 +257,7 @@ class _OnLine:
         plate, found = self.contact.plate, []
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
-                centre, moment = plate_centre(self.problem, self.edges), component == "moment"
+                centre, moment = centre_of(self.problem, self.edges), component == "moment"
                 given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
                 motion = {DRIVES[component]: 1.0 / self.scales.length if moment else 1.0}
                 normal, tangential = self.moved(RigidPlate(pivot=plate.reference(*centre), **motion))
@@ -314,10 +312,3 @@ def _bent_rows(
         at = (row.ravel(), np.broadcast_to(dofs, factors.shape).ravel())
         found = found + sign * sparse.csr_array((factors.ravel(), at), shape=straight.shape)
     return sparse.csr_array(found)
-
-
-def plate_centre(problem: ContactProblem, edges: Edges) -> tuple[float, float]:
-    """Centre of a contact's line [length]."""
-    lengths = edges.length
-    x, y = problem.mesh.points_along(edges, np.array([0.5]))
-    return float(np.average(x[:, 0], weights=lengths)), float(np.average(y[:, 0], weights=lengths))

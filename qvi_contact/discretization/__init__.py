@@ -13,7 +13,7 @@ __getattr__ = front(
         "loads": ("physical",),
         "plates": ("pins",),
         "scaling": ("REACH", "Scales"),
-        "space": ("Rows", "StressSpace", "edge_rule", "split_points"),
-        "supports": ("Elimination", "PrescribedTraction", "Supports", "walk"),
+        "space": ("Functionals", "StressSpace", "edge_rule", "split_points"),
+        "supports": ("Elimination", "Supports", "walk"),
     },
 )

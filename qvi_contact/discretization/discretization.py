@@ -26,14 +26,15 @@ from qvi_contact.discretization.loads import (
     laws_vary,
     limits_of,
     potential_at,
-    prescribed_tractions,
+    traction_data,
 )
 from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import EdgeRule, LawOn, Rows, StressSpace, edge_rule
+from qvi_contact.discretization.space import EdgeRule, Functionals, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError, refuse_arguments
+from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import PicklesFields
@@ -54,7 +55,7 @@ class _Rows(NamedTuple):
     """
 
     matrices: ContactMatrices
-    traces: Rows
+    traces: Functionals
 
     @classmethod
     def on(
@@ -66,10 +67,7 @@ class _Rows(NamedTuple):
         def made() -> _Rows:
             traces = supports.space.trace_rows(edges, rule.points)
             Y = supports.basis.rows(traces)
-            q, count = rule.count, Y.shape[0]  # E: the same block for every edge
-            places = np.repeat(np.arange(count, dtype=np.int32).reshape(-1, q), q, axis=0)
-            data, starts = np.tile(rule.from_points.T, (count // q, 1)), q * np.arange(count + 1, dtype=np.int32)
-            E = sparse.csc_array((data.ravel(), places.ravel(), starts), shape=(count, count))
+            E = sparse.csc_array(sparse.kron(sparse.eye_array(Y.shape[0] // rule.count), rule.from_points))
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
             traction = TractionFactor(Y, E)
@@ -287,9 +285,9 @@ def discretize(
 
 def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales) -> Discretization:
     """Discretise: matrices that the mesh keeps for all problems, and the vectors of this one."""
-    given = prescribed_tractions(problem, scales)
-    kept = problem.mesh.kept
-    supports = Supports.on(space, given, kept)
+    prescribed, kept = problem.prescribed(Traction), problem.mesh.kept
+    supports = Supports.on(space, prescribed, kept)
+    given = [traction_data(problem, scales, part, supports.points) for part in prescribed]
     particular, imbalance = supports.particular(given)
     if imbalance > 0.0:
         remedy = (
@@ -314,7 +312,7 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
     if root.body is not None or root.particular.any() or (root.springs is not None and root.springs.any()):
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
-        n0, t0 = np.split(traces.apply(root.particular), 2)
+        n0, t0 = np.split(traces.apply(root.particular).ravel(), 2)
         n0, t0 = rule.at_rows(n0), rule.at_rows(t0)
     if has_body_force(problem) or any(contact.has_fluid for contact in problem.contacts):
         fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]

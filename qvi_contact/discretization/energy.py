@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -42,6 +42,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import StressSpace
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
+from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import PicklesFields
 from solvers.inequality.body import Stiffness
@@ -54,8 +55,7 @@ _SOFTEST: Final = 1e-300  # stiffness of a spring
 _AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine function is made of
 
 
-@dataclass(frozen=True, eq=False)
-class BodyLoad:
+class BodyLoad(NamedTuple):
     """What body forces and initial strains add to the energies of n triangles."""
 
     constants: FloatArray  # (n, k): U⁻ᵀ s
@@ -163,9 +163,7 @@ class TriangleEnergy(PicklesFields):
         """
         space, curved = self.space, self.space.curved
         affine, w = space.differences.apply(u)
-        frames, first = space.frames, space.mesh.cells[:, 0]
-        if frames.several:
-            affine += (frames.affine(first) @ u[frames.columns(first)][:, :, None])[:, :, 0]
+        affine += (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
         shared = (space.transformations() @ w[:, :, None])[:, :, 0]
         at = curved.numbers
         shared[at] = w[at]
@@ -178,8 +176,7 @@ class TriangleEnergy(PicklesFields):
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class Springs:
+class Springs(NamedTuple):
     """The rows of all springs, dimensionless."""
 
     rows: sparse.csr_array  # (r, N) sparse: S
@@ -193,14 +190,14 @@ class Springs:
         """Those of the contacts of a problem; None if all are rigid."""
         parts = []
         for rows, contact in zip(contacts, problem.contacts, strict=True):
-            if contact.normal_stiffness is None and contact.tangential_stiffness is None:
+            if not contact.has_springs:
                 continue
             points = EdgePoints(space, rows.points.edges, space.degree + 1)
             x, y = physical(problem, scales, points.coordinates)
-            table = space.trace_rows([points.edges], points.reference).matrix(space.size)
+            table = space.trace_rows([points.edges], points.reference).matrix()
             count = len(points.weights)
-            given = {"normal_stiffness": contact.normal_stiffness, "tangential_stiffness": contact.tangential_stiffness}
-            for half, (name, field) in enumerate(given.items()):
+            for half, name in enumerate(SPRINGS):
+                field = getattr(contact, name)
                 if field is not None:
                     stiffness = evaluate(f"Contact.{name}", field, x, y, minimum=_SOFTEST)
                     roots = np.sqrt(points.weights / (stiffness * scales.compliance * scales.length))

@@ -1,37 +1,28 @@
-"""From where Φ counts: frames for small cells far from each other, and cuts around holes.
+"""From where Φ counts: affine functions, of small cells far from each other, and across the cuts around holes.
 
-**Frames** are affine functions from which degrees of freedom at vertices count, so that small cells lose no digits.
+Stresses do not feel affine functions. A corner of a triangle at the vertex v has its own degrees of freedom and
+those of the functions f, *frames*, that it counts from,
 
-Stresses are second differences of Φ. Where Φ counts from an affine function that vanishes with its slopes at a distance
-r, a cell of size h takes them from numbers that are (r/h)² times as large, and rounding takes as many digits. So every
-vertex v belongs to a *centre* c(v), a vertex, and its degrees of freedom are values and slopes of
+    Φ(x_v) = its own degree of freedom + Σ a_f(x_v),     a_f(x) = a + (x − x_f)·b,     ∇Φ likewise with b
 
-    Φ − a_c,     a_c(x) = Φ(x_c) + (x − x_c)·∇Φ(x_c),
+three degrees of freedom (a, b) each. Inside a triangle, and along an edge, only the differences between corners count:
+edges and triangles whose corners have the same frames see none of them. There are two kinds.
 
-those of the centre are Φ(x_c) and ∇Φ(x_c) themselves. Where all vertices have one centre, the gauge makes these zero,
-and nothing changes. Where there are several, nothing changes inside the part of each, since stresses do not feel a_c.
-Only edges and triangles *across* parts see the centres: at a vertex v of theirs
-
-    Φ(x_v) = its own degree of freedom + a_c(x_v).
-
+**Centres** keep digits. Stresses are second differences of Φ. Where Φ counts from an affine function that vanishes with
+its slopes at a distance r, a cell of size h takes them from numbers that are (r/h)² times as large, and rounding takes
+as many digits. So every vertex belongs to a *centre* c, a vertex, whose frame has x_c, Φ(x_c) and ∇Φ(x_c): the degrees
+of freedom of the centre itself. Where one centre does for all, the gauge makes these zero, and there is no frame.
 Centres are chosen one after the other, each where r/h is largest, until it is small everywhere.
 
-**Cuts** are lines across which Φ jumps by an affine function, so that holes may carry forces.
+**Cuts** are lines across which Φ jumps, so that holes may carry forces. Around a hole whose tractions have the
+resultant (F_x, F_y), φ included, the slopes of Φ grow by (−F_y, F_x), turned with the sense of going round, and Φ by
+what the moment adds: Φ has several values. The body is cut along edges of the mesh from every hole to the outside or to
+another hole, and from the cut of the hole k, Φ⁻ on its right, all corners on it whose triangles lie left of it count,
 
-Around a hole whose tractions have the resultant (F_x, F_y), φ included, the slopes of Φ grow by (−F_y, F_x), turned
-with the sense of going round, and Φ by what the moment adds: Φ has several values. The body is cut along edges of the
-mesh from every hole to the outside or to another hole, and across the cut of the hole k
+    Φ⁺ = Φ⁻ + a_k + (x − x_k)·b_k,     ∇Φ⁺ = ∇Φ⁻ + b_k
 
-    Φ⁺ = Φ⁻ + J_k,     J_k(x) = a_k + (x − x_k)·b_k,     ∇Φ⁺ = ∇Φ⁻ + b_k
-
-with three more degrees of freedom a_k, b_k a hole; x_k is the vertex where the cut begins on the rim. Stresses do not
-feel J_k, so only triangles whose corners lie on both branches see it. The degrees of freedom at a vertex v of a cut are
-those of Φ⁻, and a triangle left of the cut, which a row in `left` tells, has there
-
-    Φ⁺(x_v) = its own degree of freedom + J_k(x_v).
-
-Stationarity with respect to a_k and b_k says that displacements are single-valued around the hole. Which way a cut runs
-changes nothing but Φ itself.
+with the vertex x_k where the cut begins on the rim. Stationarity with respect to a_k and b_k says that displacements
+are single-valued around the hole. Which way a cut runs changes nothing but Φ itself.
 """
 
 from dataclasses import dataclass
@@ -43,7 +34,8 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh.edges import OPPOSITE, Edges, cross
+from qvi_contact.element.triangle import EDGES
+from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.mesh.triangles import TriangleMesh
 
 _FAR: Final = 500.5  # distance to the centre over size of cells that is allowed: its square times ε is lost
@@ -54,15 +46,20 @@ _NEARER: Final = 1.0 - 1e-9  # share of a distance that is less
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """From which vertex each vertex of a mesh counts."""
+    """The affine functions that corners of triangles count from: f of them, of centres and then of cuts."""
 
+    mesh: TriangleMesh
     vertices: FloatArray  # (v, 2): dimensionless coordinates
-    centres: IntArray  # (c,): vertices that are centres, the one with the smallest cells first
+    centres: IntArray  # (c,): vertices that are centres, the one with the smallest cells first; none if one would do
     owner: IntArray  # (v,): the centre of each vertex
+    cuts: tuple[IntArray, ...]  # vertices along each, from the rim of its hole to the outside or to another hole
+    start: int  # the first degree of freedom of cuts; three a cut
 
     @classmethod
-    def of(cls, vertices: FloatArray, sizes: FloatArray, preferred: BoolArray) -> "Frames":
-        """Centres of vertices with cells of these sizes (v,); of several that are alike a preferred one (v,)."""
+    def of(cls, mesh: TriangleMesh, vertices: FloatArray, sizes: FloatArray, start: int) -> "Frames":
+        """Those of a mesh with cells of these sizes at its vertices (v,); centres lie on the boundary if they can."""
+        preferred = np.zeros(len(vertices), dtype=bool)
+        preferred[mesh.boundary.first] = True
         ratio, centres = np.asarray(1.0 / sizes), list[int]()
         owner, distance = np.zeros(len(vertices), dtype=np.int64), np.full(len(vertices), np.inf)
         while not centres or ratio.max() > _FAR:
@@ -73,171 +70,133 @@ class Frames:
             owner[nearer], distance[nearer] = centre, away[nearer]
             centres.append(centre)
             ratio = distance / sizes
-        return cls(vertices, np.array(centres), owner)
-
-    @property
-    def several(self) -> bool:
-        """Whether there is more than one centre, so that degrees of freedom are not those of Φ."""
-        return len(self.centres) > 1
+        several = np.array(centres if len(centres) > 1 else [], dtype=np.int64)
+        return cls(mesh, vertices, several, owner, shortest_cuts(mesh), start)
 
     @cached_property
     def is_centre(self) -> BoolArray:
-        """Whether vertices are centres (v,)."""
+        """Whether vertices are centres, which have no degrees of freedom but those of their frame (v,)."""
         found = np.zeros(len(self.vertices), dtype=bool)
         found[self.centres] = True
         return found
 
-    def across(self, groups: IntArray) -> BoolArray:
-        """Which edges (n, 2) or triangles (n, 3) have vertices of several centres, shape (n,)."""
-        owners = self.owner[groups]
-        return np.asarray((owners != owners[:, :1]).any(axis=1))
-
-    def affine(self, at: IntArray) -> FloatArray:
-        """(a_c, its slopes) at vertices (n,) of (Φ, Φ_x, Φ_y) at their centres, shape (n, 3, 3)."""
-        return shifts(self.vertices[at] - self.vertices[self.owner[at]])
-
-    def columns(self, at: IntArray) -> IntArray:
-        """The degrees of freedom of the centres of vertices (n,), shape (n, 3)."""
-        return 3 * self.owner[at][:, None] + np.arange(3)
-
-    def beyond(self, cells: IntArray, size: int) -> sparse.csr_array:
-        """What triangles (n, 3) across parts have at their corners beside their own degrees of freedom.
-
-        That is a_c of each corner less a_c of the first, as rows (Φ, Φ_x, Φ_y) of the three corners, shape
-        (9 n, size). Degrees of freedom of centres count in their own units.
-        """
-        first = np.repeat(cells[:, 0], 3)
-        corner = cells.ravel()
-        apart = np.flatnonzero(self.owner[corner] != self.owner[first])
-        at, origin = corner[apart], first[apart]
-        away = shifts(self.vertices[at] - self.vertices[self.owner[origin]])
-        rows = np.repeat(3 * apart[:, None] + np.arange(3), 6, axis=1)
-        columns = np.repeat(np.hstack([self.columns(at), self.columns(origin)])[:, None], 3, axis=1)
-        values = np.concatenate([self.affine(at), -away], axis=2)
-        shape = (3 * len(corner), size)
-        return sparse.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
-
-
-def shifts(arms: FloatArray) -> FloatArray:
-    """Maps of value and slopes of affine functions from one point to another, arms (n, 2) away: shape (n, 3, 3)."""
-    found = np.tile(np.eye(3), (len(arms), 1, 1))
-    found[:, 0, 1:] = arms
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class Cuts:
-    """The cuts of a mesh, one for each hole."""
-
-    mesh: TriangleMesh
-    paths: tuple[IntArray, ...]  # vertices along each cut, from the rim of its hole to the outside or to another hole
-    start: int  # the first of their degrees of freedom; three a cut
-
-    def __len__(self) -> int:
-        return len(self.paths)
-
     @cached_property
-    def vertices(self) -> IntArray:
+    def on_cuts(self) -> IntArray:
         """The vertices of all cuts, one cut after the other."""
-        return np.concatenate([np.empty(0, dtype=np.int64), *self.paths])
+        return np.concatenate([np.empty(0, dtype=np.int64), *self.cuts])
 
     @cached_property
     def origins(self) -> IntArray:
-        """The vertices x_k, shape (k,)."""
-        return np.array([path[0] for path in self.paths], dtype=np.int64)
+        """The vertices x_f, shape (f,)."""
+        return np.concatenate([self.centres, np.array([path[0] for path in self.cuts], dtype=np.int64)])
 
     @cached_property
-    def left(self) -> sparse.csr_array:
-        """1 where a corner of a triangle lies on the left branch of a cut, shape (3 cells, k)."""
-        corners = [_left_of(self.mesh, path) for path in self.paths]
-        rows = np.concatenate([np.empty(0, dtype=np.int64), *corners])
-        columns = np.repeat(np.arange(len(self)), [len(found) for found in corners])
-        return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=(self.mesh.cells.size, len(self)))
+    def columns(self) -> IntArray:
+        """The degrees of freedom (a, b) of each, shape (f, 3)."""
+        first = np.concatenate([3 * self.centres, self.start + 3 * np.arange(len(self.cuts))])
+        return np.asarray(first[:, None] + np.arange(3))
+
+    @cached_property
+    def of_corners(self) -> sparse.csr_array:
+        """1 where a corner of a triangle counts from a frame, shape (3 cells, f)."""
+        cells, corners, frames = self.mesh.cells, [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        if len(self.centres):
+            order = np.argsort(self.centres)
+            corners.append(np.arange(cells.size))
+            frames.append(order[np.searchsorted(self.centres, self.owner[cells.ravel()], sorter=order)])
+        for number, path in enumerate(self.cuts, len(self.centres)):
+            corners.append(_left_of(self.mesh, path))
+            frames.append(np.full(len(corners[-1]), number))
+        at = np.concatenate(corners), np.concatenate(frames)
+        return sparse.csr_array((np.ones(len(at[0])), at), shape=(cells.size, len(self.origins)))
 
     @cached_property
     def holes(self) -> FloatArray:
         """The longer side of the bounding box of each hole, shape (k,) [length]."""
-        rims = [self.mesh.vertices[_rim(self.mesh, int(vertex))] for vertex in self.origins]
+        rims = [self.mesh.vertices[_rim(self.mesh, int(path[0]))] for path in self.cuts]
         return np.array([np.ptp(rim, axis=0).max() for rim in rims])
 
     def across(self, edges: Edges) -> BoolArray:
-        """Which edges have their ends on different branches, shape (n,)."""
-        if not self.paths:
+        """Which edges have ends that count from different frames, shape (n,)."""
+        if not len(self.origins):
             return np.zeros(len(edges), dtype=bool)
-        return np.asarray(np.diff(self._jumps(self._corners(edges)).indptr) > 0)
+        return np.asarray(np.diff(self._jumps(*self._ends(edges)).indptr) > 0)
 
     @cached_property
-    def cells_across(self) -> BoolArray:
-        """Which triangles have corners on different branches, shape (cells,)."""
-        if not self.paths:
-            return np.zeros(len(self.mesh.cells), dtype=bool)
-        found = np.diff(self._relative.indptr) > 0
-        return np.asarray(found.reshape(-1, 3).any(axis=1))
+    def cells_across(self) -> IntArray:
+        """Triangles whose corners count from different frames."""
+        if not len(self.origins):
+            return np.empty(0, dtype=np.int64)
+        return np.flatnonzero((np.diff(self._relative.indptr) > 0).reshape(-1, 3).any(axis=1))
 
     @cached_property
     def _relative(self) -> sparse.csr_array:
-        """Branches of all corners less that of the first corner of their triangle, shape (3 cells, k)."""
-        first = np.repeat(3 * np.arange(len(self.mesh.cells)), 3)
-        return self._jumps(np.column_stack([first, np.arange(self.mesh.cells.size)]))
+        """Frames of all corners less those of the first corner of their triangle, shape (3 cells, f)."""
+        every = np.arange(self.mesh.cells.size)
+        return self._jumps(3 * (every // 3), every)
 
-    def beyond(self, cells: IntArray, vertices: FloatArray, units: FloatArray) -> sparse.csr_array:
-        """What triangles (n,) have at their corners beside their own degrees of freedom, shape (9 n, N).
+    def beyond(self, cells: IntArray, units: FloatArray) -> sparse.csr_array:
+        """What triangles (n,) have at their corners beside their own degrees of freedom, against the first corner.
 
-        That is J_k of each corner less that of the first, as rows (Φ, Φ_x, Φ_y) of the three corners; vertices (v, 2)
-        are dimensionless, units (N,) those of the degrees of freedom.
+        Rows are (Φ, Φ_x, Φ_y) of the three corners, shape (9 n, N); units (N,) those of the degrees of freedom.
         """
         corners = (3 * cells[:, None] + np.arange(3)).ravel()
-        found = self._relative[corners].tocoo()
-        rows, cut = found.row, np.asarray(found.col, dtype=np.int64)
-        values = self._affine(self.mesh.cells.ravel()[corners[rows]], cut, vertices) * found.data[:, None, None]
-        columns = np.repeat(self.columns(cut)[:, None], 3, axis=1)
-        at = np.repeat(3 * rows[:, None] + np.arange(3), 3, axis=1).reshape(-1, 3, 3)
-        values = values * units[columns]
-        shape = (3 * len(corners), len(units))
-        return sparse.csr_array((values.ravel(), (at.ravel(), columns.ravel())), shape=shape)
+        return self._rows(self._relative[corners], self.mesh.cells[cells].ravel(), units)
 
-    def on_edges(self, edges: Edges, at_second: FloatArray, vertices: FloatArray) -> tuple[IntArray, FloatArray]:
+    def at_first(self, units: FloatArray) -> sparse.csr_array:
+        """What (Φ, Φ_x, Φ_y) in the first corner of each triangle count from, shape (3 cells, N)."""
+        return self._rows(self.of_corners[::3], self.mesh.cells[:, 0], units)
+
+    def _rows(self, frames: sparse.csr_array, at: IntArray, units: FloatArray) -> sparse.csr_array:
+        """(Φ, Φ_x, Φ_y) of sums of frames (n, f) at vertices (n,), as rows on degrees of freedom, shape (3 n, N)."""
+        found = frames.tocoo()
+        row, number = (np.asarray(part, dtype=np.int64) for part in (found.row, found.col))
+        columns = np.repeat(self.columns[number][:, None], 3, axis=1)
+        values = self._affine(at[row], number) * found.data[:, None, None] * units[columns]
+        rows = np.repeat(3 * row[:, None] + np.arange(3), 3, axis=1)
+        shape = (3 * len(at), len(units))
+        return sparse.csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+
+    def on_edges(self, edges: Edges, at_second: FloatArray) -> tuple[IntArray, FloatArray]:
         """More columns (n, 3 m) of functionals on edges, and their values (n, r, 3 m), units left out.
 
-        m is the number of cuts between two corners of a triangle at most. `at_second` (n, r, 3) are the functionals of
-        Φ, Φ_x and Φ_y at the second end, which counts J_k against the first: on affine functions functionals are zero.
+        m is the number of frames between two corners of a triangle at most. `at_second` (n, r, 3) are the functionals
+        of Φ, Φ_x and Φ_y at the second end, which counts against the first: on affine functions functionals are zero.
         """
-        jumps = self._jumps(self._corners(edges))
-        cut = np.asarray(jumps.indices, dtype=np.int64)
+        jumps = self._jumps(*self._ends(edges))
+        number = np.asarray(jumps.indices, dtype=np.int64)
         counts, n, r = np.diff(jumps.indptr), len(edges), at_second.shape[1]
-        columns = np.full((n, self._most, 3), self.start, dtype=np.int64)
+        columns = np.zeros((n, self._most, 3), dtype=np.int64)
         values = np.zeros((n, self._most, r, 3))
-        edge = np.repeat(np.arange(len(edges)), counts)
+        edge = np.repeat(np.arange(n), counts)
         place = np.arange(len(edge)) - np.repeat(jumps.indptr[:-1], counts)
-        columns[edge, place] = self.columns(cut)
-        affine = self._affine(edges.second[edge], cut, vertices)
+        columns[edge, place] = self.columns[number]
+        affine = self._affine(edges.second[edge], number)
         values[edge, place] = jumps.data[:, None, None] * (at_second[edge] @ affine)
         width = 3 * self._most
         return columns.reshape(n, width), values.swapaxes(1, 2).reshape(n, r, width)
 
     @cached_property
     def _most(self) -> int:
-        """The number of cuts between two corners of a triangle at most."""
+        """The number of frames between two corners of a triangle at most."""
         first = 3 * np.arange(len(self.mesh.cells))
-        pairs = np.concatenate([np.column_stack([first + a, first + b]) for a, b in OPPOSITE])
-        return int(np.diff(self._jumps(pairs).indptr).max(initial=0))
+        one, other = (np.concatenate([first + edge[end] for edge in EDGES]) for end in (0, 1))
+        return int(np.diff(self._jumps(one, other).indptr).max(initial=0))
 
-    def columns(self, cut: IntArray) -> IntArray:
-        """The degrees of freedom of cuts (n,), shape (n, 3)."""
-        return self.start + 3 * cut[:, None] + np.arange(3)
+    def _affine(self, at: IntArray, frames: IntArray) -> FloatArray:
+        """(a_f, its slopes) at vertices (n,) of the degrees of freedom (a, b) of frames (n,), shape (n, 3, 3)."""
+        found = np.tile(np.eye(3), (len(at), 1, 1))
+        found[:, 0, 1:] = self.vertices[at] - self.vertices[self.origins[frames]]
+        return found
 
-    def _affine(self, at: IntArray, cut: IntArray, vertices: FloatArray) -> FloatArray:
-        """(J_k, its slopes) at vertices (n,) of (a_k, b_k), shape (n, 3, 3)."""
-        return shifts(vertices[at] - vertices[self.origins[cut]])
-
-    def _corners(self, edges: Edges) -> IntArray:
-        """The ends of edges as corners of the first triangle there, shape (n, 2)."""
+    def _ends(self, edges: Edges) -> tuple[IntArray, IntArray]:
+        """The ends of edges as corners of the first triangle there, shape (n,) each."""
         cell = edges.cells[:, 0]
-        return np.column_stack([_corner(self.mesh, cell, ends) for ends in (edges.first, edges.second)])
+        return _corner(self.mesh, cell, edges.first), _corner(self.mesh, cell, edges.second)
 
-    def _jumps(self, corners: IntArray) -> sparse.csr_array:
-        """Branches of the second of two corners (n, 2) less those of the first, zeros left out, shape (n, k)."""
-        found = sparse.csr_array(self.left[corners[:, 1]] - self.left[corners[:, 0]])
+    def _jumps(self, one: IntArray, other: IntArray) -> sparse.csr_array:
+        """Frames of some corners (n,) less those of others (n,), zeros left out, shape (n, f)."""
+        found = sparse.csr_array(self.of_corners[other] - self.of_corners[one])
         found.eliminate_zeros()
         found.sort_indices()
         return found
@@ -261,10 +220,8 @@ def shortest_cuts(mesh: TriangleMesh) -> tuple[IntArray, ...]:
         joints[mesh.topology.ends[mesh.numbers(name)]] = 1
     length = 1.0 + len(ends) * joints[ends].sum(axis=1)  # more than all others where a joint is touched
     at = np.concatenate([ends, ends[:, ::-1]]).T
-    lengths, paths = (
-        sparse.csr_array((np.tile(length, 2), tuple(at)), shape=(len(joints), len(joints))),
-        list[IntArray](),
-    )
+    lengths = sparse.csr_array((np.tile(length, 2), tuple(at)), shape=(len(joints), len(joints)))
+    paths = list[IntArray]()
     while waiting.any():
         distance = csgraph.dijkstra(lengths, indices=np.flatnonzero(reached), min_only=True)
         path = [int(np.argmin(np.where(waiting, distance, np.inf)))]

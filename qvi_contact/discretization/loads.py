@@ -3,25 +3,25 @@
 In `docs/theory.md`: (D1).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, acts, evaluate
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, StressSpace
-from qvi_contact.discretization.supports import PrescribedTraction
 from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mesh.edges import Edges, points_along, vectors_along
-from qvi_contact.problem.conditions import Contact, Displacement, Law, Traction, has_coulomb
+from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
+from qvi_contact.mesh.edges import Edges, points_along, rounding_along, vectors_along
+from qvi_contact.problem.conditions import SHEAR_LAW, Contact, Displacement, Law, has_coulomb
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import is_strained, stress_at_rest
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem, Prescribed
 
 LOAD_POINTS = 8
 """Gauss points for data given as functions, on edges: exact up to degree 15; for tractions on parts too."""
@@ -101,7 +101,7 @@ def potential_at(problem: ContactProblem, scales: Scales, points: FloatArray) ->
 
 def has_body_force(problem: ContactProblem) -> bool:
     """Whether there is a potential, be it constant."""
-    return callable(problem.body_potential) or problem.body_potential != 0.0
+    return acts(problem.body_potential)
 
 
 def physical(problem: ContactProblem, scales: Scales, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -110,21 +110,23 @@ def physical(problem: ContactProblem, scales: Scales, points: FloatArray) -> tup
     return origin[0] + scales.length * points[..., 0], origin[1] + scales.length * points[..., 1]
 
 
-def prescribed_tractions(problem: ContactProblem, scales: Scales) -> list[PrescribedTraction]:
-    """All prescribed tractions, symmetry lines included, in the order of the problem."""
+def traction_data(problem: ContactProblem, scales: Scales, given: Prescribed, points: int) -> EdgeQuadrature:
+    """What Φ makes up of a prescribed traction, dimensionless: d·σn − φ d·n, at Gauss points of parts of the edges."""
+    forced, mesh = has_body_force(problem), problem.mesh
+    if not forced and not callable(given.value):
+        return constant(given.value / scales.stress, len(given.edges), points)
 
-    def scaled(name: str, field: Field) -> Callable[[FloatArray, FloatArray], FloatArray]:
-        return lambda x, y: evaluate(name, field, x, y) / scales.stress
+    def own(edge: IntArray, t: FloatArray) -> FloatArray:
+        edges = given.edges.take(edge)
+        x, y = mesh.points_along(edges, t)
+        values = evaluate(given.name, given.value, x, y)
+        if forced:
+            direction = vectors_along(edges, given.direction[edge], t, turns=given.turns)
+            outward = (direction * vectors_along(edges, edges.normal, t)).sum(axis=2)
+            values -= outward * evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
+        return values / scales.stress
 
-    potential = scaled("ContactProblem.body_potential", problem.body_potential) if has_body_force(problem) else None
-    found = []
-    for given in problem.prescribed(Traction):
-        number = None if potential is not None or callable(given.value) else given.value / scales.stress
-        value = scaled(given.name, given.value)
-        found.append(
-            PrescribedTraction(given.name, given.edges, given.direction, value, potential, given.turns, number)
-        )
-    return found
+    return adapted(own, len(given.edges), points, rounding_along(mesh.vertices, given.edges))
 
 
 def displacements_at_points(
@@ -132,7 +134,7 @@ def displacements_at_points(
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
     """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length])."""
     for given in problem.prescribed(Displacement):
-        if not callable(given.value) and given.value == 0.0:
+        if not acts(given.value):
             continue
         points = EdgePoints(space, given.edges, LOAD_POINTS)
         x, y = physical(problem, scales, points.coordinates)
@@ -179,8 +181,7 @@ def spanned(values: FloatArray, functions: FloatArray) -> bool:
     return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * np.abs(values).max())
 
 
-@dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(NamedTuple):
     """What bounds |σ_T| by min(c + μ|σ_N|, t_max), at points or for rows of a contact."""
 
     friction: FloatArray  # (m,): μ
@@ -305,8 +306,8 @@ def laws_vary(problem: ContactProblem) -> bool:
     for contact in problem.contacts:
         if contact.law == "bilateral" and has_coulomb(contact):
             return True
-        fields = {"friction": contact.friction, "cohesion": contact.cohesion, "shear_limit": contact.shear_limit}
-        for name, field in fields.items():
+        for name in SHEAR_LAW:
+            field = getattr(contact, name)
             if callable(field):
                 x, y = problem.mesh.points_along(problem.mesh.edges(contact.edges), _LOOKED_AT)
                 values = evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
@@ -323,11 +324,12 @@ def limits_of(
 
     def at(places: FloatArray) -> Limits:
         x, y = physical(problem, scales, points_along(points.space.vertices, points.edges, places).reshape(-1, 2))
-        cap = np.full(len(x), np.inf)
-        if contact.shear_limit is not None:
-            cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0) / scales.stress
-        friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
-        return Limits(friction, evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0) / scales.stress, cap)
+        found = []
+        for name in SHEAR_LAW:
+            field, unit = getattr(contact, name), 1.0 if name == "friction" else scales.stress
+            values = np.inf if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
+            found.append(np.broadcast_to(values, x.shape) / unit)
+        return Limits(*found)
 
     limits = at(rule.points)
     return limits if rule.law_on == "points" else at(rule.places), limits

@@ -27,10 +27,11 @@ from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_f
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import cross, vectors_along
+from qvi_contact.mesh.edges import Edges, cross, vectors_along
+from qvi_contact.problem.conditions import DRIVES
 from qvi_contact.problem.problem import ContactProblem
 
-COMPONENTS = ("force_x", "force_y", "moment")
+COMPONENTS = tuple(DRIVES)
 
 _DEPENDENT = 1e-9  # a row that is shorter than this, less its part along the others, follows from equilibrium
 _BALANCED = 1e-9  # imbalance, relative to the loads, that passes as round-off
@@ -38,8 +39,7 @@ _STEPS = 8  # of an edge, at whose ends distances are taken
 _SAME = 1e-9  # share of a distance up to which two are one
 
 
-@dataclass(frozen=True)
-class PlateRow:
+class PlateRow(NamedTuple):
     """One equality row."""
 
     contact: str
@@ -50,8 +50,7 @@ class PlateRow:
     motion: float
 
 
-@dataclass(frozen=True, eq=False)
-class PlateRows:
+class PlateRows(NamedTuple):
     """Equality rows in the unknowns z."""
 
     resultants: Resultants
@@ -76,7 +75,7 @@ def plate_rows(
         components = [name for name in COMPONENTS if plate is not None and getattr(plate, name) is not None]
         if plate is None or not components:
             continue
-        centre, length = centre_of(problem, scales, contact), float(contact.points.weights.sum())
+        centre, length = centre_of(problem, contact.points.edges), float(contact.points.weights.sum())
         reference = plate.reference(*centre)
         arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
         for name in components:
@@ -109,11 +108,10 @@ def plate_rows(
     return PlateRows(resultants, b[kept], tuple(rows[index] for index in kept), determined)
 
 
-def centre_of(problem: ContactProblem, scales: Scales, contact: ContactRows) -> tuple[float, float]:
-    """Centre of a contact's line [length]."""
-    x, y = physical(problem, scales, contact.points.coordinates)
-    weights = contact.points.weights
-    return float(np.average(x, weights=weights)), float(np.average(y, weights=weights))
+def centre_of(problem: ContactProblem, edges: Edges) -> tuple[float, float]:
+    """Centre of a contact's line, by the middles of its edges [length]."""
+    x, y = problem.mesh.points_along(edges, np.array([0.5]))
+    return float(np.average(x[:, 0], weights=edges.length)), float(np.average(y[:, 0], weights=edges.length))
 
 
 class _Driven(NamedTuple):
@@ -164,17 +162,25 @@ class Resultants:
                 points = each.points.for_resultants()
                 row += points.traction_load(each.factors(problem, scales, points), points.weights) / each.divisor
             A = np.array([supports.basis.reduced(row) for row in full]).reshape(len(full), len(supports.basis.kept))
-            independent, combinations = list[int](), dict[int, FloatArray]()
-            for index, row in enumerate(A):
-                basis = A[independent]
-                combination = np.linalg.lstsq(basis.T, row, rcond=None)[0] if independent else np.zeros(0)
-                if np.linalg.norm(row - combination @ basis) > _DEPENDENT * np.linalg.norm(full[index]):
-                    independent.append(index)
-                else:
-                    combinations[index] = combination
+            independent, combinations = independent_rows(A, _DEPENDENT * np.linalg.norm(full, axis=1))
             return cls(full, independent, combinations, A[independent])
 
         return problem.mesh.kept(cls, key, made)
+
+
+def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[int, FloatArray]]:
+    """Rows (r, n) that those before them do not determine, and the others as combinations of the kept ones before them.
+
+    A row is determined if no more is left of it than the length `least` (r,).
+    """
+    kept, combinations = list[int](), dict[int, FloatArray]()
+    for index, row in enumerate(A):
+        combination = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
+        if np.linalg.norm(row - combination @ A[kept]) > least[index]:
+            kept.append(index)
+        else:
+            combinations[index] = combination
+    return kept, combinations
 
 
 class Pin(NamedTuple):

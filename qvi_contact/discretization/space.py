@@ -9,8 +9,8 @@ Coordinates are shifted to the mesh's origin and divided by its length L, stress
     a_k/d, b_k      of holes, behind those of the edges
 
 with s the length of the shortest edge at the vertex, h the edge's own and d the size of the hole. Where a mesh has
-small cells in places far from each other, Φ counts from an affine function in each, see `Frames`; around holes it has
-several values, see `Cuts`. Three families of linear functionals make up (D2):
+small cells in places far from each other, Φ counts from an affine function in each, and around holes it has several
+values, see `Frames`. Three families of linear functionals make up (D2):
 
     σ_N = Φ_tt + φ and σ_T = −Φ_nt on edges                      `StressSpace.traces`
     prescribed tractions d·σn = T on edges  →  u = B z + u₀      `Supports`
@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -33,7 +33,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.curved import CurvedTriangles, from_corners
-from qvi_contact.discretization.frames import Cuts, Frames, shortest_cuts
+from qvi_contact.discretization.frames import Frames
 from qvi_contact.element import legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.element.legendre import gauss_legendre
@@ -110,49 +110,17 @@ def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:
     return EdgeRule(law_on, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Rows of a matrix, each with l entries at most."""
+class Functionals(NamedTuple):
+    """Linear functionals of the degrees of freedom u (N,) of a body: r of them on each of n edges, or another group."""
 
-    # (m, l): entries of each row, at different columns; zeros are none
+    # (n, l): the degrees of freedom of each group, of edges (Φ, Φ_x, Φ_y) at the first end, at the second, its own
     columns: IntArray
-    values: FloatArray
+    values: FloatArray  # (n, r, l): the functionals; zeros are none
+    size: int  # degrees of freedom N
 
-    def take(self, index: IntArray) -> Rows:
-        """Some of them."""
-        return Rows(self.columns[index], self.values[index])
-
-    def matrix(self, width: int) -> sparse.csr_array:
-        """The same as a matrix with so many columns, zeros left out."""
-        kept = self.values != 0.0
-        starts = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-        return sparse.csr_array((self.values[kept], self.columns[kept], starts), shape=(len(kept), width))
-
-    def apply(self, u: FloatArray) -> FloatArray:
-        """Their values (m,) of u (N,)."""
-        return np.asarray((self.values * u[self.columns]).sum(axis=1))
-
-    def alone(self, width: int) -> dict[int, int]:
-        """Rows whose only entry is the only one of its column, of so many, and that column."""
-        there = self.values != 0.0
-        row, place = np.nonzero(there & (there.sum(axis=1) == 1)[:, None])
-        column = self.columns[row, place]
-        own = np.bincount(self.columns[there], minlength=width)[column] == 1
-        return dict(zip(row[own].tolist(), column[own].tolist(), strict=True))
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeFunctionals:
-    """The same r linear functionals on each of n edges."""
-
-    # (n, l): degrees of freedom of each edge: (Φ, Φ_x, Φ_y) at its first end, at its second, and its own
-    columns: IntArray
-    values: FloatArray  # (n, r, l): the functionals
-    size: int  # degrees of freedom N of the body
-
-    def take(self, index: IntArray) -> EdgeFunctionals:
-        """Those of some of the edges."""
-        return EdgeFunctionals(self.columns[index], self.values[index], self.size)
+    def take(self, index: IntArray) -> Functionals:
+        """Those of some of the groups."""
+        return Functionals(self.columns[index], self.values[index], self.size)
 
     def apply(self, u: FloatArray) -> FloatArray:
         """Their values (n, r) of degrees of freedom u (N,)."""
@@ -163,14 +131,20 @@ class EdgeFunctionals:
         sums = (weights[:, None, :] @ self.values)[:, 0]
         return np.asarray(np.bincount(self.columns.ravel(), sums.ravel(), self.size), dtype=np.float64)
 
-    def rows(self) -> Rows:
-        """The functionals as n r rows, edge by edge."""
+    def rows(self) -> Functionals:
+        """The same one by one: n r groups of one, group by group."""
         n, r, width = self.values.shape
-        return Rows(np.repeat(self.columns, r, axis=0), self.values.reshape(n * r, width))
+        return Functionals(np.repeat(self.columns, r, axis=0), self.values.reshape(n * r, 1, width), self.size)
+
+    def matrix(self) -> sparse.csr_array:
+        """The same as rows of a matrix (n r, N), zeros left out."""
+        there = self.values != 0.0
+        starts = np.concatenate([[0], np.cumsum(there.sum(axis=2))])
+        columns = np.broadcast_to(self.columns[:, None], there.shape)[there]
+        return sparse.csr_array((self.values[there], columns, starts), shape=(len(starts) - 1, self.size))
 
 
-@dataclass(frozen=True, eq=False)
-class Differences:
+class Differences(NamedTuple):
     """Degrees of freedom of a body, triangle by triangle as differences w to an affine function."""
 
     arms: FloatArray  # (n, 2, 2): from the first corner of each triangle to the others
@@ -261,13 +235,7 @@ class StressSpace(PicklesFields):
     @cached_property
     def size(self) -> int:
         """Number of degrees of freedom."""
-        return self.cuts.start + 3 * len(self.cuts)
-
-    @cached_property
-    def cuts(self) -> Cuts:
-        """Where Φ jumps."""
-        start = 3 * len(self.vertices) + self.element.on_edge * len(self.mesh.topology.ends)
-        return Cuts(self.mesh, shortest_cuts(self.mesh), start)
+        return self.frames.start + 3 * len(self.frames.cuts)
 
     @cached_property
     def vertices(self) -> FloatArray:
@@ -296,22 +264,18 @@ class StressSpace(PicklesFields):
     @cached_property
     def differences(self) -> Differences:
         """Degrees of freedom triangle by triangle."""
-        corners, frames = self.triangles.corners, self.frames
-        units = self.units[self.dofs]
-        if frames.several:
+        corners, frames, units = self.triangles.corners, self.frames, self.units[self.dofs]
+        if len(frames.centres):
             units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
-        across = np.flatnonzero(frames.across(self.mesh.cells) | self.cuts.cells_across)
-        beyond = frames.beyond(self.mesh.cells[across], self.size) if len(across) else None
-        if beyond is not None and len(self.cuts):
-            beyond = beyond + self.cuts.beyond(across, self.vertices, self.units)
+        across = frames.cells_across
+        beyond = frames.beyond(across, self.units) if len(across) else None
         return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, across, beyond)
 
     @cached_property
     def frames(self) -> Frames:
-        """From where Φ counts; centres lie on the boundary rather than inside."""
-        preferred = np.zeros(len(self.vertices), dtype=bool)
-        preferred[self.mesh.boundary.first] = True
-        return Frames.of(self.vertices, self.sizes, preferred)
+        """From where Φ counts."""
+        start = 3 * len(self.vertices) + self.element.on_edge * len(self.mesh.topology.ends)
+        return Frames.of(self.mesh, self.vertices, self.sizes, start)
 
     @cached_property
     def sizes(self) -> FloatArray:
@@ -322,53 +286,33 @@ class StressSpace(PicklesFields):
     def units(self) -> FloatArray:
         """Φ, its slopes, N_k, Q_k, a_k or b_k over the degree of freedom that stands for it, shape (N,)."""
         first, second = self.vertices[self.mesh.topology.ends].swapaxes(0, 1)
-        values = np.where(self.frames.is_centre & self.frames.several, 1.0, self.sizes)
+        values = np.where(self.frames.is_centre, 1.0, self.sizes)
         at_vertices = np.column_stack([values, np.ones((len(self.sizes), 2))]).ravel()
         on_edges = np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)
-        if not len(self.cuts):
-            return np.concatenate([at_vertices, on_edges])
-        of_holes = np.column_stack([self.cuts.holes / self.mesh.length, np.ones((len(self.cuts), 2))]).ravel()
+        holes = self.frames.holes / self.mesh.length
+        of_holes = np.column_stack([holes, np.ones((len(holes), 2))]).ravel()
         return np.concatenate([at_vertices, on_edges, of_holes])
-
-    @cached_property
-    def boundary(self) -> IntArray:
-        """Numbers of the edges of the boundary in `mesh.topology`, in ascending order."""
-        return np.flatnonzero(self.mesh.topology.boundary)
 
     def number(self, edges: Edges) -> IntArray:
         """Edges (n,) as `mesh.topology` counts them."""
-        found = self._numbers.get(edges)
-        if found is None:
-            pairs = np.column_stack([edges.first, edges.second])
-            found = self._numbers[edges] = self.mesh.topology.number(pairs)
-        return found
-
-    @cached_property
-    def _numbers(self) -> WeakKeyDictionary[Edges, IntArray]:
-        return WeakKeyDictionary()
+        return self.mesh.topology.number(np.column_stack([edges.first, edges.second]))
 
     def lengths(self, edges: Edges) -> FloatArray:
         """Dimensionless lengths of edges (n,), of arcs those of their chords."""
         length = edges.length / edges.stretch if edges.curved else edges.length
         return length / self.mesh.length
 
-    def traces(self, edges: Edges) -> EdgeFunctionals:
+    def traces(self, edges: Edges) -> Functionals:
         """Coefficients of Legendre of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge."""
-        found = self._traces.get(edges)
-        if found is None:
-            boundary = self.mesh.boundary
-            if edges is boundary or (edges.cells[:, 1] >= 0).any():
-                found = self._traces_of(edges)
-            else:
-                found = self.traces(boundary).take(np.searchsorted(self.boundary, self.number(edges)))
-            self._traces[edges] = found
-        return found
+        if edges not in self._traces:
+            self._traces[edges] = self._traces_of(edges)
+        return self._traces[edges]
 
     @cached_property
-    def _traces(self) -> WeakKeyDictionary[Edges, EdgeFunctionals]:
+    def _traces(self) -> WeakKeyDictionary[Edges, Functionals]:
         return WeakKeyDictionary()
 
-    def _traces_of(self, edges: Edges) -> EdgeFunctionals:
+    def _traces_of(self, edges: Edges) -> Functionals:
         count, k = self.degree - 1, np.arange(2, self.degree - 1)
         h = self.lengths(edges)
         columns, sign = self._columns(edges)
@@ -393,7 +337,7 @@ class StressSpace(PicklesFields):
         values[:, count:] *= factor[:, None, None]
         return self._scaled(edges, columns, values)
 
-    def resultants(self, edges: Edges) -> EdgeFunctionals:
+    def resultants(self, edges: Edges) -> Functionals:
         """What both tractions prescribe, 2p − 2 an edge: ∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_k, Q_k."""
         columns, values = self._resultants(edges)
         return self._scaled(edges, columns, values)
@@ -411,7 +355,7 @@ class StressSpace(PicklesFields):
         return columns, values
 
     def _columns(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """Degrees of freedom of edges (n, l), see `EdgeFunctionals`, and whether they run along their tangents (±1).
+        """Degrees of freedom of edges (n, l), see `Functionals`, and whether they run along their tangents (±1).
 
         Behind the six of its ends an edge has N_2 … N_(p−2), then Q_1 … Q_(p−2).
         """
@@ -420,39 +364,21 @@ class StressSpace(PicklesFields):
         sign = np.where(edges.first < edges.second, 1.0, -1.0)
         return np.hstack([*ends, own + np.arange(self.element.on_edge)]), sign
 
-    def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> EdgeFunctionals:
+    def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> Functionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
         frames, on_dofs = self.frames, values * self.units[columns][:, None]
-        all_columns, all_values = [columns], [on_dofs]
-        if frames.several:  # six more columns an edge, of the centres of its ends, which count on edges across parts
-            ends = columns[:, [0, 3]] // 3
-            across = frames.across(ends)
-            for end in (0, 1):
-                own, more = slice(3 * end, 3 * end + 3), np.zeros((*values.shape[:2], 3))
-                on_dofs[:, :, own] *= ~frames.is_centre[ends[:, end], None, None]
-                more[across] = values[across, :, own] @ frames.affine(ends[across, end])
-                all_columns.append(frames.columns(ends[:, end]))
-                all_values.append(more)
-        if len(self.cuts):  # three more columns an edge for every cut between its ends
-            places, at_cuts = self.cuts.on_edges(edges, values[:, :, 3:6], self.vertices)
-            all_columns.append(places)
-            all_values.append(at_cuts * self.units[places][:, None])
-        return EdgeFunctionals(np.hstack(all_columns), np.concatenate(all_values, axis=2), self.size)
+        if not len(frames.origins):
+            return Functionals(columns, on_dofs, self.size)
+        for first, ends in ((0, edges.first), (3, edges.second)):
+            on_dofs[:, :, first : first + 3] *= ~frames.is_centre[ends, None, None]
+        places, more = frames.on_edges(edges, values[:, :, 3:6])
+        more = more * self.units[places][:, None]
+        return Functionals(np.hstack([columns, places]), np.concatenate([on_dofs, more], axis=2), self.size)
 
     @property
     def traction_degree(self) -> int:
         """Degree of σ_N and σ_T on an edge (without φ)."""
         return self.degree - 2
-
-    @property
-    def centres(self) -> IntArray:
-        """Vertices with affine functions from which degrees of freedom count, if there are several of them."""
-        return self.frames.centres if self.frames.several else self.frames.centres[:0]
-
-    @cached_property
-    def cell_sizes(self) -> FloatArray:
-        """Areas of the triangles, dimensionless; without what arcs add to them, see `cell_measures`."""
-        return self.triangles.areas
 
     def transformations(self, cells: slice = slice(None)) -> FloatArray:
         """From differences w to the degrees of freedom of the reference triangle behind the third, (cells, k, k)."""
@@ -484,15 +410,14 @@ class StressSpace(PicklesFields):
         weights = np.stack([normal, shear]).reshape(2, len(edges), -1) @ legendre.basis(self.traction_degree, t)
         return self.traces(edges).adjoint(weights.swapaxes(0, 1).reshape(len(edges), -1))
 
-    def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Rows:
-        """Rows of σ_N without φ at the points t (q,) along each of these edges, set after set, then rows of σ_T."""
+    def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Functionals:
+        """(2 n, q): σ_N without φ at the points t (q,) along each of these edges, set after set, then σ_T."""
         if not edges:
-            return Rows(np.zeros((0, 1), dtype=np.int64), np.zeros((0, 1)))
+            return Functionals(np.zeros((0, 1), dtype=np.int64), np.zeros((0, len(t), 1)), self.size)
         values, parts = legendre.basis(self.traction_degree, t), [self.traces(part) for part in edges]
         halves = slice(self.degree - 1), slice(self.degree - 1, None)
-        found = [values @ part.values[:, half] for half in halves for part in parts]
-        columns = np.concatenate([np.repeat(part.columns, len(t), axis=0) for part in parts])
-        return Rows(np.tile(columns, (2, 1)), np.concatenate([part.reshape(-1, part.shape[2]) for part in found]))
+        found = np.concatenate([values @ part.values[:, half] for half in halves for part in parts])
+        return Functionals(np.tile(np.concatenate([part.columns for part in parts]), (2, 1)), found, self.size)
 
     def points(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Dimensionless coordinates (k, q, 2) of reference points t, (q, 3) or (k, q, 3), in the triangles (k,)."""
@@ -504,16 +429,15 @@ class StressSpace(PicklesFields):
         return np.asarray(hessians @ self.triangles.stress_maps[cells].swapaxes(1, 2))
 
     def jumps(self, u: FloatArray) -> FloatArray:
-        """By how much Φ of u (N,) and its slopes jump where each of the `cuts` begins, shape (k, 3).
+        """By how much Φ of u (N,) and its slopes jump where each of the cuts begins, shape (k, 3).
 
         The jumps of the slopes are the resultant force on the hole, turned.
         """
-        start = self.cuts.start
-        return np.asarray((self.units * u)[start:].reshape(-1, 3))
+        return np.asarray((self.units * u)[self.frames.start :].reshape(-1, 3))
 
     def cell_measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
         """Weights (cells, q), dimensionless areas, at reference points t (q, 3) with weights (q,) of sum 1."""
-        found = np.asarray(self.cell_sizes[:, None] * weights)
+        found = np.asarray(self.triangles.areas[:, None] * weights)
         curved = self.curved
         if len(curved):
             found[curved.numbers] = curved.areas(t) * weights

@@ -23,7 +23,7 @@ In `docs/theory.md`: (D2).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
@@ -32,92 +32,44 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.basics.kept import Kept
+from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.curved import resultant_shapes
-from qvi_contact.discretization.space import EdgeFunctionals, Rows, StressSpace, frame
+from qvi_contact.discretization.space import Functionals, StressSpace, frame
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
-from qvi_contact.mesh.edges import Edges, frames_along, points_along, rounding_along, vectors_along
+from qvi_contact.element.quadrature import EdgeQuadrature
+from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
+from qvi_contact.problem.problem import Prescribed
 from solvers.basics.types import PicklesFields
 from solvers.inequality.rows import are_few
 
-_POINTS: Final = 8  # Gauss points of edges and their parts for data given as functions, at least
+_POINTS: Final = 6  # Gauss points beside the degree of Φ, of edges and their parts for data given as functions
 _PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
 _ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none when the gauge is placed
 _BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
 _DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
-_NOTHING: Final[dict[int, float]] = {}
 _WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
 
 
-@dataclass(frozen=True, eq=False)
-class PrescribedTraction:
-    """One component of the traction, prescribed on edges: d·σn = value."""
-
-    name: str  # what messages call it, such as "Traction.x"
-    edges: Edges  # n edges of the boundary
-    direction: FloatArray  # (n, 2): unit vector d on each edge: a Cartesian one, or ± the edge's normal or tangent
-    # function of (x, y): the component [dimensionless] at points x, y [length], arrays of one shape; φ is part of it.
-    # Where d·n ≠ 0 the part of it that Φ makes up is value − φ d·n.
-    value: Callable[[FloatArray, FloatArray], FloatArray]
-    # φ [dimensionless] at points [length]; None where there is none
-    potential: Callable[[FloatArray, FloatArray], FloatArray] | None = None
-    turns: bool = False  # whether d turns along arcs, as normals and tangents do
-    # what Φ makes up of it, if that is known to be one number [dimensionless]; then `value` is that
-    constant: float | None = None
-
-    def take(self, index: IntArray | BoolArray) -> PrescribedTraction:
-        """The same on some of the edges."""
-        return replace(self, edges=self.edges.take(index), direction=self.direction[index])
-
-    def quadrature(self, vertices: FloatArray, points: int) -> EdgeQuadrature:
-        """The part that Φ makes up, at Gauss points of parts of the edges; vertices (v, 2) [length]."""
-        if self.constant is not None:
-            return constant(self.constant, len(self.edges), points)
-
-        def own(edge: IntArray, t: FloatArray) -> FloatArray:
-            x, y = np.moveaxis(points_along(vertices, self.edges.take(edge), t), -1, 0)
-            values = np.asarray(self.value(x, y))
-            if self.potential is None:
-                return values
-            if self.turns or not self.edges.curved:
-                outward = (self.direction * self.edges.normal).sum(axis=1)[edge, None]
-            else:
-                chosen = self.edges.take(edge)
-                outward = (self.direction[edge, None] * vectors_along(chosen, chosen.normal, t)).sum(axis=2)
-            return np.asarray(values - self.potential(x, y) * outward)
-
-        return adapted(own, len(self.edges), points, rounding_along(vertices, self.edges))
-
-    def coefficients(self, vertices: FloatArray, degree: int) -> FloatArray:
-        """That part on every edge in the mean square, which keeps resultant force and moment; (n, degree + 1)."""
-        if self.constant is None:
-            return self.quadrature(vertices, max(_POINTS, degree + 5)).coefficients(degree)
-        found: FloatArray = np.zeros((len(self.edges), degree + 1))
-        found[:, 0] = self.constant
-        return found
-
-
 class Component(NamedTuple):
-    """Where a component of the traction is prescribed, and along which directions, see `PrescribedTraction`."""
+    """Where a component of the traction is prescribed, and along which directions, see `Prescribed`."""
 
     edges: Edges
     direction: FloatArray
     turns: bool
 
 
-class _Block(NamedTuple):
-    """Rows C (r, N) of some edges, scaled so that d are forces, moments and degrees of freedom, dimensionless.
+class _Conditions(NamedTuple):
+    """Rows C (r, N), scaled so that d are forces, moments and degrees of freedom, dimensionless.
 
     `is_load` (r,) tells rows whose d is a force or moment, `number` (r,) the edge that each belongs to, and `data`
-    makes d (r,) of what is prescribed for each of the components.
+    makes d (r,) of what Φ has to make up for each of the components.
     """
 
-    C: Rows
+    C: Functionals
     is_load: BoolArray
     number: IntArray
-    data: Callable[[Sequence[PrescribedTraction]], FloatArray]
+    data: Callable[[Sequence[EdgeQuadrature]], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +88,7 @@ class Supports(PicklesFields):
     components: tuple[Component, ...]  # what is prescribed, but for its values
 
     @classmethod
-    def on(cls, space: StressSpace, given: Sequence[PrescribedTraction], kept: Kept) -> Supports:
+    def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
         """Those of a space for such components, made once."""
         parts = [(p.edges, p.direction, p.turns and p.edges.curved) for p in given]
         key = (space, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
@@ -147,25 +99,88 @@ class Supports(PicklesFields):
         """B."""
         return self.elimination.basis
 
-    def particular(self, given: Sequence[PrescribedTraction]) -> tuple[FloatArray, float]:
-        """The u₀ (N,) of values, zero for unknowns, and the force (or moment over the length) out of balance."""
-        if all(part.constant == 0.0 for part in given):
+    @property
+    def points(self) -> int:
+        """Gauss points of edges, and of their parts, at which `particular` wants values."""
+        return self.space.degree + _POINTS
+
+    def particular(self, given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, float]:
+        """The u₀ (N,), zero for unknowns, and the force (or moment over the length) out of balance.
+
+        Of what Φ has to make up of each component, dimensionless, see `loads.traction_data`.
+        """
+        if not any(part.values.any() for part in given):
             return np.zeros(self.space.size), 0.0
-        d = np.concatenate([block.data(given) for block in self._blocks])
-        is_load = np.concatenate([block.is_load for block in self._blocks])
-        largest = float(np.abs(d[is_load]).max(initial=0.0))
+        d = self._conditions.data(given)
+        largest = float(np.abs(d[self._conditions.is_load]).max(initial=0.0))
         u, misfit = self.elimination.particular(np.concatenate([np.zeros(3), d[self._walk[0]]]))
         imbalance = float(np.abs(misfit).max(initial=0.0))
         return u, imbalance if imbalance > _BALANCED * largest else 0.0
 
     @cached_property
-    def _blocks(self) -> list[_Block]:
-        return [_on_chords(self.space, self.components), *_on_arcs(self.space, self.components)]
+    def _conditions(self) -> _Conditions:
+        """Whole traction vectors on edges where two components are given, else one component.
+
+        A vector is 2p − 2 rows: force and moment of the data, and their other coefficients of Legendre. A component
+        d·σn = (d·n) σ_N + (d·t) σ_T is p − 1 rows, its coefficients in the mean square.
+        """
+        space, degree, components = self.space, self.space.degree - 2, self.components
+        number = np.concatenate([np.empty(0, np.int64), *(space.number(part.edges) for part in components)])
+        direction = np.concatenate([np.empty((0, 2)), *(part.direction for part in components)])
+        turns = np.concatenate([np.empty(0, bool), *(np.full(len(part.edges), part.turns) for part in components)])
+        edges = _edges_of(space, number)  # as often as components are given there
+        order = np.argsort(number, kind="stable")
+        twice = np.flatnonzero(number[order][1:] == number[order][:-1])
+        one, other = order[twice], order[twice + 1]
+        single = np.delete(order, np.concatenate([twice, twice + 1]))
+        both, alone = edges.take(one), edges.take(single)
+        h, m = space.lengths(alone), frame(both)[0]
+        scale = np.column_stack([h, h**2 / 6.0, np.ones((len(single), degree - 1))])
+        t = gauss_legendre(self.points)[0]
+        d = vectors_along(alone, direction[single], t, turns=turns[single])
+        values, project = legendre.basis(degree, t), legendre.from_values(degree, len(t))
+        traces = space.traces(alone)
+        combined: FloatArray = np.zeros((len(single), degree + 1, traces.columns.shape[1]))
+        for axis, found in zip(frames_along(alone, t), np.split(traces.values, 2, axis=1), strict=True):
+            share = (d * axis).sum(axis=-1)
+            share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
+            matrices = project @ (share[:, :, None] * values)
+            matrices[~alone.bent] = share[~alone.bent, :1, None] * np.eye(degree + 1)  # zeros, not rounding
+            combined += (matrices * scale[:, :, None]) @ found
+        # what the other component has no part in: where there is none, the direction itself
+        against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
+        against[one], against[other] = direction[other], direction[one]
+        against_turns[one], against_turns[other] = turns[other], turns[one]
+        factor, norms = frame(edges)[1][:, None, None], 2.0 * np.arange(degree + 1) + 1.0
+
+        def data(given: Sequence[EdgeQuadrature]) -> FloatArray:
+            found = EdgeQuadrature.joined(given)
+            edge, t, chosen = found.edge, found.t, edges.take(found.edge)
+            own = vectors_along(chosen, direction[edge], t, turns=turns[edge])
+            dual = vectors_along(chosen, against[edge], t, turns=against_turns[edge])
+            dual = np.stack([-dual[..., 1], dual[..., 0]], axis=-1)  # at right angles to the other component
+            dual /= (dual * own).sum(axis=-1, keepdims=True)
+            normal, tangent = frames_along(chosen, t)
+            N, Q = (dual * normal).sum(axis=-1)[..., None], factor[edge] * (dual * tangent).sum(axis=-1)[..., None]
+            shapes, scaled = resultant_shapes(chosen.bend, t), legendre.basis(degree, t) * norms
+            resultants = N * shapes[..., 0] + Q * shapes[..., 1]
+            of_data = found.integrals(np.concatenate([resultants, N * scaled[..., 2:], Q * scaled[..., 1:]], axis=-1))
+            vectors, lengths = of_data[one] + of_data[other], space.lengths(both)[:, None]
+            vectors[:, :2] = lengths * (vectors[:, :1] * both.tangent + vectors[:, 1:2] * m)
+            vectors[:, 2:3] *= lengths**2
+            return np.concatenate([vectors.ravel(), (found.coefficients(degree)[single] * scale).ravel()])
+
+        rows = [space.resultants(both).rows(), Functionals(traces.columns, combined, space.size).rows()]
+        columns, entries = np.concatenate([r.columns for r in rows]), np.concatenate([r.values for r in rows])
+        of_both, of_alone = np.arange(2 * degree + 2), np.arange(degree + 1)
+        is_load = np.concatenate([np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))])
+        numbers = np.concatenate([np.repeat(number[one], len(of_both)), np.repeat(number[single], len(of_alone))])
+        return _Conditions(Functionals(columns, entries, space.size), is_load, numbers, data)
 
     @cached_property
     def _walk(self) -> tuple[IntArray, IntArray, int]:
         """The order of the rows, when each vertex is met on the way, and the vertex of the gauge."""
-        space, number = self.space, np.concatenate([block.number for block in self._blocks])
+        space, number = self.space, self._conditions.number
         numbers = np.unique(number)
         frames, lines = space.frames, space.mesh.topology.ends[numbers]
         small = space.sizes <= _ALIKE * space.sizes.min()  # without several centres, where cells are smallest
@@ -173,271 +188,94 @@ class Supports(PicklesFields):
         on_lines[lines] = True
         gauge = int(np.argmax(small & on_lines if (small & on_lines).any() else small))
         seeds = [gauge]
-        if frames.several:
+        if len(frames.centres):
             gauge, order = int(frames.centres[0]), np.argsort(np.round(np.log2(space.sizes)), kind="stable")
             seeds = [*frames.centres.tolist(), *order[on_lines[order]].tolist()]
-        last = frames.across(lines) | space.cuts.across(_edges_of(space, numbers))
+        last = frames.across(_edges_of(space, numbers))
         place = np.full(len(lines), len(lines))
         place[~last], age = walk(lines[~last], seeds, len(space.vertices))
-        if frames.several:
-            age[frames.centres] = 0  # which are solved for where nothing else is left
+        age[frames.centres] = 0  # which are solved for where nothing else is left
         return np.argsort(place[np.searchsorted(numbers, number)], kind="stable"), age, gauge
 
     @cached_property
     def elimination(self) -> Elimination:
         """The rows, solved."""
         space, (order, age, gauge) = self.space, self._walk
-        columns = np.concatenate([block.C.columns for block in self._blocks])[order]
-        values = np.concatenate([block.C.values for block in self._blocks])[order]
-        width = columns.shape[1]
+        C, width = self._conditions.C.take(order), self._conditions.C.columns.shape[1]
         at_gauge = np.broadcast_to(3 * gauge + np.arange(width), (3, width))
-        C = Rows(np.concatenate([at_gauge, columns]), np.concatenate([np.eye(3, width), values]))
+        values = np.concatenate([np.eye(3, width)[:, None], C.values])
+        C = Functionals(np.concatenate([at_gauge, C.columns]), values, space.size)
         on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
-        of_holes = np.zeros(3 * len(space.cuts), dtype=np.int64)
+        of_holes = np.zeros(3 * len(space.frames.cuts), dtype=np.int64)
         return Elimination.of(C, np.concatenate([np.repeat(age, 3), on_edges, of_holes]))
 
 
 def _edges_of(space: StressSpace, numbers: IntArray) -> Edges:
     """Edges of the boundary by their numbers in `mesh.topology`."""
-    return space.mesh.boundary.take(np.searchsorted(space.boundary, numbers))
-
-
-def _on_chords(space: StressSpace, components: Sequence[Component]) -> _Block:
-    """Conditions on straight edges: whole traction vectors where two components are given, else one component.
-
-    Vectors are 2p − 2 rows an edge, of the Cartesian coefficients; a component is p − 1, coefficient by coefficient.
-    """
-    vertices, degree = space.mesh.vertices, space.degree - 2
-    straight = [None if not part.edges.curved else np.flatnonzero(~part.edges.bent) for part in components]
-    numbers, directions = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
-    for part, index in zip(components, straight, strict=True):
-        chosen: IntArray | slice = slice(None) if index is None else index
-        numbers.append(space.number(part.edges)[chosen])
-        directions.append(part.direction[chosen])
-    number, direction = np.concatenate(numbers), np.concatenate(directions)
-    order = np.argsort(number, kind="stable")
-    twice = np.flatnonzero(number[order][1:] == number[order][:-1])
-    one, other = order[twice], order[twice + 1]
-    single = np.delete(order, np.concatenate([twice, twice + 1]))
-    both = _edges_of(space, number[one])
-    h = space.lengths(both)[:, None]
-    m, factor = frame(both)
-    pairs = np.stack([direction[one], direction[other]], axis=1)
-    alone = _edges_of(space, number[single])
-    scale = np.column_stack([space.lengths(alone), space.lengths(alone) ** 2 / 6.0, np.ones((len(single), degree - 1))])
-    shares = np.stack([(direction[single] * axis).sum(axis=1) for axis in (alone.normal, alone.tangent)], axis=1)
-    shares = np.where(np.abs(shares) <= _PARALLEL, 0.0, shares)[:, :, None] * scale[:, None]
-    traces = space.traces(alone)
-    halves = traces.values.reshape(len(single), 2, degree + 1, traces.columns.shape[1])
-    combined = (shares[..., None] * halves).sum(axis=1)
-
-    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
-        parts = [part if index is None else part.take(index) for part, index in zip(given, straight, strict=True)]
-        found = np.concatenate([np.empty((0, degree + 1)), *(part.coefficients(vertices, degree) for part in parts)])
-        vectors = np.linalg.solve(pairs, np.stack([found[one], found[other]], axis=1))
-        N = (both.normal[:, :, None] * vectors).sum(axis=1)
-        Q = factor[:, None] * (both.tangent[:, :, None] * vectors).sum(axis=1)
-        forces = h * (N[:, :1] * both.tangent + Q[:, :1] * m)
-        of_vectors = np.hstack([forces, -(h**2) * N[:, 1:2] / 6.0, N[:, 2:], Q[:, 1:]])
-        return np.concatenate([of_vectors.ravel(), (found[single] * scale).ravel()])
-
-    vectors, component = space.resultants(both).rows(), EdgeFunctionals(traces.columns, combined, space.size).rows()
-    return _Block(
-        Rows(np.concatenate([vectors.columns, component.columns]), np.concatenate([vectors.values, component.values])),
-        np.concatenate(
-            [np.tile(np.arange(2 * degree + 2) < 3, len(one)), np.tile(np.arange(degree + 1) < 2, len(single))]
-        ),
-        np.concatenate([np.repeat(number[one], 2 * degree + 2), np.repeat(number[single], degree + 1)]),
-        data,
-    )
-
-
-def _on_arcs(space: StressSpace, components: Sequence[Component]) -> list[_Block]:
-    """Conditions on edges that are arcs: of both components where there are two, of one where there is one."""
-    bent = [(i, np.flatnonzero(part.edges.bent)) for i, part in enumerate(components) if part.edges.curved]
-    if not bent:
-        return []
-    numbers = {i: space.number(components[i].edges.take(index)) for i, index in bent}
-    orders = {i: index[np.argsort(numbers[i])] for i, index in bent}
-    numbers = {i: np.sort(number) for i, number in numbers.items()}
-    count = np.bincount(np.concatenate([*numbers.values()]), minlength=len(space.mesh.topology.ends))
-    found = []
-    for i, index in orders.items():
-        alone = count[numbers[i]] == 1
-        if alone.any():
-            found.append(_of_component_on_arcs(space, components, i, index[alone]))
-        for j, other in orders.items():
-            mine, its = np.isin(numbers[i], numbers[j]), np.isin(numbers[j], numbers[i])
-            if j > i and mine.any():
-                found.append(_of_vectors_on_arcs(space, components, (i, j), (index[mine], other[its])))
-    return found
-
-
-def _of_vectors_on_arcs(
-    space: StressSpace, components: Sequence[Component], pair: tuple[int, int], at: tuple[IntArray, IntArray]
-) -> _Block:
-    """Both components on the same arcs: force and moment of the data, and their coefficients of Legendre."""
-    edges, degree = components[pair[0]].edges.take(at[0]), space.degree - 2
-    h, (m, factor) = space.lengths(edges), frame(edges)
-
-    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
-        one, other = (given[i].take(index) for i, index in zip(pair, at, strict=True))
-        d: FloatArray = np.zeros((len(edges), 2 * degree + 2))
-        for part, its in ((one, other), (other, one)):
-            found = part.quadrature(space.mesh.vertices, _POINTS + degree)
-            chosen = edges.take(found.edge)
-            own, against = (
-                vectors_along(chosen, each.direction[found.edge], found.t, turns=each.turns) for each in (part, its)
-            )
-            dual = np.stack([-against[..., 1], against[..., 0]], axis=-1)  # at right angles to the other component
-            dual /= (dual * own).sum(axis=-1, keepdims=True)
-            normal, tangent = frames_along(chosen, found.t)
-            N, Q = (dual * normal).sum(axis=-1), factor[found.edge, None] * (dual * tangent).sum(axis=-1)
-            shapes = resultant_shapes(chosen.bend, found.t)
-            resultants = N[..., None] * shapes[..., 0] + Q[..., None] * shapes[..., 1]
-            scaled = legendre.basis(degree, found.t) * (2.0 * np.arange(degree + 1) + 1.0)
-            parts = [resultants, N[..., None] * scaled[..., 2:], Q[..., None] * scaled[..., 1:]]
-            d += found.integrals(np.concatenate(parts, axis=-1))
-        force = h[:, None] * (d[:, :1] * edges.tangent + d[:, 1:2] * m)
-        d[:, 2] *= h**2
-        d[:, :2] = force
-        return d.ravel()
-
-    rows = 2 * degree + 2
-    is_load = np.tile(np.arange(rows) < 3, len(edges))
-    return _Block(space.resultants(edges).rows(), is_load, np.repeat(space.number(edges), rows), data)
-
-
-def _of_component_on_arcs(space: StressSpace, components: Sequence[Component], i: int, at: IntArray) -> _Block:
-    """One component d·σn = (d·n) σ_N + (d·t) σ_T on arcs, in the mean square of each: p − 1 rows an edge."""
-    part, degree = components[i], space.degree - 2
-    edges = part.edges.take(at)
-    h = space.lengths(edges)
-    scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (degree - 1)])
-    t = gauss_legendre(degree + _POINTS)[0]
-    along = np.tile(t, (len(edges), 1))
-    direction = vectors_along(edges, part.direction[at], along, turns=part.turns)
-    values = legendre.basis(degree, t)
-    project = legendre.from_values(degree, len(t))
-    traces = space.traces(edges)
-    combined: FloatArray = np.zeros((len(edges), degree + 1, traces.columns.shape[1]))
-    halves = np.split(traces.values, 2, axis=1)
-    for axis, found in zip(frames_along(edges, along), halves, strict=True):
-        share = (direction * axis).sum(axis=-1)
-        share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
-        combined = combined + (project @ (share[:, :, None] * values) * scale[:, :, None]) @ found
-
-    def data(given: Sequence[PrescribedTraction]) -> FloatArray:
-        wanted = given[i].take(at).quadrature(space.mesh.vertices, degree + _POINTS).coefficients(degree)
-        return (wanted * scale).ravel()
-
-    is_load = np.tile(np.arange(degree + 1) < 2, len(edges))
-    number = np.repeat(space.number(edges), degree + 1)
-    return _Block(EdgeFunctionals(traces.columns, combined, space.size).rows(), is_load, number, data)
+    return space.mesh.boundary.take(np.searchsorted(space.mesh.topology.outer, numbers))
 
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """B of u = B z: degrees of freedom that are unknowns, that follow from these, and that vanish."""
+    """B of u = B z: degrees of freedom are unknowns, follow from these, or vanish."""
 
-    size: int  # N
     kept: IntArray  # (n,): degrees of freedom that are unknowns; z are their values
-    following: IntArray  # (a,): those that follow
-    # (k,): what they are of the unknowns, entry by entry: u[following[row]] = Σ factor z[column], sorted by rows
-    row: IntArray
-    column: IntArray
-    factor: FloatArray
+    matrix: sparse.csr_array  # B (N, n)
 
     @classmethod
-    def of(cls, solved: dict[int, dict[int, float]], pivots: IntArray, size: int) -> Basis:
-        """With the pivots solved for, as Σ factor u of kept degrees of freedom."""
+    def of(cls, solved: dict[int, dict[int, float]], size: int) -> Basis:
+        """With pivots solved for, as Σ factor u of kept degrees of freedom."""
         is_kept = np.ones(size, dtype=bool)
-        is_kept[pivots] = False
-        number = np.cumsum(is_kept) - 1
-        entries = {pivot: terms for pivot, terms in sorted(solved.items()) if terms}
-        lengths = np.array([len(terms) for terms in entries.values()], dtype=np.int64)
-        columns = np.array([column for terms in entries.values() for column in terms], dtype=np.int64)
-        factors = np.array([factor for terms in entries.values() for factor in terms.values()])
-        row, following = np.repeat(np.arange(len(lengths)), lengths), np.array(list(entries), dtype=np.int64)
-        return cls(size, np.flatnonzero(is_kept), following, row, number[columns], factors)
-
-    def expanded(self, z: FloatArray) -> FloatArray:
-        """B z (N,)."""
-        u = np.zeros(self.size)
-        u[self.kept] = z
-        u[self.following] = np.bincount(self.row, self.factor * z[self.column], len(self.following))
-        return u
-
-    def reduced(self, functional: FloatArray) -> FloatArray:
-        """A functional (N,) of u as one of z, (n,)."""
-        more = np.bincount(self.column, self.factor * functional[self._source], len(self.kept))
-        return np.asarray(functional[self.kept] + more)
-
-    def rows(self, given: Rows) -> Any:
-        """Rows of u as rows of z (m, n), dense where they are few, else sparse."""
-        count = len(given.columns)
-        if not are_few(count, self._width):
-            return given.matrix(self.size) @ self.matrix
-        places = self._width * np.arange(count)[:, None] + self._number[given.columns]
-        sums = np.bincount(places.ravel(), given.values.ravel(), count * self._width)
-        found = np.asarray(sums, dtype=np.float64).reshape(count, self._width)
-        self._without_following(found)
-        return found[:, : len(self.kept)]
-
-    def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
-        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
-        if are_few(self._width, self._width):
-            at = self._number[dofs]
-            places = self._width * at[:, :, None] + at[:, None]
-            sums = np.bincount(places.ravel(), blocks.ravel(), self._width**2)
-            found = np.asarray(sums, dtype=np.float64).reshape(self._width, self._width)
-            self._without_following(found)
-            self._without_following(found.T)
-            return found[: len(self.kept), : len(self.kept)]
-        at = dofs.astype(np.int32 if self.size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
-        pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
-        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()
-        return (sparse.csr_array(self.matrix.T) @ (matrix @ self.matrix)).T  # symmetric, and compressed by columns
-
-    def _without_following(self, rows: FloatArray) -> None:
-        """Add columns of what follows to those of unknowns, in place; columns (…, w) by `_number`."""
-        more = rows[:, len(self.kept) + self.row] * self.factor
-        np.add.at(rows.T, self.column, more.T)
-
-    @property
-    def _width(self) -> int:
-        return len(self.kept) + len(self.following) + 1
+        is_kept[list(solved)] = False
+        kept, number = np.flatnonzero(is_kept), np.cumsum(is_kept) - 1
+        rows = np.array([pivot for pivot, terms in solved.items() for _ in terms], dtype=np.int64)
+        columns = np.array([column for terms in solved.values() for column in terms], dtype=np.int64)
+        factors = np.array([factor for terms in solved.values() for factor in terms.values()])
+        at = np.append(kept, rows), np.append(np.arange(len(kept)), number[columns])
+        matrix = sparse.csr_array((np.append(np.ones(len(kept)), factors), at), shape=(size, len(kept)))
+        read_only(matrix)
+        return cls(kept, matrix)
 
     @cached_property
-    def _source(self) -> IntArray:
-        """The degree of freedom that each factor belongs to (k,)."""
-        return self.following[self.row]
-
-    @cached_property
-    def _number(self) -> IntArray:
-        """Columns (N,): unknowns, then what follows, and a last one of what vanishes."""
-        n, found = len(self.kept), np.full(self.size, self._width - 1)
-        found[self.kept], found[self.following] = np.arange(n), np.arange(n, self._width - 1)
-        return found
-
-    @cached_property
-    def matrix(self) -> sparse.csr_array:
-        """B (N, n)."""
-        n = len(self.kept)
-        data, columns = np.append(np.ones(n), self.factor), np.append(np.arange(n), self.column)
-        return sparse.csr_array((data, (np.append(self.kept, self._source), columns)), shape=(self.size, n))
+    def _transposed(self) -> sparse.csr_array:
+        return sparse.csr_array(self.matrix.T)
 
     @cached_property
     def magnitudes(self) -> sparse.csr_array:
         """|B| (N, n)."""
         return abs(self.matrix)
 
+    def expanded(self, z: FloatArray) -> FloatArray:
+        """B z (N,)."""
+        return np.asarray(self.matrix @ z)
+
+    def reduced(self, functional: FloatArray) -> FloatArray:
+        """A functional (N,) of u as one of z, (n,)."""
+        return np.asarray(self._transposed @ functional)
+
+    def rows(self, given: Functionals) -> Any:
+        """Functionals of u as rows on z (m, n), dense where they are few, else sparse."""
+        found = given.matrix() @ self.matrix
+        return found.toarray() if are_few(*found.shape) else found
+
+    def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
+        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
+        size, count = self.matrix.shape
+        if are_few(count, count):
+            places = size * dofs[:, :, None] + dofs[:, None]
+            whole = np.bincount(places.ravel(), blocks.ravel(), size**2).reshape(size, size)
+            return self._transposed @ (self._transposed @ whole).T
+        at = dofs.astype(np.int32 if size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
+        pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
+        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
+        return (self._transposed @ (matrix @ self.matrix)).T  # symmetric, and compressed by columns
+
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
     """The solutions u = B z + u₀ of C u = d, by as many degrees of freedom as there are independent rows."""
 
-    C: Rows  # (m, N)
+    C: Functionals  # one by one, (m, 1)
     # (r,): independent rows in the order in which they were taken, and the degree of freedom that each is solved
     # for
     rows: IntArray
@@ -445,18 +283,15 @@ class Elimination:
     basis: Basis
 
     @classmethod
-    def of(cls, C: Rows, age: IntArray) -> Elimination:
+    def of(cls, C: Functionals, age: IntArray) -> Elimination:
         """Solve rows (m, N) one after the other, in units of degrees of freedom that make entries comparable.
 
         Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
         """
-        alone = C.alone(len(age))  # rows with one entry in a column of their own make that zero, in any order
-        solved = dict.fromkeys(alone.values(), _NOTHING)
-        rows, ages = {column: row for row, column in alone.items()}, age.tolist()
-        waiting = np.delete(np.arange(len(C.columns)), list(alone))
-        largest = np.abs(C.values[waiting]).max(axis=1, initial=0.0).tolist()
-        entries = C.columns[waiting].tolist(), C.values[waiting].tolist()
-        for row, most, columns, values in zip(waiting.tolist(), largest, *entries, strict=True):
+        solved, ages, taken = dict[int, dict[int, float]](), age.tolist(), list[int]()
+        largest = np.abs(C.values).max(axis=(1, 2), initial=0.0).tolist()
+        entries = zip(largest, C.columns.tolist(), C.values[:, 0].tolist(), strict=True)
+        for row, (most, columns, values) in enumerate(entries):
             terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
             sizes = list(map(abs, terms.values()))
             left = max(sizes, default=0.0)
@@ -466,27 +301,25 @@ class Elimination:
             pivot = -max([(ages[column], size, -column) for column, size in sized if size >= _WORTHY * left])[2]
             factor = -1.0 / terms.pop(pivot)
             solved[pivot] = {column: factor * value for column, value in terms.items()}
-            rows[pivot] = row
+            taken.append(row)
         for pivot in reversed(solved):  # the latest depend on kept ones only, earlier ones perhaps on them
             if solved[pivot]:
                 solved[pivot] = _reduced(solved[pivot].items(), solved)
         pivots = np.array(list(solved), dtype=np.int64)
-        taken = np.array([rows[pivot] for pivot in solved], dtype=np.int64)
-        order = np.argsort(taken, kind="stable")
-        return cls(C, taken[order], pivots[order], Basis.of(solved, pivots, len(age)))
+        return cls(C, np.array(taken, dtype=np.int64), pivots, Basis.of(solved, len(age)))
 
     def particular(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
         """u₀ (N,), zero for unknowns, and what d (m,) misses in the rows that follow from the others."""
-        u = np.zeros(self.basis.size)
+        u = np.zeros(self.C.size)
         if d.any():
             u[self.pivots] = self._factor.solve(d[self.rows])
         rest = np.setdiff1d(np.arange(len(d)), self.rows)
-        return u, d[rest] - (self.C.values[rest] * u[self.C.columns[rest]]).sum(axis=1)
+        return u, d[rest] - self.C.take(rest).apply(u)[:, 0]
 
     @cached_property
     def _factor(self) -> Any:
         """LU of the independent rows and their pivots, in the order in which they were found."""
-        matrix = self.C.take(self.rows).matrix(self.basis.size)[:, self.pivots]
+        matrix = self.C.take(self.rows).matrix()[:, self.pivots]
         return splu(matrix.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
 
 

@@ -7,9 +7,9 @@ enclosed down to rounding. Far from the origin rounding of the coordinates moves
 asked to be followed: what that explains is no reason to halve a part.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -41,6 +41,15 @@ class EdgeQuadrature:
     values: FloatArray  # (k, q): the function
     error: float  # integral of what parts that were not divided further leave of it
 
+    @classmethod
+    def joined(cls, given: "Sequence[EdgeQuadrature]") -> "EdgeQuadrature":
+        """Functions on several sets of edges as one on all of them, set after set."""
+        starts = np.cumsum([0, *(part.count for part in given)]).tolist()
+        edge = np.concatenate([start + part.edge for start, part in zip(starts, given, strict=False)])
+        at_points = zip(*((part.t, part.weights, part.values) for part in given), strict=True)
+        t, weights, values = map(np.concatenate, at_points)
+        return cls(starts[-1], edge, t, weights, values, sum(part.error for part in given))
+
     def coefficients(self, degree: int) -> FloatArray:
         """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square.
 
@@ -71,8 +80,7 @@ class EdgeQuadrature:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Parts:
+class _Parts(NamedTuple):
     """Parts of edges, from `start` (k,) on and so `long` (k,), and the function at their Gauss points (k, q)."""
 
     edge: IntArray
@@ -168,8 +176,6 @@ def _divided(
 
 
 def _quadrature(count: int, parts: list[_Parts], error: float) -> EdgeQuadrature:
-    edge, start, long, values = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in _Parts.__annotations__
-    )
+    edge, start, long, values = (np.concatenate([getattr(part, name) for part in parts]) for name in _Parts._fields)
     t, w = gauss_legendre(values.shape[1])
     return EdgeQuadrature(count, edge, start[:, None] + long[:, None] * t, long[:, None] * w, values, error)

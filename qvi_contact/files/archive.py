@@ -207,8 +207,8 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
     return {
         "degree": known.space.degree,
         "law_on": known.rule.law_on,
-        "centres": known.space.centres,
-        "cuts": known.space.cuts.vertices,
+        "centres": known.space.frames.centres,
+        "cuts": known.space.frames.on_cuts,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
@@ -305,7 +305,7 @@ def _discretization(archive: Archive, discretized: Callable[[Scales], Discretiza
         raise archive.refused("reach", "is not a positive number")
     fresh = discretized(Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach))
     none = np.empty(0, dtype=np.int64)  # files without these entries have unknowns of Φ itself, of one value
-    for name, own in (("centres", fresh.space.centres), ("cuts", fresh.space.cuts.vertices)):
+    for name, own in (("centres", fresh.space.frames.centres), ("cuts", fresh.space.frames.on_cuts)):
         if not np.array_equal(archive.integers(name) if name in archive.arrays else none, own):
             remedy = (
                 "counts from other vertices of this mesh than it does here: solve the problem anew, or take the "

@@ -299,14 +299,16 @@ class ArcTable:
             curve = Curve(edges, checked_bends("bends", self.bends, len(edges)))
             return curve.checked("", mesh.vertices, mesh.topology)
         if self.name is not None:
-            pairs = mesh.pairs(self.name)
-        else:
-            pairs = checked_pairs("edges", self.edges or [], mesh.topology, mesh.vertices)
+            return self.curve(mesh.pairs(self.name), mesh.vertices)
+        return self.curve(checked_pairs("edges", self.edges or [], mesh.topology, mesh.vertices), mesh.vertices)
+
+    def curve(self, pairs: IntArray, vertices: FloatArray) -> Curve:
+        """The edges (k, 2) on this circle or ellipse."""
         assert self.centre is not None  # checked above
         if self.axes is not None:
             circled = ellipse(self.centre, self.axes, self.angle or 0.0)
-            return fitted("axes", circled, 0.0, 2.0 * np.pi, pairs, mesh.vertices)
-        return circle(self.centre, self.radius or 0.0, pairs, mesh.vertices)
+            return fitted("axes", circled, 0.0, 2.0 * np.pi, pairs, vertices)
+        return circle(self.centre, self.radius or 0.0, pairs, vertices)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -324,8 +326,8 @@ class MeshTable:
     file: schema.Name | None = None
     """Mesh file, .msh, .inp, .med, .vtk or .vtu, by its place beside the problem file: `file = "meshes/dam.msh"`."""
     join: schema.Name | None = None
-    """Name for the joint of bodies in the mesh file that touch along straight lines; their nodes need not match:
-    `join = "seam"`."""
+    """Name for the joint of bodies in the mesh file that touch along straight lines, or along `arcs` that name edges of
+    both; their nodes need not match: `join = "seam"`."""
     outline: OutlineTable | None = None
     """Outline that gmsh divides into triangles, see `[mesh.outline]`: `outline = { size = 0.2, corners = [{ at =
     [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }] }`."""

@@ -26,6 +26,8 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.mesh_tables import ArcTable, EdgesTable, JointTable, Lines, MeshTable, RegionTable
 from qvi_contact.files.options import RefineOptions, SolveOptions
+from qvi_contact.mesh import cutting
+from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.selection import new_name, triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
@@ -188,13 +190,20 @@ class Document:
         """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
         table, lines = self.mesh, None
         assert table is not None  # it is needed
+        arcs = {f"mesh.arcs[{index}]": arc for index, arc in enumerate(table.arcs)}
         with schema.within("mesh"):
             if table.file is not None:
                 if folder is None:
                     remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
                     raise InputError("file", table.file, remedy)
                 try:
-                    mesh = TriangleMesh.load(folder / table.file, table.join)
+                    parts = read_mesh(folder / table.file)
+                    if table.join is not None:
+                        before = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
+                        arcs = {path: arc for path, arc in arcs.items() if path not in before}
+                        curves = [arc.curve(parts.edge_sets[arc.name or ""], parts.vertices) for arc in before.values()]
+                        parts = cutting.joined(parts._replace(arcs=curves), table.join)
+                    mesh = TriangleMesh(*parts)
                 except InputError as error:
                     with schema.located("" if error.field == "join" else "file", ("join",)):
                         raise
@@ -206,16 +215,16 @@ class Document:
             else:
                 lines = table.x, table.y
                 mesh = table.grid(lines)
-        mesh = self._named(mesh, lines)
+        mesh = self._named(mesh, lines, arcs)
         if table.refine is None or lines is None:
             return mesh
         with schema.within("mesh"):
             with schema.within("refine"):
                 lines = table.refine.lines(mesh, table.body(lines), lines)
             mesh = table.grid(lines)
-        return self._named(mesh, lines)
+        return self._named(mesh, lines, arcs)
 
-    def _named(self, mesh: TriangleMesh, lines: Lines | None) -> TriangleMesh:
+    def _named(self, mesh: TriangleMesh, lines: Lines | None, arcs: Mapping[str, ArcTable]) -> TriangleMesh:
         """The mesh with named parts: [[regions]] with ranges and a name; and edges on arcs; the lines are of a grid."""
         sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
         parts = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
@@ -228,8 +237,8 @@ class Document:
                     chosen = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
                     regions[new_name(region.name, regions, "region")] = chosen
         mesh = replace(mesh, edge_sets=sets, regions=regions)
-        for index, arc in enumerate(self.mesh.arcs if self.mesh is not None else ()):
-            with schema.located(f"mesh.arcs[{index}]", schema.keys_of(ArcTable)):
+        for path, arc in arcs.items():
+            with schema.located(path, schema.keys_of(ArcTable)):
                 mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
         return mesh
 

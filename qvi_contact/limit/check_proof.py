@@ -6,18 +6,19 @@ polynomials on parts and edges is said of their Bernstein ordinates: a polynomia
 
 **What is carried.** An Airy function Φ of degree p has the stresses σ_xx = Φ_yy + φ, σ_yy = Φ_xx + φ, σ_xy = −Φ_xy with
 the potential φ of the body force, in equilibrium whatever Φ is. They carry the loads times "factor" if tractions agree
-across every edge, are the prescribed ones, and all ordinates of stress and of tractions on contacts are admissible.
+across every edge, are the prescribed ones, have on a plate its forces and its moment about the pivot as resultants, and
+all ordinates of stress and of tractions on contacts are admissible.
 
 **What is not.** Velocities v that are zero where no traction is prescribed, and jump on contacts only, dissipate at
-most D = Σ |part| mean π(ε) + Σ mean π([v]) for every admissible stress. In equilibrium the loads have the power
-P_dead + α P_live ≤ D. So no stress carries more than α = (D − P_dead)/P_live; and none carries any α if P_live = 0 and
-D < P_dead. Roots are rational numbers from above.
+most D = Σ |part| mean π(ε) + Σ mean π([v]) for every admissible stress. A plate moves as a rigid body, where forces are
+given. In equilibrium the loads have the power P_dead + α P_live ≤ D. So no stress carries more than
+α = (D − P_dead)/P_live; and none carries any α if P_live = 0 and D < P_dead. Roots are rational numbers from above.
 """
 
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from itertools import product
 from math import comb, inf, isqrt
@@ -38,11 +39,18 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
 
 
 class Side(NamedTuple):
-    """A side of a part: ordinates along it, its normal, as long as the side, and 1 if that points out, −1 if in."""
+    """A side of a part."""
 
-    values: list[Any]
-    normal: Any
-    out: int
+    values: list[Any]  # ordinates along it
+    normal: Any  # as long as the side
+    out: int  # 1 if the normal points out, −1 if in
+    start: Any
+
+    def arms(self, plate: dict[str, Any], count: int) -> list[Any]:
+        """From the pivot of a plate to places along the side, as many as are counted."""
+        x, y = _less(self.start, plate["pivot"])
+        shares = [Fraction(m, count - 1) for m in range(count)]
+        return [(x - share * self.normal[1], y + share * self.normal[0]) for share in shares]
 
 
 def _carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
@@ -61,32 +69,57 @@ def _carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
             for cone in _cones(proof, t):
                 _demand(_inside(s, _affine(cone["a"], at), cone), f"a stress of triangle {t} is beyond its strength")
                 counted["stresses in cones"] += 1
-        for edge, (values, n, out) in _sides(names, ends, stress):
-            side = Side([(s[0] * n[0] + s[2] * n[1], s[2] * n[0] + s[1] * n[1]) for s in values], n, out)
-            tractions.setdefault(edge, []).append(side)
+        for edge, side in _sides(names, ends, stress):
+            n, values = side.normal, side.values
+            values = [(s[0] * n[0] + s[2] * n[1], s[2] * n[0] + s[1] * n[1]) for s in values]
+            tractions.setdefault(edge, []).append(side._replace(values=values))
     for edge, sides in tractions.items():
         _demand(_alone(edge, sides) or sides[0].values == sides[1].values, f"tractions across edge {edge} differ")
         counted["edges with tractions"] += 1
     for edge, loads in _loads(proof).items():
-        (values, _, out), *more = tractions[edge]
+        side, *more = tractions[edge]
         for d, dead, live in loads:
             given = [a + factor * b for a, b in zip(dead, live, strict=True)]
-            have = [out * _dot(d, value) for value in values]
+            have = [side.out * _dot(d, value) for value in side.values]
             _demand(not more and have == given, f"the traction on edge {edge} is not the load")
             counted["loads carried"] += 1
+    _on_contacts(proof, factor, tractions, counted)
+    return factor
+
+
+def _on_contacts(proof: dict[str, Any], factor: Fraction, tractions: dict[Any, list[Side]], counted: Counter[str]
+                 ) -> None:  # fmt: skip
+    """Tractions keep the laws of contacts, and are the forces of plates."""
     for edge, (contact, pressure) in _contacts(proof).items():
-        values, n, _ = tractions[edge][0]
+        values, n = tractions[edge][0][:2]
         pressure = pressure or [Fraction(0)] * len(values)
         effective = [(s[0] + q * n[0], s[1] + q * n[1]) for s, q in zip(values, pressure, strict=True)]
         beyond = f"contact {contact['name']!r} is beyond its law"
         _demand(_admissible(contact, _elevated(effective), n), beyond)
         counted["contact edges within their law"] += 1
-    return factor
+    for contact in proof["contacts"]:
+        if "plate" in contact:
+            on_edges = [tractions[_key(edge)] for edge in contact["edges"]]
+            counted["resultants of plates"] += _driven(contact, factor, on_edges)
+
+
+def _driven(contact: dict[str, Any], factor: Fraction, sides: list[list[Side]]) -> int:
+    """How many resultants of tractions on a plate, two forces and the moment about its pivot, are prescribed."""
+    plate, have = _exact(contact["plate"]), [Fraction(0)] * 3
+    for side, *more in sides:
+        _demand(not more, "a plate is inside the body")
+        (r_x, r_y), (x, y) = zip(*side.arms(plate, 2), strict=True), zip(*side.values, strict=True)
+        parts = (sum(x) / len(x), sum(y) / len(y), _product(r_x, y) - _product(r_y, x))
+        have = [whole + side.out * part for whole, part in zip(have, parts, strict=True)]
+    given = [(n, plate["dead"][n] + factor * plate["live"][n]) for n in range(3) if plate["dead"][n] is not None]
+    told = f"tractions on the plate of contact {contact['name']!r} are not its forces"
+    _demand(all(have[n] == force for n, force in given), told)
+    return len(given)
 
 
 def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
     """The factor that the flow proves no stress to exceed."""
-    flow, spent, power = proof["flow"], Fraction(0), {"dead": Fraction(0), "live": Fraction(0)}
+    flow, spent, power = proof["flow"], Fraction(0), _powers_of_plates(proof)
     velocities, loads, contacts = dict[Any, list[Side]](), _loads(proof), _contacts(proof)
     degree = flow["degree"]
     for t, names, ends, slopes, v in _parts(proof, flow["velocities"], degree):
@@ -105,10 +138,10 @@ def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
             velocities.setdefault(edge, []).append(side)
     _demand({*loads, *contacts} <= velocities.keys(), "there are loads or contacts where there is no edge")
     for edge, sides in velocities.items():
-        alone, (values, normal, out) = _alone(edge, sides), sides[0]
+        alone, (values, normal, out, _) = _alone(edge, sides), sides[0]
         if edge in contacts:
-            other = [(0, 0)] * len(values) if alone else sides[1].values
-            jumps, (contact, pressure) = list(map(_less, values, other)), contacts[edge]
+            contact, pressure = contacts[edge]
+            jumps = list(map(_less, values, _beyond(contact, flow, *sides)))
             openings = [-out * _dot(normal, jump) for jump in jumps]
             for w, jump in zip(openings, jumps, strict=True):
                 spent += _slid(contact, w, abs(_cross(normal, jump))) / len(values)
@@ -123,6 +156,29 @@ def _exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
     least = spent - power["dead"]
     _demand(power["live"] > 0 or (power["live"] == 0 and least < 0), "the flow has no power of the loads")
     return least / power["live"] if power["live"] > 0 else -inf
+
+
+def _powers_of_plates(proof: dict[str, Any]) -> dict[str, Fraction]:
+    """The power of forces on plates, which move in their components only."""
+    found = {"dead": Fraction(0), "live": Fraction(0)}
+    for contact in proof["contacts"]:
+        if "plate" in contact:
+            plate, motion = _exact([contact["plate"], proof["flow"]["plates"][contact["name"]]])
+            for dead, live, part in zip(plate["dead"], plate["live"], motion, strict=True):
+                told = f"the plate of contact {contact['name']!r} moves where no force is given"
+                _demand(dead is not None or part == 0, told)
+                found["dead"] += (dead or 0) * part
+                found["live"] += (live or 0) * part
+    return found
+
+
+def _beyond(contact: dict[str, Any], flow: dict[str, Any], side: Side, *other: Side) -> list[Any]:
+    """Velocities of what a contact is with: another body, an obstacle at rest, or a plate that forces drive."""
+    if "plate" not in contact:
+        return other[0].values if other else [(0, 0)] * len(side.values)
+    _demand(not other, "a plate is inside the body")
+    plate, (x, y, turn) = _exact([contact["plate"], flow["plates"][contact["name"]]])
+    return [(x - turn * r_y, y + turn * r_x) for r_x, r_y in side.arms(plate, len(side.values))]
 
 
 def _powers(edge: Any, velocities: list[Any], loads: list[tuple[Any, Any, Any]]) -> Iterator[tuple[str, Fraction]]:
@@ -164,7 +220,7 @@ def _sides(names: list[Any], ends: list[Any], values: dict[Any, Any]) -> Iterato
         normal = (along[1], -along[0])
         out = 1 if _dot(normal, _less(ends[first], ends[3 - i - j])) > 0 else -1
         at = [tuple((k - m) * (n == first) + m * (n == second) for n in range(3)) for m in range(k + 1)]
-        yield _key([names[first], names[second]]), Side([values[alpha] for alpha in at], normal, out)
+        yield _key([names[first], names[second]]), Side([values[alpha] for alpha in at], normal, out, ends[first])
 
 
 def _alone(edge: Any, sides: list[Side]) -> bool:
@@ -215,7 +271,7 @@ def _elevated(values: list[Any]) -> list[Any]:
     return [tuple((m * a + (k - m) * b) / k for a, b in zip(ends[m], ends[m + 1], strict=True)) for m in range(k + 1)]
 
 
-def _product(first: list[Any], second: list[Any]) -> Fraction:
+def _product(first: Sequence[Any], second: Sequence[Any]) -> Fraction:
     """∫ of the product of two polynomials on [0, 1]."""
     p, q = len(first) - 1, len(second) - 1
     parts = [Fraction(comb(p, i) * comb(q, j), comb(p + q, i + j)) * a * b
@@ -226,15 +282,18 @@ def _product(first: list[Any], second: list[Any]) -> Fraction:
 def _law(contact: dict[str, Any]) -> tuple[bool, Fraction, Fraction, Fraction | float]:
     cap = contact["shear_limit"]
     mu, c = Fraction(contact["friction"]), Fraction(contact["cohesion"])
-    return contact["law"] == "bilateral", mu, c, inf if cap is None else Fraction(cap)
+    return contact["law"] != "unilateral", mu, c, inf if cap is None else Fraction(cap)
 
 
 def _admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> bool:
-    """|σ_T| ≤ min(c + μ p, t_max) with p = −σ_N ≥ 0; if bilateral p may be σ_N, too, or count as 0, on a whole edge."""
+    """|σ_T| ≤ min(c + μ p, t_max) with p = −σ_N ≥ 0; if bilateral p may be σ_N, too, or count as 0, on a whole edge.
+
+    What is tied carries all.
+    """
     bilateral, mu, c, cap = _law(contact)
     square = _dot(normal, normal)
     n, t = ([product(normal, each) for each in tractions] for product in (_dot, _cross))
-    return any(
+    return contact["law"] == "tied" or any(
         all(
             sign * x <= 0 and abs(y) <= min(c * square - sign * mu * x, cap * square) for x, y in zip(n, t, strict=True)
         )
@@ -245,7 +304,7 @@ def _admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> b
 def _slid(contact: dict[str, Any], w: Fraction, t: Fraction) -> Fraction:
     """π of the opening w and slip t: the most that −σ_N' w + |σ_T| t can be."""
     bilateral, mu, c, cap = _law(contact)
-    stuck = mu > 0 and cap == inf and (t != 0 if bilateral else w < mu * t)
+    stuck = (contact["law"] == "tied" and t != 0) or (mu > 0 and cap == inf and (t != 0 if bilateral else w < mu * t))
     _demand(not stuck and (w == 0 if bilateral else w >= 0), f"contact {contact['name']!r} cannot move like this")
     if mu == 0 or cap == inf:
         return Fraction(min(c, cap) * t if t else 0)

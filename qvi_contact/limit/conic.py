@@ -24,6 +24,7 @@ _COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blo
 _LARGE: Final = 4000
 _REGULAR: Final = 1e-12  # added to its matrices: by default 1e-8, in which fans of thin triangles are lost
 _REFINED: Final = 30  # steps of its iterative refinement, at most
+_ROUNDED: Final = 1e-14  # of the largest column: columns that are nothing but rounding
 _DAMPED: Final = 1e-14  # added to the normal equations, whose rows may depend on each other
 _SWEEPS: Final = 4  # of the projection on the equations
 HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
@@ -93,7 +94,7 @@ class ConicProgram:
         kinds += [clarabel.SecondOrderConeT(self.width)] * blocks
         A = sparse.csc_array(self.A)
         scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
-        scale[scale == 0.0] = 1.0
+        scale[scale <= _ROUNDED * scale.max(initial=0.0)] = 1.0
         A = sparse.csc_array(A @ sparse.diags_array(1.0 / scale))
         q, unit = self.q / scale, float(np.abs(self.b).max(initial=0.0)) or 1.0  # its tolerances are for numbers near 1
         size = float(np.abs(q).max(initial=0.0)) or 1.0

@@ -48,9 +48,10 @@ from qvi_contact.limit.conic import HELD, INFEASIBLE, ConicProgram
 from qvi_contact.limit.linear import ALONG, Carried, edge_coefficients, limited
 from qvi_contact.limit.split import Nodes, coefficients_of, linked, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import YieldCones
+from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
+from qvi_contact.problem.conditions import SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
@@ -86,6 +87,8 @@ class BodyMotion:
         ∫ π(ε) dx, or the bound of it, in units of the load factor.
     contacts : mapping of str to ContactFlow
         What happens on each contact.
+    plates : mapping of str to RigidMotion
+        Motions of plates driven by force about their pivots, by the names of their contacts.
 
     """
 
@@ -94,6 +97,7 @@ class BodyMotion:
     strain: FloatArray
     dissipation: FloatArray
     contacts: Mapping[str, ContactFlow]
+    plates: Mapping[str, RigidMotion]
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,7 +382,7 @@ class FlowProgram:
                 edges.length / (mesh.length * p * self.scales.stress),
                 np.full(len(edges), contact.law == "unilateral"),
             ]
-            for name in ("friction", "cohesion", "shear_limit"):  # the largest value along each edge
+            for name in SHEAR_LAW:  # the largest value along each edge
                 field = getattr(contact, name)
                 values = np.inf if field is None else evaluate(f"Contact.{name}", field, *places, minimum=0.0)
                 laws.append(np.broadcast_to(values, places[0].shape).max(axis=1))
@@ -417,7 +421,12 @@ class FlowProgram:
             w, t, paid = (np.asarray(part[start : start + count * p]).reshape(-1, p) for part in (opening, slip, cost))
             found[name] = ContactFlow(w, t, paid.sum(axis=1))
             start += count * p
-        return BodyMotion(velocities, space.nodes.places, strain, dissipation, found)
+        plates = {
+            contact.name: RigidMotion(a, b, turn / space.mesh.length, contact.plate.pivot)
+            for contact, (a, b, turn) in zip(space.plates, v[2 * space.count :].reshape(-1, 3).tolist(), strict=True)
+            if contact.plate is not None
+        }
+        return BodyMotion(velocities, space.nodes.places, strain, dissipation, found, plates)
 
     def gap_in_cells(self, discretization: Discretization, carried: Carried, motion: BodyMotion) -> FloatArray:
         """Parts of the triangles (cells,), with those of contact edges in equal shares for triangles beside them."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from scipy.optimize import brentq
 
 from qvi_contact.basics.checks import Field, FloatArray, positive_number
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -21,7 +22,7 @@ from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
-from qvi_contact.problem.conditions import Condition, Contact, Traction, components
+from qvi_contact.problem.conditions import SHEAR_LAW, Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
@@ -35,8 +36,10 @@ if TYPE_CHECKING:
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
 _FOLLOWED = 1e-9  # misfit of a body force, relative, that is rounding
-_FARTHEST: Final = 1e4  # factors of strength beyond count as infinite, and below the inverse as zero
-_STEP: Final = 2.0  # between the first of them that are tried
+_FARTHEST: Final = math.log(1e4)  # factors of strength beyond count as infinite, and below the inverse as zero
+_STEP: Final = math.log(2.0)  # between the first of them that are tried
+_MOST: Final = 1e6  # shares of loads beyond, or below the inverse, count as so much
+_LEAST: Final = 1e-15
 
 
 @dataclass(eq=False, repr=False)
@@ -441,47 +444,35 @@ def strength_reduction_factor(
     names = (*loads_of(problem), FLUID)
     space: dict[str, Any] = {"degree": degree, "law_on": law_on}
 
-    def sides(factor: float) -> tuple[float, float]:
-        """What loads are carried at most, over those there are, and above what it is proved that they are not."""
-        limit = LimitProblem.of(_reduced(problem, chosen, factor), names, **space).solved().limit
-        return limit.lower, limit.upper
+    known: dict[float, tuple[float, float]] = {}  # by logarithms of factors
 
+    def spare(u: float, side: int) -> float:
+        """The logarithm of the share of the loads that is carried with strengths over e^u, and never zero."""
+        if u not in known:
+            limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), names, **space).solved().limit
+            known[u] = limit.lower, limit.upper
+        share = known[u][side]
+        return max(math.log(min(share, _MOST)), _LEAST) if share >= 1.0 else math.log(max(share, 1.0 / _MOST))
+
+    def ends(side: int) -> tuple[float, float]:
+        """The largest u with which the loads are known to be carried, and the least with which they are not."""
+        carried = {u: spare(u, side) > 0.0 for u in known}
+        holds = max((u for u, enough in carried.items() if enough), default=-math.inf)
+        return holds, min((u for u, enough in carried.items() if not enough), default=math.inf)
+
+    width, found = math.log1p(accuracy), []
     with deadline(time_limit):
-        known: dict[float, tuple[float, float]] = {}
-        found = []
         for side in (0, 1):
-            before, stale = (0.0, math.inf), 0
-            while True:
-                holds = max((factor for factor, shares in known.items() if shares[side] >= 1.0), default=0.0)
-                fails = min((factor for factor, shares in known.items() if shares[side] < 1.0), default=math.inf)
-                stale = stale + 1 if before[0] == holds else min(stale, 0) - 1 if before[1] == fails else 0
-                before = holds, fails
-                if fails <= holds * (1.0 + accuracy):
+            spare(0.0, side)
+            while math.isinf((span := ends(side))[1] - span[0]):
+                u = span[0] + _STEP if math.isfinite(span[0]) else span[1] - _STEP
+                if abs(u) > _FARTHEST:
                     break
-                if holds > 0.0 and fails < math.inf:
-                    factor = _between(before, (known[holds][side], known[fails][side]), stale, accuracy)
-                else:
-                    factor = 1.0 if not known else holds * _STEP if holds > 0.0 else fails / _STEP
-                    if not 1.0 / _FARTHEST < factor < _FARTHEST:
-                        break
-                known[factor] = sides(factor)
-            found.append((holds, fails))
-    return StrengthReduction(found[0][0], found[1][1])
-
-
-def _between(factors: tuple[float, float], shares: tuple[float, float], stale: int, accuracy: float) -> float:
-    """The next trial between two factors, with the shares of the loads that are carried at them.
-
-    It is where the power law through both is 1 (the method of Illinois: an end that stays counts by halves), but so far
-    from both ends that the interval is short enough, or becomes shorter, whatever it gives.
-    """
-    (holds, fails), (enough, little) = factors, shares
-    if not (math.isfinite(enough) and little > 0.0):
-        return math.sqrt(holds * fails)
-    above, below = math.log(enough) * 0.5 ** max(stale - 1, 0), math.log(little) * 0.5 ** max(-stale - 1, 0)
-    guess = holds * (fails / holds) ** (above / (above - below))
-    step = 1.0 + 0.9 * accuracy
-    return min(max(guess, holds * step), fails / step) if fails > holds * step**2 else math.sqrt(holds * fails)
+                spare(u, side)
+            else:
+                brentq(spare, *span, args=(side,), xtol=width)
+            found.append(ends(side))
+    return StrengthReduction(math.exp(found[0][0]), math.exp(found[1][1]))
 
 
 def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:
@@ -508,9 +499,7 @@ def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> 
         for region in problem.regions
     ]
     conditions = [
-        weaker(each, ("friction", "cohesion", "shear_limit"))
-        if isinstance(each, Contact) and each.name in chosen and each.law != "tied"
-        else each
+        weaker(each, SHEAR_LAW) if isinstance(each, Contact) and each.name in chosen and each.law != "tied" else each
         for each in problem.conditions
     ]
     material = weakened(problem.material) if BODY in chosen else problem.material

@@ -3,10 +3,11 @@
 *From below*: rounding breaks the smoothness of Φ and its tractions by some 1e-16. So Φ is built again, exactly, by
 `rational`: prescribed tractions are linear equations between its values at vertices of the boundary.
 
-*From above*: velocities are zero in the directions in which no traction is prescribed. Rigid blocks have three numbers
-each; for them that is a set of linear equations, and so is what holds contacts at the limits at which they are. Bodies
-that keep their volume flow by a stream function ψ, v = (ψ_y, −ψ_x), C1 on each of them. Of others the numbers at nodes
-are free. What a contact or a body that dilates must keep holds with room, by a share of a flow inside all limits.
+*From above*: velocities are zero in the directions in which no traction is prescribed. Rigid blocks, and plates that
+forces drive, have three numbers each; for them that is a set of linear equations, and so is what holds contacts at the
+limits at which they are. Bodies that keep their volume flow by a stream function ψ, v = (ψ_y, −ψ_x), C1 on each of
+them. Of others the numbers at nodes are free. What a contact or a body that dilates must keep holds with room, by a
+share of a flow inside all limits.
 """
 
 from __future__ import annotations
@@ -45,9 +46,9 @@ from qvi_contact.limit.rational import (
 )
 from qvi_contact.limit.split import Nodes, lattice, linked, numbered, part_corners
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.mechanism import Mechanism
+from qvi_contact.mechanism import Mechanism, RigidMotion
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.problem.conditions import CARTESIAN, Contact, Symmetry, Traction, components
+from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import Mises, MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
@@ -63,6 +64,7 @@ _AFFINE: Final = 1e-10  # misfit of an affine potential, and parts of it, relati
 _ACTIVE: Final = 1e-9  # speed of opening, over the largest one, within which a contact of rigid blocks is at its limit
 _AXES: Final[list[Vector]] = [(ONE, ZERO), (ZERO, ONE)]
 _Edge: TypeAlias = tuple[int, int]
+_Held: TypeAlias = tuple[int, _Edge, list[Vector], int]  # cell, ends, directions, number of the plate or −1
 
 
 def proof_of(
@@ -91,7 +93,7 @@ def proof_of(
             lower, upper, _ = check(about | part)
         except (InputError, SolveError) as error:
             errors.setdefault(side, error)
-        except ValueError as error:
+        except (ValueError, OutOfBalanceError) as error:
             remedy = "take a mesh that is less graded, or change the loads that are not multiplied by a millionth"
             errors.setdefault(side, SolveError(f"proof: in exact arithmetic {error}: {remedy}"))
         else:
@@ -136,7 +138,8 @@ class Statement:
     about : dict
         What both sides are about.
     outward : dict
-        For the edges of loads from i to j, 1 if (e_y, −e_x) points out of the body, and −1 if not.
+        For the edges of loads and contacts from i to j, 1 if (e_y, −e_x) points out of the body, and −1 if not; of
+        joints out of the first cell.
 
     """
 
@@ -144,9 +147,6 @@ class Statement:
         self.problem, self.mesh, self.k = problem, problem.mesh, degree
         if self.mesh.curved.any():
             raise InputError("proof", "arcs", _STRAIGHT)
-        for contact in problem.contacts:
-            if contact.plate is not None and contact.plate.driven:
-                raise InputError("Contact", contact.name, "proof files hold no plates and pins that forces move")
         self.points: list[Vector] = [(Fraction(x), Fraction(y)) for x, y in self.mesh.vertices.tolist()]
         self.outward: dict[_Edge, int] = {}
         dead, live = [ZERO] * 3, [ZERO] * 3
@@ -155,7 +155,7 @@ class Statement:
             for i, value in enumerate(self._affine(field)):
                 into[i] += value
         laws, plane = [material.strength for material in problem.materials], problem.material.plane
-        self.contacts = [contact for contact in problem.contacts if contact.law != "tied"]
+        self.contacts = [contact for contact in problem.contacts if contact.law != "tied" or _is_driven(contact)]
         self.about: dict[str, Any] = {
             "about": "bounds of a limit load; check_proof.py says what this means, and checks it",
             "multiplied": list(names),
@@ -165,15 +165,32 @@ class Statement:
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
             "strength_of": [None if laws[n] is None else n for n in problem.cell_materials.tolist()],
             "loads": list(self._loads(names)),
-            "contacts": [self._contact(contact) for contact in self.contacts],
+            "contacts": [self._contact(contact, names) for contact in self.contacts],
         }
         self.loads: dict[_Edge, list[dict[str, Any]]] = {}
         for load in self.about["loads"]:
             self.loads.setdefault(load["edge"], []).append(load)
 
+    @property
+    def plates(self) -> dict[str, dict[str, Any]]:
+        """Plates that forces drive, by the names of their contacts."""
+        return {known["name"]: known["plate"] for known in self.about["contacts"] if "plate" in known}
+
+    def potential(self, factor: Fraction) -> list[Fraction]:
+        """c₀, c_x and c_y of φ at a factor."""
+        return [a + factor * b for a, b in zip(*self.about["potential"].values(), strict=True)]
+
     def edge(self, pair: Sequence[int]) -> Vector:
         """The edge from one vertex to another."""
         return less(self.points[pair[1]], self.points[pair[0]])
+
+    def _pairs(self, edges: Edges) -> list[_Edge]:
+        """The ends of edges, whose normals are noted."""
+        pairs: list[_Edge] = list(zip(edges.first.tolist(), edges.second.tolist(), strict=True))
+        for pair, (x, y) in zip(pairs, edges.normal.tolist(), strict=True):
+            e = self.edge(pair)
+            self.outward[pair] = 1 if float(e[1]) * x - float(e[0]) * y > 0.0 else -1
+        return pairs
 
     def _affine(self, field: Field) -> list[Fraction]:
         """c₀, c_x and c_y of an affine potential; `InputError` if it is another one."""
@@ -209,17 +226,15 @@ class Statement:
             )
             edges = self.mesh.edges(condition.edges)
             for name, value in given.items():
-                for n, ordinates in enumerate(self._ordinates(edges, f"Traction.{name}", value)):
-                    pair = int(edges.first[n]), int(edges.second[n])
-                    e = self.edge(pair)
-                    out = 1 if float(e[1]) * edges.normal[n, 0] - float(e[0]) * edges.normal[n, 1] > 0.0 else -1
+                every = zip(self._pairs(edges), self._ordinates(edges, f"Traction.{name}", value), strict=True)
+                for n, (pair, ordinates) in enumerate(every):
+                    e, out = self.edge(pair), self.outward[pair]
                     d, length = (e if name == "tangential" else (out * e[1], -out * e[0])), dot(e, e)
                     if name in CARTESIAN:
                         d = (Fraction(name == "x"), Fraction(name == "y"))
                         length = abs(e[0] + e[1]) if 0 in e else Fraction(float(edges.length[n]))
                     values, zeros = [length * each for each in ordinates], [ZERO] * len(ordinates)
                     live = isinstance(condition, Traction) and condition.name in names
-                    self.outward[pair] = out
                     yield {"edge": pair, "direction": d, "dead": zeros if live else values,
                            "live": values if live else zeros}  # fmt: skip
 
@@ -235,16 +250,26 @@ class Statement:
                 found |= {"f": Fraction(float(cone.factor)), "beta": Fraction(float(cone.pressure))}
             yield found
 
-    def _contact(self, contact: Contact) -> dict[str, Any]:
-        """A contact that limits tractions; `InputError` if a part of its law varies."""
+    def _contact(self, contact: Contact, names: Sequence[str]) -> dict[str, Any]:
+        """A contact with its plate if forces drive that; `InputError` if a part of its law varies."""
         edges, found = self.mesh.edges(contact.edges), dict[str, Any]()
-        for name in ("friction", "cohesion", "shear_limit"):
+        for name in SHEAR_LAW:
             field, places = getattr(contact, name), self.mesh.points_along(edges, np.linspace(0.0, 1.0, 9))
             found[name] = None if field is None else _number(f"Contact.{name}", field, *places)
         if contact.has_fluid:
             found["pressures"] = self._ordinates(edges, "Contact.pore_pressure", contact.pore_pressure)
-        pairs = np.column_stack([edges.first, edges.second]).tolist()
-        return found | {"name": contact.name, "law": contact.law, "edges": [tuple(pair) for pair in pairs]}
+        plate = contact.plate
+        if plate is not None and plate.driven:
+            forces = [None if each is None else Fraction(each) for each in (plate.force_x, plate.force_y, plate.moment)]
+            zeros, live = [None if each is None else ZERO for each in forces], contact.name in names
+            dead, multiplied = (zeros, forces) if live else (forces, zeros)
+            found["plate"] = {"pivot": [Fraction(x) for x in plate.pivot], "dead": dead, "live": multiplied}
+        return found | {"name": contact.name, "law": contact.law, "edges": self._pairs(edges)}
+
+
+def _is_driven(contact: Contact) -> bool:
+    """Whether forces drive the plate of a contact."""
+    return contact.plate is not None and contact.plate.driven
 
 
 def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
@@ -256,8 +281,8 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     rough = _rounded_airy(program, found.unknowns)
 
     def exact(factor: Fraction) -> Any:
-        given = _second_derivatives(stated, p - 2, factor)
-        return list(smooth(stated.points, stated.about["triangles"], p, given, [], rough))
+        given, plates = _second_derivatives(stated, p - 2, factor), list(_resultants(stated, factor))
+        return list(smooth(stated.points, stated.about["triangles"], p, given, plates, rough))
 
     try:
         try:
@@ -279,7 +304,7 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
 def _second_derivatives(stated: Statement, k: int, factor: Fraction) -> Given:
     """What loads, and contacts without friction, say of edges: d·G' = d·σn less the part of φ."""
     found: dict[_Edge, list[list[Fraction] | None]] = {}
-    potential = [a + factor * b for a, b in zip(*stated.about["potential"].values(), strict=True)]
+    potential = stated.potential(factor)
     for pair, loads in stated.loads.items():
         e, out = stated.edge(pair), stated.outward[pair]
         normal, start = (e[1], -e[0]), stated.points[pair[0]]
@@ -302,16 +327,41 @@ def _second_derivatives(stated: Statement, k: int, factor: Fraction) -> Given:
             raise InputError("Traction", stated.mesh.edge_names, remedy)
         found[pair] = [None if part == 0 else [dot(e, e) / part * value for value in right[0]] for part in parts]
     for contact in stated.about["contacts"]:
-        if contact["friction"] == contact["cohesion"] == 0 or contact["shear_limit"] == 0:  # no shear
+        no_shear = contact["friction"] == contact["cohesion"] == 0 or contact["shear_limit"] == 0
+        if no_shear and contact["law"] != "tied":
             found |= {pair: [None, [ZERO] * (k + 1)] for pair in contact["edges"]}
     return found
+
+
+def _resultants(stated: Statement, factor: Fraction) -> Iterator[Row]:
+    """What forces and moments of plates say of (Φ, Φ_x, Φ_y) at vertices.
+
+    With r from the pivot, ∫ σn = [G] and ∫ r × σn = [Φ − r·∇Φ] between the ends of an edge, less the part of φ.
+    """
+    c = stated.potential(factor)
+    for known in stated.about["contacts"]:
+        plate: dict[str, Any] = known.get("plate", {"dead": [], "live": []})
+        for i, (dead, live) in enumerate(zip(plate["dead"], plate["live"], strict=True)):
+            if dead is None:
+                continue
+            row, right = dict[int, Fraction](), dead + factor * live
+            for pair in known["edges"]:
+                e, out, ends = stated.edge(pair), stated.outward[pair], [stated.points[v] for v in pair]
+                arms, phi = [less(at, plate["pivot"]) for at in ends], [c[0] + dot(c[1:], at) for at in ends]
+                for v, r, sign in zip(pair, arms, (-out, out), strict=True):
+                    parts = [(ZERO, ZERO, ONE), (ZERO, -ONE, ZERO), (ONE, -r[0], -r[1])][i]
+                    for n, part in enumerate(parts):
+                        row[3 * v + n] = row.get(3 * v + n, ZERO) + sign * part
+                first, second = (out * [e[1], -e[0], -dot(r, e)][i] for r in arms)  # n, and r × n
+                right -= (phi[0] * (2 * first + second) + phi[1] * (first + 2 * second)) / 6
+            yield {n: value for n, value in row.items() if value}, right
 
 
 def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     """Φ in floating point: its ordinates (cells, 3, count)."""
     low, high, space = program.low, program.high, program.low.space
-    if len(space.cuts):
-        raise InputError("proof", f"{len(space.cuts)} holes", _STRAIGHT)
+    if len(space.frames.cuts):
+        raise InputError("proof", f"{len(space.frames.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
     u = low.basis @ unknowns[:n] + low.particular + (unknowns[-1] - 1.0) * (high.particular - low.particular)
     factors = low.root.stiffness.energy.coefficients(u, None)
@@ -332,7 +382,7 @@ def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[s
     x, y, turn, *centre = np.array([(each.x, each.y, each.rotation, *each.centre) for each in parts]).T[..., None]
     arms = space.nodes.places @ stated.mesh.corners
     rough = np.stack([x - turn * (arms[..., 1] - centre[1]), y + turn * (arms[..., 0] - centre[0])], axis=-1)
-    return {"flow": {"degree": 1, "velocities": list(_of_nodes(stated, space, rough, strong, ~strong)), "shares": {}}}
+    return {"flow": {"degree": 1, "shares": {}, **_exactly(stated, space, rough, mechanism.plates, strong, ~strong)}}
 
 
 def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
@@ -343,7 +393,8 @@ def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
     cones, keeps = program.cones, ~program.cones.strong
     changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
     keeps[cones.cell[changes]] = False
-    velocities = list(_of_nodes(stated, program.space, flow.motion.velocities, cones.strong, keeps))
+    motion = flow.motion
+    velocities = _exactly(stated, program.space, motion.velocities, motion.plates, cones.strong, keeps)
     # what each of several cones has of a strain rate, by its number; the first that may change volume has the rest
     assert flow.shares is not None
     strain, shares = flow.shares / stated.mesh.length, dict[str, Any]()
@@ -353,12 +404,13 @@ def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
             numbers: list[Any] = [[Fraction(x) for x in strain[row].tolist()] for row in rows]
             numbers[int(np.flatnonzero(changes[rows])[0])] = None
             shares[str(int(cones.coefficient[rows[0]]))] = numbers
-    return {"flow": {"degree": cones.degree + 1, "velocities": velocities, "shares": shares}}
+    return {"flow": {"degree": cones.degree + 1, "shares": shares, **velocities}}
 
 
-def _held(stated: Statement) -> list[tuple[int, _Edge, list[Vector]]]:
-    """Cells and ends of edges of the boundary, with the directions d in which d·v = 0 there."""
+def _held(stated: Statement) -> list[_Held]:
+    """Edges of the boundary, with the directions d in which d·v is that of a plate, or zero."""
     boundary, found = stated.mesh.boundary, dict[_Edge, list[Vector]]()
+    plates, driven = dict[_Edge, int](), list(stated.plates)
     pairs: list[_Edge] = list(zip(boundary.first.tolist(), boundary.second.tolist(), strict=True))
     for i, j in pairs:
         given = [load["direction"] for load in stated.loads.get((i, j), stated.loads.get((j, i), []))]
@@ -366,10 +418,16 @@ def _held(stated: Statement) -> list[tuple[int, _Edge, list[Vector]]]:
     for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
         if contact not in stated.problem.joints:
             for i, j in known["edges"]:
-                e = stated.edge((i, j))
-                axes = [(e[1], -e[0]), *([e] if known["friction"] > 0 and known["shear_limit"] is None else [])]
-                found[(i, j) if (i, j) in found else (j, i)] = axes if contact.law == "bilateral" else []
-    return [(int(cell), pair, found[pair]) for cell, pair in zip(boundary.cells[:, 0], pairs, strict=True)]
+                e, pair = stated.edge((i, j)), (i, j) if (i, j) in found else (j, i)
+                found[pair] = [] if contact.law == "unilateral" else [(e[1], -e[0]), *([e] if _sticks(known) else [])]
+                plates[pair] = driven.index(contact.name) if "plate" in known else -1
+    return [(int(cell), pair, found[pair], plates.get(pair, -1))
+            for cell, pair in zip(boundary.cells[:, 0], pairs, strict=True)]  # fmt: skip
+
+
+def _sticks(known: dict[str, Any]) -> bool:
+    """Whether a contact whose bodies do not part carries any shear."""
+    return bool(known["law"] == "tied" or (known["friction"] > 0 and known["shear_limit"] is None))
 
 
 def _rigid(motion: Sequence[Fraction], at: Vector) -> Vector:
@@ -384,18 +442,18 @@ def _rigid_row(body: int, d: Vector, at: Vector, sign: int = 1) -> dict[int, Fra
 
 
 def _at_limits(
-    stated: Statement, contact: Contact, known: dict[str, Any], blocks: IntArray, motions: Sequence[Fraction]
-) -> Iterator[dict[int, Fraction]]:
+    stated: Statement, contact: Contact, known: dict[str, Any], blocks: IntArray, plate: int,
+    motions: Sequence[Fraction],
+) -> Iterator[dict[int, Fraction]]:  # fmt: skip
     """Rows of what a contact must hold that a motion holds with equality, within rounding, at the ends of its edges."""
     joint, mu, cap = contact in stated.problem.joints, known["friction"], known["shear_limit"]
     edges = stated.mesh.edges(contact.edges)
     dilates = contact.law == "unilateral" and cap is None and mu > 0
     for n, pair in enumerate(known["edges"]):
-        first, second = int(blocks[edges.cells[n, 0]]), int(blocks[edges.cells[n, 1]]) if joint else -1
+        first, second = int(blocks[edges.cells[n, 0]]), int(blocks[edges.cells[n, 1]]) if joint else plate
         if first < 0 or (joint and second < 0):  # beside a body that flows
             continue
-        e = stated.edge(pair)
-        out = 1 if dot((e[1], -e[0]), [Fraction(x) for x in edges.normal[n].tolist()]) > 0 else -1
+        e, out = stated.edge(pair), stated.outward[pair]
         small = _ACTIVE * float(dot(e, e)) ** 0.5
         for at in (stated.points[end] for end in pair):
             opening, slip = (
@@ -403,77 +461,101 @@ def _at_limits(
                 for d, sign in (((e[1], -e[0]), -out), (e, 1))
             )
             w, t = (float(sum(c * motions[number] for number, c in row.items())) for row in (opening, slip))
-            if contact.law == "bilateral" or w - dilates * float(mu) * abs(t) <= small:
+            if contact.law != "unilateral" or w - dilates * float(mu) * abs(t) <= small:
                 share = mu if t > 0 else -mu
                 stuck = not dilates or abs(t) <= small
                 yield opening if stuck else {number: opening.get(number, ZERO) - share * slip.get(number, ZERO)
                                              for number in {**opening, **slip}}  # fmt: skip
-                if stuck and mu > 0 and cap is None:
+                if stuck and _sticks(known):
                     yield slip
 
 
-def _of_nodes(
-    stated: Statement, space: Velocities, velocities: FloatArray, strong: BoolArray, keeps: BoolArray
-) -> Iterator[list[list[Vector]]]:
-    """Velocities by numbers at nodes, in the directions that are free.
+def _exactly(
+    stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], strong: BoolArray,
+    keeps: BoolArray,
+) -> dict[str, Any]:  # fmt: skip
+    """Velocities by numbers at nodes, and motions of plates about their pivots, that keep exactly what is held.
 
     Those of rigid parts, and of parts that keep their volume, follow from their motions and stream functions.
     """
     if np.intersect1d(space.global_[strong], space.global_[keeps]).size:
         raise SolveError("proof: no part of a body may keep its volume beside one that is rigid")
-    edges, held = _held(stated), dict[int, list[Vector]]()
-    for cell, pair, directions in edges:
+    edges, held = _held(stated), dict[int, list[tuple[Vector, int]]]()
+    for cell, pair, directions, plate in edges:
         opposite = int(np.flatnonzero(~np.isin(stated.mesh.cells[cell], pair))[0])
         for n in space.global_[cell, space.nodes.of_sides[opposite]].tolist():
-            held.setdefault(n, []).extend(directions)
-    rounded, found = np.zeros((space.count, 2)), dict[int, Vector]()
+            held.setdefault(n, []).extend((d, plate) for d in directions)
+    rounded = np.zeros((space.count, 2))
     rounded[space.global_] = velocities
-    found |= _rigid_nodes(stated, space, rounded, strong, held)
+    found, motions = _moved(stated, space, rounded, plates, strong, held)
     if keeps.any():
-        found |= _streams(stated, space, velocities, keeps, edges)
+        found |= _streams(stated, space, velocities, keeps, edges, motions)
     for n, (x, y) in enumerate(rounded.tolist()):
         if n not in found:
-            v = (Fraction(x), Fraction(y))
-            for d in held.get(n, []):
-                v = less(v, [dot(d, v) / dot(d, d) * each for each in d])
-            found[n] = v if all(dot(d, v) == 0 for d in held.get(n, [])) else (ZERO, ZERO)
-    for cell in space.global_.tolist():
-        yield [[found[cell[n]] for n in part] for part in space.nodes.of_parts.tolist()]
+            found[n] = Fraction(x), Fraction(y)
+    nodes = space.nodes.of_parts.tolist()
+    return {
+        "velocities": [[[found[cell[n]] for n in part] for part in nodes] for cell in space.global_.tolist()],
+        "plates": {
+            name: [*_rigid(motion, plate["pivot"]), motion[2]]
+            for (name, plate), motion in zip(stated.plates.items(), motions, strict=True)
+        },
+    }
 
 
-def _rigid_nodes(
-    stated: Statement, space: Velocities, rounded: FloatArray, strong: BoolArray, held: Mapping[int, list[Vector]]
-) -> dict[int, Vector]:
-    """The velocities of nodes of rigid parts.
+def _moved(
+    stated: Statement, space: Velocities, rounded: FloatArray, plates: Mapping[str, RigidMotion], strong: BoolArray,
+    held: Mapping[int, list[tuple[Vector, int]]],
+) -> tuple[dict[int, Vector], list[list[Fraction]]]:  # fmt: skip
+    """The velocities of nodes that are held, or on rigid parts, and the motions (a − θ y, b + θ x) of plates.
 
-    Their motions are near those in floating point, and keep what is held; contacts between them that are at their limit
-    stay there exactly.
+    They are near those in floating point, and keep what is held; contacts of rigid parts that are at their limit stay
+    there exactly.
     """
-    places = dict[int, Vector]()
-    for cell in np.flatnonzero(strong).tolist():
-        corners = [stated.points[v] for v in stated.about["triangles"][cell]]
-        for n, (*weights, centre) in zip(space.global_[cell].tolist(), space.nodes.keys.tolist(), strict=True):
-            shares = [Fraction(3 * weight + centre, 3 * space.degree) for weight in weights]
-            places[n] = middle(corners, shares)
-    nodes, motions = np.array(list(places), dtype=np.int64), list[Fraction]()
-    of_nodes = space.rigid.tolist()
-    for part in range(int(space.rigid.max(initial=-1)) + 1):
+    places, keys = dict[int, Vector](), space.nodes.keys.tolist()
+    for cell, numbers in zip(stated.about["triangles"], space.global_.tolist(), strict=True):
+        for n, (*weights, centre) in zip(numbers, keys, strict=True):
+            if n not in places and (n in held or space.rigid[n] >= 0):
+                shares = [Fraction(3 * weight + centre, 3 * space.degree) for weight in weights]
+                places[n] = middle([stated.points[v] for v in cell], shares)
+    nodes, values, parts = np.array(list(places), dtype=np.int64), list[Fraction](), int(space.rigid.max()) + 1
+    for part in range(parts):
         own = nodes[space.rigid[nodes] == part]
         x, y = np.array([places[n] for n in own.tolist()], dtype=float).T
         one, none = np.ones(len(own)), np.zeros(len(own))
         A = np.concatenate([np.column_stack([one, none, -y]), np.column_stack([none, one, x])])
-        motions += map(Fraction, np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0].tolist())
-    rows = [_rigid_row(of_nodes[n], d, at) for n, at in places.items() for d in held.get(n, [])]
+        values += map(Fraction, np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0].tolist())
+    rows = list[dict[int, Fraction]]()
+    bodies = {name: parts + n for n, name in enumerate(stated.plates)}
+    for name, known in stated.plates.items():
+        moved, body = plates[name], bodies[name]
+        values += [Fraction(x) for x in (*moved.at(np.zeros(2)).tolist(), moved.rotation)]
+        fixed = [*(_rigid_row(body, axis, known["pivot"]) for axis in _AXES), {3 * body + 2: ONE}]
+        rows += [row for row, force in zip(fixed, known["dead"], strict=True) if force is None]
+    first, columns = len(values), dict[int, int]()
+    for n, at in places.items():
+        part = int(space.rigid[n])
+        if part < 0:
+            columns[n] = len(values)
+            values += map(Fraction, rounded[n].tolist())
+        for d, plate in held.get(n, []):
+            own_row = _rigid_row(part, d, at) if part >= 0 else dict(enumerate(d, columns[n]))
+            rows.append({**own_row, **_rigid_row(parts + plate if plate >= 0 else -1, d, at, -1)})
     blocks = np.where(strong, space.rigid[space.global_[:, 0]], -1)
     for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
-        rows += _at_limits(stated, contact, known, blocks, motions)
-    motions = solved([(row, ZERO) for row in rows], motions)
-    return {n: _rigid(motions[3 * of_nodes[n] :], at) for n, at in places.items()}
+        rows += _at_limits(stated, contact, known, blocks, bodies.get(contact.name, -1), values)
+    values = solved([(row, ZERO) for row in rows], values)
+    found = {
+        n: (values[columns[n]], values[columns[n] + 1]) if n in columns
+        else _rigid(values[3 * int(space.rigid[n]) :], at)
+        for n, at in places.items()
+    }  # fmt: skip
+    return found, [values[at : at + 3] for at in range(3 * parts, first, 3)]
 
 
 def _streams(
     stated: Statement, space: Velocities, velocities: FloatArray, keeps: BoolArray,
-    held: Sequence[tuple[int, _Edge, list[Vector]]],
+    held: Sequence[_Held], plates: Sequence[Sequence[Fraction]],
 ) -> Iterator[tuple[int, Vector]]:  # fmt: skip
     """Nodes of parts that keep their volume with their velocities (ψ_y, −ψ_x), ψ being C1 on each part.
 
@@ -503,7 +585,8 @@ def _streams(
     ids = np.where(np.isin(tips, names), np.searchsorted(names, tips), -1)
     points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[first].tolist()]
     given, rows = dict[_Edge, list[list[Fraction] | None]](), list[Row]()
-    for cell, pair, directions in held:
+    for cell, pair, directions, plate in held:
+        motion = plates[plate] if plate >= 0 else [ZERO] * 3
         i, j = (int(ids[cell, stated.about["triangles"][cell].index(n)]) for n in pair)
         if directions and keeps[cell]:
             e = stated.edge(pair)
@@ -511,9 +594,11 @@ def _streams(
             if sum(axes) != len(directions):
                 remedy = "on slanted edges proof files hold no x or y alone"
                 raise InputError("Traction", stated.mesh.edge_names, remedy)
-            given[i, j] = [[ZERO] * (p - 1) if each else None for each in axes]
-        rows += [({n: value for n, value in ((3 * end + 2, d[0]), (3 * end + 1, -d[1])) if value}, ZERO)
-                 for d in directions for end in (i, j) if end >= 0]  # fmt: skip
+            turned = (-motion[2] * dot(e, e), ZERO)  # n·v' and e·v'
+            given[i, j] = [[value] * (p - 1) if each else None for value, each in zip(turned, axes, strict=True)]
+        rows += [({n: value for n, value in ((3 * end + 2, d[0]), (3 * end + 1, -d[1])) if value},
+                  dot(d, _rigid(motion, stated.points[at])))
+                 for d in directions for end, at in zip((i, j), pair, strict=True) if end >= 0]  # fmt: skip
     triangles = ids[cells].tolist()
     smoothed = smooth(points, triangles, p, given, rows, psi[at])
     for cell, corner, ordinates in zip(cells.tolist(), triangles, smoothed, strict=True):

@@ -5,7 +5,7 @@ parameter; derivatives are those of the polynomial through these points, and its
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
@@ -15,15 +15,14 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, real_array
+from qvi_contact.element.legendre import from_values, gauss_legendre
+from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import (
-    OPPOSITE,
     Topology,
     angles,
     arc_offsets,
-    coefficients,
     cross,
-    gauss,
     halves,
     levelled,
     polynomials,
@@ -176,7 +175,7 @@ def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topol
     """
     sides = bends[topology.of_cells]
     bent = np.asarray(sides.any(axis=2))
-    for s, (a, b) in enumerate(OPPOSITE):
+    for s, (a, b) in enumerate(EDGES):
         cell = np.flatnonzero(bent[:, s])
         bend, centre = sides[cell, s], vertices[cells[cell]].mean(axis=1)
         first, second = vertices[cells[cell, a]] - centre, vertices[cells[cell, b]] - centre
@@ -210,8 +209,7 @@ _KEPT: Final = 0.2  # share of that below which the highest coefficients are non
 _LOST: Final = 64.0 * np.finfo(float).eps  # of coordinates by the differences that angles are made of
 
 
-@dataclass(frozen=True, eq=False)
-class _Given:
+class _Given(NamedTuple):
     """A curve as a function, asked for points between its ends; a closed one goes round and round."""
 
     name: str
@@ -271,7 +269,7 @@ def fitted(
     size = float(np.ptp(samples, axis=0).max())
     if not size > 0.0:
         raise InputError(name, tuple(samples[0].tolist()), "all points of the curve are this one")
-    given = replace(given, closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
+    given = given._replace(closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
     numbers, places = np.unique(edges, return_inverse=True)
     # (γ − x)·d vanishes at a vertex x, d being from the sample before the nearest to that after: by halving, which
     # needs no derivative, and no smoothness but between vertices
@@ -302,13 +300,13 @@ def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArra
     chords = corners[:, 1] - corners[:, 0]
     lengths = np.hypot(*chords.T)
     exact = np.maximum(_EXACT, _LOST * np.abs(ends).max(axis=(1, 2)) / np.where(lengths > 0.0, lengths, 1.0))
-    t, _ = gauss(_POINTS)
-    points = coefficients((given.points(first[:, None] + step * t) - corners[:, :1]).swapaxes(1, 2))
+    t, project = gauss_legendre(_POINTS)[0], from_values(_POINTS - 1, _POINTS).T
+    points = (given.points(first[:, None] + step * t) - corners[:, :1]).swapaxes(1, 2) @ project
     points = _without_rounding(points, (_RESOLVED * exact * lengths)[:, None])
     slopes = np.asarray(legder(points, axis=2), dtype=np.float64)
     tangents = _at(slopes, _by_length(slopes, t))
     turn = np.arctan2(cross(chords[:, None], tangents), (chords[:, None] * tangents).sum(axis=2))
-    bends = levelled(_without_rounding(coefficients(turn), _KEPT * exact))
+    bends = levelled(_without_rounding(turn @ project, _KEPT * exact))
     there = given.points(first[:, None] + step * (1.0 + _by_length(slopes, _CHECKED)) / 2.0)
     off = np.hypot(*np.moveaxis(corners[:, :1] + arc_offsets(chords, bends, _CHECKED) - there, -1, 0)).max(axis=1)
     rough = np.flatnonzero(off > exact * lengths)
@@ -321,8 +319,8 @@ def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArra
 
 def _by_length(slopes: FloatArray, t: FloatArray) -> FloatArray:
     """Parameters −1 to 1 (k, q) at shares t (q,) of the lengths of curves, from their derivatives (k, 2, n)."""
-    nodes = np.tile(2.0 * gauss(_POINTS)[0] - 1.0, (len(slopes), 1))
-    speed = coefficients(np.hypot(*np.moveaxis(_at(slopes, nodes), -1, 0)))
+    nodes, project = 2.0 * gauss_legendre(_POINTS)[0] - 1.0, from_values(_POINTS - 1, _POINTS).T
+    speed = np.hypot(*np.moveaxis(_at(slopes, np.tile(nodes, (len(slopes), 1))), -1, 0)) @ project
     lengths = np.asarray(legint(speed, axis=1, lbnd=-1), dtype=np.float64)
     wanted = t * polynomials(lengths, np.ones((len(slopes), 1)))
     found = np.tile(2.0 * t - 1.0, (len(slopes), 1))

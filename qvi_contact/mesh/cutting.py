@@ -1,13 +1,14 @@
 """Triangles cut into smaller ones, with the names of edges and regions: bisected, in fans, or where bodies are joined.
 
-Bodies meshed apart that touch along straight lines are joined by putting the nodes of either side into the other. A
-triangle whose side has nodes of the other body in it is cut into triangles from the corner opposite. So both sides have
-the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
+Bodies meshed apart that touch along straight lines, or arcs that both declare, are joined by putting nodes of either
+into the other. A triangle whose side has nodes of the other body in it is cut into triangles from the corner
+opposite. So both sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
 """
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
@@ -19,7 +20,7 @@ from scipy.spatial import cKDTree
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, cross
+from qvi_contact.mesh.edges import Topology, cross, part_of
 from qvi_contact.mesh.flaws import hanging_vertices, pieces, same_places
 from qvi_contact.mesh.selection import new_name
 
@@ -191,7 +192,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     """The pieces of a mesh with common nodes where they touch, the edges there being the joint of that name.
 
     A named part of the boundary loses the edges that are in the joint, unless all of it is. `InputError` if the name is
-    taken, or no pieces touch along a straight line.
+    taken, or no pieces touch along straight lines or declared arcs.
     """
     if name in mesh.edge_sets:
         raise InputError("join", name, "this edge set exists already: choose another name")
@@ -201,16 +202,14 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     piece = pieces(topology, len(cells))
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[cells] = piece[:, None]
-    inside: dict[tuple[int, int], list[int]] = {}  # of an edge the vertices of other pieces in it
-    for vertex, edge in hanging_vertices(vertices, topology).tolist():
+    hanging, shares = hanging_vertices(vertices, topology, bends_of(mesh.arcs, topology) if mesh.arcs else None)
+    inside: dict[tuple[int, int], list[int]] = {}  # of an edge the vertices of other pieces in it, in order
+    share_of = dict[tuple[int, int, int], float]()  # of an edge and a vertex in it
+    for (vertex, edge), share in sorted(zip(hanging.tolist(), shares.tolist(), strict=True), key=itemgetter(1)):
         if of_vertex[vertex] != piece[topology.cells[edge, 0]]:
             low, high = topology.ends[edge].tolist()
             inside.setdefault((low, high), []).append(vertex)
-    for (low, high), found in inside.items():
-        found.sort(key=lambda vertex: float((vertices[vertex] - vertices[low]) @ (vertices[high] - vertices[low])))
-    for arc in mesh.arcs:
-        if any(tuple(sorted(pair)) in inside for pair in arc.edges.tolist()):
-            raise InputError("join", name, "touches an arc there: both sides need the same nodes on it")
+            share_of[low, high, vertex] = share
     cut = [_cut(corners, inside) for corners in cells.tolist()]
     parent = np.repeat(np.arange(len(cells)), [len(parts) for parts in cut])
     twins = same_places(vertices)
@@ -223,7 +222,9 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     fine = Topology.of(new_cells, len(first))
     across = (fine.count == 2) & (piece[parent[fine.cells[:, 0]]] != piece[parent[fine.cells[:, 1]]])
     if not across.any():
-        raise InputError("join", name, "no pieces of this mesh touch along a straight line: leave it out")
+        raise InputError(
+            "join", name, "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
+        )
     edge_sets = {name: fine.ends[across]}
     for other, pairs in mesh.edge_sets.items():
         chains = [[a, *_between(a, b, inside), b] for a, b in pairs.tolist()]
@@ -231,8 +232,33 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
         in_joint = across[fine.number(found)]
         edge_sets[other] = found if in_joint.all() else found[~in_joint]
     regions = {other: np.flatnonzero(np.isin(parent, chosen)) for other, chosen in mesh.regions.items()}
-    arcs = [Curve(place[arc.edges], arc.coefficients) for arc in mesh.arcs]
-    return MeshParts(vertices[first], new_cells, edge_sets, regions, arcs)
+    parts = _arcs_in_parts(mesh.arcs, inside, share_of, place)
+    arcs = [part.checked("", vertices[first], fine) for part in parts]
+    return divided_at_arcs(MeshParts(vertices[first], new_cells, edge_sets, regions, arcs))
+
+
+def _arcs_in_parts(
+    arcs: Sequence[Curve],
+    inside: Mapping[tuple[int, int], list[int]],
+    share_of: Mapping[tuple[int, int, int], float],
+    place: IntArray,
+) -> list[Curve]:
+    """Arcs with edges cut at the vertices inside them, by new numbers of vertices; an edge of two bodies once."""
+    found, seen = list[Curve](), set[tuple[int, int]]()
+    for arc in arcs:
+        kept, bends = list[tuple[int, int]](), list[FloatArray]()
+        for (low, high), bend in zip(arc.edges.tolist(), arc.coefficients, strict=True):
+            between = inside.get((low, high), [])
+            ends = np.array([0.0, *(share_of[low, high, vertex] for vertex in between), 1.0])
+            parts = part_of(np.broadcast_to(bend, (len(ends) - 1, len(bend))), ends[:-1], ends[1:])
+            for (a, b), part in zip(pairwise(place[[low, *between, high]].tolist()), parts, strict=True):
+                if (min(a, b), max(a, b)) not in seen:
+                    seen.add((min(a, b), max(a, b)))
+                    kept.append((a, b))
+                    bends.append(part)
+        if kept:
+            found.append(Curve(np.array(kept), np.array(bends)))
+    return found
 
 
 def _between(a: int, b: int, inside: Mapping[tuple[int, int], list[int]]) -> list[int]:

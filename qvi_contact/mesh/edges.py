@@ -20,16 +20,15 @@ of which one is negative beyond the chord.
 """
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss, legval, legvander
+from numpy.polynomial.legendre import legval
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-
-OPPOSITE = ((1, 2), (0, 2), (0, 1))
-"""Corners of the edges of a triangle, edge s opposite to corner s."""
+from qvi_contact.element.legendre import from_values, gauss_legendre
+from qvi_contact.element.triangle import EDGES
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +51,7 @@ class Topology:
     @classmethod
     def of(cls, cells: IntArray, vertices: int) -> "Topology":
         """Edges of triangles (m, 3), whose corners are in ascending order, among so many vertices."""
-        pairs = cells[:, OPPOSITE].reshape(-1, 2)
+        pairs = cells[:, EDGES].reshape(-1, 2)
         keys, index, count = np.unique(pairs[:, 0] * vertices + pairs[:, 1], return_inverse=True, return_counts=True)
         order = np.argsort(index, kind="stable")
         start = np.concatenate([[0], np.cumsum(count)[:-1]])
@@ -66,6 +65,16 @@ class Topology:
     def boundary(self) -> BoolArray:
         """Which edges belong to one triangle only, shape (e,)."""
         return np.asarray(self.count == 1)
+
+    @cached_property
+    def outer(self) -> IntArray:
+        """Numbers of the edges of the boundary, in ascending order."""
+        return np.flatnonzero(self.boundary)
+
+    @cached_property
+    def inner(self) -> IntArray:
+        """Numbers of the other edges, in ascending order."""
+        return np.flatnonzero(~self.boundary)
 
     def number(self, pairs: IntArray) -> IntArray:
         """The edges between pairs of vertices (k, 2), in any order; −1 where there is none."""
@@ -149,24 +158,15 @@ def reversed_bends(bend: FloatArray) -> FloatArray:
 
 def halves(bend: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The bends of both halves of edges, (n, k) each."""
-    t, _ = gauss(bend.shape[1])
-    first, second = (levelled(coefficients(angles(bend, at))) for at in (t / 2.0, (1.0 + t) / 2.0))
-    return first, second
+    ends = np.broadcast_to([0.0, 0.5, 1.0], (len(bend), 3))
+    return part_of(bend, ends[:, 0], ends[:, 1]), part_of(bend, ends[:, 1], ends[:, 2])
 
 
-@cache
-def gauss(count: int) -> tuple[FloatArray, FloatArray]:
-    """Points and weights (count,) of Gauss on 0 to 1."""
-    nodes, weights = leggauss(count)
-    return (1.0 + nodes) / 2.0, weights / 2.0
-
-
-def coefficients(values: FloatArray) -> FloatArray:
-    """Coefficients of Legendre (..., q) of polynomials from their values (..., q) at as many points of Gauss."""
-    count = values.shape[-1]
-    t, weights = gauss(count)
-    project = (2.0 * np.arange(count) + 1.0) * legvander(2.0 * t - 1.0, count - 1) * weights[:, None]
-    return np.asarray(values @ project)
+def part_of(bend: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray:
+    """The bends (n, k) of parts of edges, from shares (n,) to shares (n,) of their lengths."""
+    count = bend.shape[1]
+    at = start[:, None] + (stop - start)[:, None] * gauss_legendre(count)[0]
+    return levelled(angles(bend, at) @ from_values(count - 1, count).T)
 
 
 def polynomials(terms: FloatArray, x: FloatArray) -> FloatArray:
@@ -192,7 +192,7 @@ def _from_first(bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray
     bent = np.flatnonzero(bend.any(axis=1))
     if not len(bent):
         return along, across
-    nodes, weights = gauss(bend.shape[1] + _MORE)
+    nodes, weights = gauss_legendre(bend.shape[1] + _MORE)
     at = t[bent]
     between = at[:, :, None] * nodes
     angle = angles(bend[bent], between.reshape(len(bent), at.shape[1] * len(nodes))).reshape(between.shape)
@@ -213,7 +213,7 @@ def barycentric_of(corners: FloatArray, bends: FloatArray, t: FloatArray) -> Flo
     """
     t = np.broadcast_to(t, (len(corners), *np.shape(t)[-2:]))
     found, part = np.array(t), np.argmin(t, axis=-1)
-    for s, (a, b) in enumerate(OPPOSITE):
+    for s, (a, b) in enumerate(EDGES):
         cell, point = np.nonzero((part == s) & bends[:, [s]].any(axis=2))
         at = t[cell, point]
         r = 1.0 - 3.0 * at[:, s]
@@ -229,7 +229,7 @@ def barycentric_of(corners: FloatArray, bends: FloatArray, t: FloatArray) -> Flo
 def reference_of(corners: FloatArray, bends: FloatArray, barycentric: FloatArray) -> FloatArray:
     """Reference coordinates (n, 3) of points with barycentric coordinates λ (n, 3) in triangles (n, …), one in each."""
     found, part = np.array(barycentric), np.argmin(barycentric, axis=-1)
-    for s, (a, b) in enumerate(OPPOSITE):
+    for s, (a, b) in enumerate(EDGES):
         cell = np.flatnonzero((part == s) & bends[:, s].any(axis=1))
         own, bend, centre = corners[cell], bends[cell, s], corners[cell].mean(axis=1)
         at = barycentric[cell]
@@ -252,7 +252,7 @@ def area_factors(corners: FloatArray, bends: FloatArray, t: FloatArray) -> Float
     """How many times as large areas are as on the straight triangles, at reference points t; shape (n, q)."""
     t = np.broadcast_to(t, (len(corners), *np.shape(t)[-2:]))
     found, part, centres = np.ones(t.shape[:2]), np.argmin(t, axis=-1), corners.mean(axis=1)
-    for s, (a, b) in enumerate(OPPOSITE):
+    for s, (a, b) in enumerate(EDGES):
         cell, point = np.nonzero((part == s) & bends[:, [s]].any(axis=2))
         at = t[cell, point]
         tau = _tau(at, s, 1.0 - 3.0 * at[:, s])
@@ -266,13 +266,13 @@ def area_factors(corners: FloatArray, bends: FloatArray, t: FloatArray) -> Float
 def arc_points(s: int, t: FloatArray) -> FloatArray:
     """Reference coordinates (q, 3) of the points t (q,) along side s, from its corner of lower number."""
     found = np.zeros((len(t), 3))
-    found[:, OPPOSITE[s][0]], found[:, OPPOSITE[s][1]] = 1.0 - t, t
+    found[:, EDGES[s][0]], found[:, EDGES[s][1]] = 1.0 - t, t
     return found
 
 
 def _tau(t: FloatArray, s: int, r: FloatArray) -> FloatArray:
     """The τ of points t (n, 3) of the straight triangle in the third at side s, from their r; any at the barycentre."""
-    along = t[:, OPPOSITE[s][1]] - t[:, s]
+    along = t[:, EDGES[s][1]] - t[:, s]
     return np.where(r > 0.0, along / np.where(r > 0.0, r, 1.0), 0.5)
 
 
@@ -385,11 +385,16 @@ def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     return vectors_along(edges, edges.normal, t), vectors_along(edges, edges.tangent, t)
 
 
-def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bool = True) -> FloatArray:
-    """Vectors (n, 2), given for the chord of each edge, that turn with it or do not; at t as above, shape (n, q, 2)."""
+def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bool | BoolArray = True) -> FloatArray:
+    """Vectors (n, 2), given for the chord of each edge, at t as above, shape (n, q, 2): they turn with it, or do not.
+
+    Whether they do says one truth value, or one for each edge (n,).
+    """
     t = np.broadcast_to(t, (len(edges), np.shape(t)[-1]))
     given = np.broadcast_to(vectors[:, None], (*t.shape, 2))
-    return turned(given, angles(edges.bend, t)) if turns and edges.curved else given
+    if not edges.curved or not np.any(turns):
+        return given
+    return turned(given, np.reshape(turns, (-1, 1)) * angles(edges.bend, t))
 
 
 def rounding_along(vertices: FloatArray, edges: Edges) -> FloatArray:

@@ -22,7 +22,7 @@ from importlib import import_module
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
-from typing import Any, BinaryIO, Final, NamedTuple
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,18 +48,6 @@ _MOST_SETS: Final = 10_000_000  # names times blocks of elements: each of the bl
 _VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # "4" is 4.0
 
 
-class _NamedCells(NamedTuple):
-    """What a file holds of a mesh: points (n, 2 or 3), cells, lines (k, 2) and cells (k,) by name.
-
-    Cells are quadrilaterals (m, 4); triangles have their last corner twice.
-    """
-
-    points: FloatArray
-    cells: IntArray
-    edge_sets: dict[str, IntArray]
-    regions: dict[str, IntArray]
-
-
 def read_mesh(path: str | Path) -> MeshParts:
     """Vertices, triangles, and named curves and surfaces of a mesh file.
 
@@ -70,29 +58,32 @@ def read_mesh(path: str | Path) -> MeshParts:
     mesh = _read(path)
     if not len(mesh.cells):
         raise _refused(path, "holds no triangles")
-    if mesh.points.shape[1] == 3 and np.ptp(mesh.points[:, 2]) > _FLAT * np.ptp(mesh.points[:, :2], axis=0).max():
+    if mesh.vertices.shape[1] == 3 and np.ptp(mesh.vertices[:, 2]) > _FLAT * np.ptp(mesh.vertices[:, :2], axis=0).max():
         raise _refused(path, "is not plane: all points must have one coordinate z")
     for numbers in (mesh.cells, *mesh.edge_sets.values()):
-        if ((numbers < 0) | (numbers >= len(mesh.points))).any():
-            held = f"(it has {len(mesh.points)})"
+        if ((numbers < 0) | (numbers >= len(mesh.vertices))).any():
+            held = f"(it has {len(mesh.vertices)})"
             raise _refused(path, f"joins nodes that it does not hold {held}: write the mesh again")
-    cells, parent = _triangles(mesh.points[:, :2], mesh.cells)
+    cells, parent = _triangles(mesh.vertices[:, :2], mesh.cells)
     if len(cells) > _MOST_TRIANGLES:
         raise _refused(path, f"holds {len(cells)} triangles: give at most {_MOST_TRIANGLES}")
     used = np.unique(cells)  # the plane mesh without the points that no triangle needs
-    number = np.full(len(mesh.points), -1)
+    number = np.full(len(mesh.vertices), -1)
     number[used] = np.arange(len(used))
     edge_sets = {name: number[ends] for name, ends in mesh.edge_sets.items()}
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
-    return MeshParts(np.ascontiguousarray(mesh.points[used, :2]), number[cells], edge_sets, regions)
+    return MeshParts(np.ascontiguousarray(mesh.vertices[used, :2]), number[cells], edge_sets, regions)
 
 
 def _refused(path: Path, remedy: str) -> InputError:
     return InputError("mesh", str(path), remedy)
 
 
-def _read(path: Path) -> _NamedCells:
-    """What a file holds, or one `InputError`; pipes and devices are not opened, as they may wait for ever."""
+def _read(path: Path) -> MeshParts:
+    """What a file holds, or one `InputError`; pipes and devices are not opened, as they may wait for ever.
+
+    Points (n, 2 or 3), and cells as quadrilaterals (m, 4): triangles have their last corner twice.
+    """
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
         raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
@@ -120,7 +111,7 @@ def _read(path: Path) -> _NamedCells:
         raise _refused(path, f"cannot be read as {reader} ({told}): write the mesh again") from error
 
 
-def _named_cells(found: Any) -> _NamedCells:
+def _named_cells(found: Any) -> MeshParts:
     """What meshio read, by name: its sets of cells (ELSET), and the groups of the families of MED."""
     corners = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
     lines = ("line", "line3")
@@ -143,10 +134,10 @@ def _named_cells(found: Any) -> _NamedCells:
             elif block.type in lines:
                 pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
                 edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
-    named = [{name: parts for name, parts in each.items() if len(parts)} for each in (edge_sets, regions)]
+    edge_sets, regions = ({n: parts for n, parts in each.items() if len(parts)} for each in (edge_sets, regions))
     cells = [block.data[:, [0, 1, 2, corners[block.type] - 1]] for block in found.cells if block.type in corners]
     points = np.asarray(found.points, dtype=float)
-    return _NamedCells(points, np.concatenate([np.empty((0, 4), np.int64), *cells]), *named)
+    return MeshParts(points, np.concatenate([np.empty((0, 4), np.int64), *cells]), edge_sets, regions)
 
 
 def _triangles(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
@@ -190,7 +181,7 @@ class _GmshFile:
         self._tags, self._points = np.empty(0, np.int64), np.empty((0, 3))
         self._blocks = list[tuple[int, IntArray, set[int]]]()  # kind, nodes (k, …), physical numbers of all of them
 
-    def read(self) -> _NamedCells:
+    def read(self) -> MeshParts:
         """All sections that make a mesh."""
         sections = {
             b"MeshFormat": self._read_format,
@@ -218,7 +209,7 @@ class _GmshFile:
         surfaces = {name: number for dimension, number, name in self._names if dimension == 2 and number in of_cells}
         edge_sets = {name: lines[np.concatenate(of_lines[number])] for name, number in curves.items()}
         regions = {name: np.concatenate(of_cells[number]) for name, number in surfaces.items()}
-        return _NamedCells(self._points, cells, edge_sets, regions)
+        return MeshParts(self._points, cells, edge_sets, regions)
 
     def _joined(self, kinds: Mapping[int, tuple[int, ...]], corners: int) -> tuple[IntArray, dict[int, list[IntArray]]]:
         """Indices of the corners of all elements of some kinds, (k, corners), and their numbers by physical number."""

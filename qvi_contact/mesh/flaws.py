@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Topology, cross
+from qvi_contact.mesh.curves import ROUNDING
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross
 from qvi_contact.mesh.selection import numbers_of
 
 LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
@@ -18,6 +19,8 @@ _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
 _SPACE: Final = 0.1  # distance of pieces over the body's length up to which they may be meant to touch
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
+_FARTHEST: Final = 1e-3  # the same of arcs at most
+_HALVINGS: Final = 60
 
 
 def checked_vertices(vertices: ArrayLike) -> FloatArray:
@@ -51,7 +54,7 @@ def checked_cells(cells: ArrayLike, vertices: FloatArray) -> IntArray:
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
     """`InputError` unless triangles are a mesh of one piece."""
     _refuse_triangles(vertices, cells, topology)
-    piece, same, hanging = pieces(topology, len(cells)), same_places(vertices), hanging_vertices(vertices, topology)
+    piece, same, hanging = pieces(topology, len(cells)), same_places(vertices), hanging_vertices(vertices, topology)[0]
     _refuse_meeting(vertices, cells, topology, piece, same, hanging)
     if len(same):
         pair = same[np.lexsort(same.T[::-1])[0]]
@@ -108,8 +111,13 @@ def _refuse_triangles(vertices: FloatArray, cells: IntArray, topology: Topology)
         _refuse(topology.ends[edge].tolist(), remedy, (first[edge] + second[edge]) / 2.0)
 
 
-def hanging_vertices(vertices: FloatArray, topology: Topology) -> IntArray:
-    """Pairs (k, 2) of a vertex and an edge of the boundary it lies inside: two triangles meet one along its side."""
+def hanging_vertices(
+    vertices: FloatArray, topology: Topology, bends: FloatArray | None = None
+) -> tuple[IntArray, FloatArray]:
+    """Pairs (k, 2) of a vertex and an edge of the boundary it lies inside: two triangles meet one along its side.
+
+    And the shares (k,) of the edges' lengths at which they do. Edges follow their arcs where `bends` are given.
+    """
     outer = np.flatnonzero(topology.boundary)
     first, second = vertices[topology.ends[outer]].swapaxes(0, 1)
     along = second - first
@@ -117,10 +125,22 @@ def hanging_vertices(vertices: FloatArray, topology: Topology) -> IntArray:
     candidates = np.unique(topology.ends[outer])
     edge, vertex = _near(vertices[candidates], first, second, lengths * (0.5 - 1e-6))
     vertex = candidates[vertex]
-    offset = vertices[vertex] - first[edge]
-    distance = np.abs(cross(along[edge], offset)) / lengths[edge]
-    hanging = distance <= _ON_EDGE * lengths[edge]
-    return np.column_stack([vertex[hanging], outer[edge[hanging]]])
+    offset, chord = vertices[vertex] - first[edge], along[edge]
+    straight = (offset * chord).sum(axis=1) / lengths[edge] ** 2
+    bend = np.zeros((len(edge), 2)) if bends is None else bends[outer[edge]]
+    low, high = np.zeros(len(edge)), np.ones(len(edge))
+    for _ in range(_HALVINGS if bend.any() else 0):  # an arc of less than 180° goes on along its chord
+        middle = (low + high) / 2.0
+        ahead = (arc_offsets(chord, bend, middle[:, None])[:, 0] * chord).sum(axis=1) > straight * lengths[edge] ** 2
+        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
+    arc = bend.any(axis=1)
+    share = np.where(arc, (low + high) / 2.0, straight)
+    distance = np.hypot(*(arc_offsets(chord, bend, share[:, None])[:, 0] - offset).T) / lengths[edge]
+    # data of an arc are rounded by a share of its radius, which is about the edge's length over the angle it turns by
+    turn = np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
+    rounding = np.where(arc, np.minimum(ROUNDING / np.where(arc, turn, 1.0), _FARTHEST), _ON_EDGE)
+    hanging = distance <= rounding
+    return np.column_stack([vertex[hanging], outer[edge[hanging]]]), share[hanging]
 
 
 def _near(points: FloatArray, first: FloatArray, second: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
@@ -161,7 +181,7 @@ def _refuse_meeting(
     remedy = (
         f"two parts of the mesh meet {place}, and their vertices do not match there, as {{}}: mesh both as one body "
         "with common nodes on that line (BooleanFragments in Gmsh), and name it; a Contact along it separates bodies. "
-        "If it is straight, `join` with a name for it does so"
+        "`join` with a name for it does so, along straight lines and declared arcs"
     )
     _refuse(int(vertex), remedy, vertices[vertex])
 

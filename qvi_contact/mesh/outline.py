@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -104,8 +104,7 @@ class Polygon:
         return inside
 
 
-@dataclass(frozen=True, eq=False)
-class Polygons:
+class Polygons(NamedTuple):
     """An outline as polygons."""
 
     outer: Polygon
@@ -148,28 +147,24 @@ def polygons(
     size = positive_number("size", size)
     if size > LARGEST:
         raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
-    lines = {
-        kind: mapping(kind, given or {}, "names to lines") for kind, given in (("joints", joints), ("regions", regions))
-    }
     places = mapping("sizes", sizes or {}, "points to sizes")
-    for kind, named in lines.items():
-        for name in named:
-            if not isinstance(name, str) or not name:
-                raise InputError(kind, name, "give names that are not empty")
     outer = _polygon("corners", corners, size, closed=True)
     inner = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(holes)))
-    seams = dict[str, Polygon]()
-    for name, line in lines["joints"].items():  # one whose last corner begins an arc can only lead back to the first
-        closed = any(isinstance(corner, Corner) and corner.centre is not None for corner in _listed(line)[-1:])
-        seams[name] = _polygon(f"joints.{name}", line, size, closed=closed)
-    areas = {name: _polygon(f"regions.{name}", line, size, closed=True) for name, line in lines["regions"].items()}
+    seams, areas = dict[str, Polygon](), dict[str, Polygon]()
+    for kind, given, found in (("joints", joints, seams), ("regions", regions, areas)):
+        for name, line in mapping(kind, given or {}, "names to lines").items():
+            if not isinstance(name, str) or not name:
+                raise InputError(kind, name, "give names that are not empty")
+            last = _listed(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first
+            closed = kind == "regions" or any(isinstance(each, Corner) and each.centre is not None for each in last)
+            found[name] = _polygon(f"{kind}.{name}", line, size, closed=closed)
     at = np.array([point("sizes", place) for place in places]).reshape(-1, 2)
     own = np.array([positive_number(f"sizes[{place}]", given) for place, given in places.items()])
-    found = Polygons(outer, inner, seams, areas, at, own, size)
-    _check_sizes(found)
-    _check_boundary(found)
-    _check_gaps(found)
-    return found
+    outline = Polygons(outer, inner, seams, areas, at, own, size)
+    _check_sizes(outline)
+    _check_boundary(outline)
+    _check_gaps(outline)
+    return outline
 
 
 def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:

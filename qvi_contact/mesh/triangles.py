@@ -42,7 +42,7 @@ Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], Arra
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
 
 _EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
-_OF_NAMES: Final = ("edge_names", "joint_names", "kept", "_places", "_taken")  # computed from the names of a mesh too
+_OF_NAMES: Final = ("edge_names", "joint_names", "kept", "_numbers", "_taken")  # computed from the names of a mesh too
 _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
@@ -151,30 +151,28 @@ class TriangleMesh(PicklesFields):
         and two lines (y₁, y₂), None for all.
         """
         mesh = cls(*grid_parts(x, y, active))
-        sets: dict[str, IntArray] = dict(mesh.edge_sets)
         for kind, given in (("edges", edges), ("joints", joints)):
             for name, place in mapping(kind, given or {}, "names to segments, or to functions of (x, y)").items():
-                new_name(name, sets)
-                if callable(place):
-                    sets[name] = chosen_edges(name, place, kind == "joints", mesh.topology, mesh.vertices)
-                    continue
-                remedy = "give a pair of points ((x, y), (x, y)), or a function of (x, y)"
-                ends = real_array(name, place, remedy)
-                if ends.shape != (2, 2) or not np.isfinite(ends).all():
-                    raise InputError(name, place, remedy)
-                sets[name] = edges_on_segment(mesh.vertices, mesh.topology, *ends.tolist(), inside=kind == "joints")
-        named = dict[str, IntArray]()
+                where: Where = place
+                if not callable(place):
+                    remedy = "give a pair of points ((x, y), (x, y)), or a function of (x, y)"
+                    ends = real_array(name, place, remedy)
+                    if ends.shape != (2, 2) or not np.isfinite(ends).all():
+                        raise InputError(name, place, remedy)
+                    inside = kind == "joints"
+                    where = edges_on_segment(mesh.vertices, mesh.topology, *ends.tolist(), inside=inside)
+                mesh = mesh.with_joint(name, where) if kind == "joints" else mesh.with_edges(name, where)
         for name, ranges in mapping("regions", regions or {}, "names to pairs of ranges").items():
-            new_name(name)
             if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
                 raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
-            named[name] = triangles_in_box(mesh.vertices, mesh.cells, ranges[0], ranges[1])
-        return mesh._renamed(sets, named)
+            mesh = mesh.with_region(name, triangles_in_box(mesh.vertices, mesh.cells, ranges[0], ranges[1]))
+        return mesh
 
     @classmethod
     def joined(cls, name: str, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
-        """Bodies that touch along straight lines as one mesh, with a joint of that name between them.
+        """Bodies that touch along straight lines or arcs as one mesh, with a joint of that name between them.
 
+        Arcs are declared in both of them, see `with_arc`, or they are chords and their bodies overlap.
         Their vertices need not match there: those of either side are put into the other, and triangles are cut. Parts
         of one name are one. A named part of the boundary loses the edges that are in the joint, unless all of it is.
         """
@@ -188,7 +186,7 @@ class TriangleMesh(PicklesFields):
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
         body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. Bodies in the file that
-        touch along straight lines get a joint called `join`, see `joined`.
+        touch along straight lines get a joint called `join`, see `joined` for arcs.
         """
         return cls(*(read_mesh(path) if join is None else joined(read_mesh(path), join)))
 
@@ -293,12 +291,12 @@ class TriangleMesh(PicklesFields):
     @cached_property
     def boundary(self) -> Edges:
         """All edges of the boundary, in the order of `topology`."""
-        return edges_of(self.vertices, self.cells, self.topology, self.bends, np.flatnonzero(self.topology.boundary))
+        return edges_of(self.vertices, self.cells, self.topology, self.bends, self.topology.outer)
 
     @cached_property
     def interior(self) -> Edges:
         """All edges between two triangles, in the order of `topology`; the first triangle is the lower or left one."""
-        return edges_of(self.vertices, self.cells, self.topology, self.bends, np.flatnonzero(~self.topology.boundary))
+        return edges_of(self.vertices, self.cells, self.topology, self.bends, self.topology.inner)
 
     @cached_property
     def hole_edges(self) -> BoolArray:
@@ -306,24 +304,21 @@ class TriangleMesh(PicklesFields):
         holes = np.ones(len(self.boundary), dtype=bool)
         if len(self.outlines) == 1:
             return ~holes
-        place = np.cumsum(self.topology.boundary) - 1
-        sizes = []  # areas that the lines enclose, negative around holes
-        for line in self.outlines:
-            edges = self.boundary.take(place[line])
-            middle = points_along(self.vertices, edges, np.array([0.5]))[:, 0] - self.origin
-            sizes.append(abs(float(((middle * edges.normal).sum(axis=1) * edges.length).sum())))
-        holes[place[self.outlines[int(np.argmax(sizes))]]] = False
+        places = [np.searchsorted(self.topology.outer, line) for line in self.outlines]
+        middle = points_along(self.vertices, self.boundary, np.array([0.5]))[:, 0] - self.origin
+        areas = (middle * self.boundary.normal).sum(axis=1) * self.boundary.length  # of lines twice what they enclose
+        holes[max(places, key=lambda place: abs(areas[place].sum()))] = False
         return holes
 
     @cached_property
     def edge_names(self) -> tuple[str, ...]:
         """Names of parts of the boundary."""
-        return tuple(name for name, (_, inside, _) in self._places.items() if not inside)
+        return tuple(name for name, edges in self._numbers.items() if self.topology.boundary[edges[0]])
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of joints."""
-        return tuple(name for name, (_, inside, _) in self._places.items() if inside)
+        return tuple(name for name, edges in self._numbers.items() if not self.topology.boundary[edges[0]])
 
     @property
     def region_names(self) -> tuple[str, ...]:
@@ -331,25 +326,19 @@ class TriangleMesh(PicklesFields):
         return tuple(self.regions)
 
     @cached_property
-    def _places(self) -> Mapping[str, tuple[IntArray, bool, IntArray]]:
-        """Of every edge set: numbers in `topology`, whether it is a joint, indices into `boundary` or `interior`."""
-        boundary = self.topology.boundary
-        outer = np.cumsum(boundary) - 1
-        inner = np.arange(len(boundary)) - outer - 1
-        places = {}
-        for name, pairs in self.edge_sets.items():
-            numbers = self.topology.number(pairs)
-            inside = not boundary[numbers[0]]
-            places[name] = numbers, inside, (inner if inside else outer)[numbers]
-        return places
+    def _numbers(self) -> Mapping[str, IntArray]:
+        """Numbers in `topology` of the edges of every set."""
+        return {name: self.topology.number(pairs) for name, pairs in self.edge_sets.items()}
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
-        return self._places[known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")][2]
+        known = known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
+        return np.searchsorted(self.topology.outer, self._numbers[known])
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
-        return self._places[known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")][2]
+        known = known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")
+        return np.searchsorted(self.topology.inner, self._numbers[known])
 
     def edges(self, name: str) -> Edges:
         """The edges called `name`, on the boundary or in a joint."""
@@ -381,20 +370,22 @@ class TriangleMesh(PicklesFields):
 
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
-        return self._places[known_name("name", name, {"edge sets and joints": self.edge_sets})][0]
+        return self._numbers[known_name("name", name, {"edge sets and joints": self.edge_sets})]
 
     def with_edges(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more named part of the boundary.
 
         Which edges says a function of (x, y) that is given their midpoints, or an array (k, 2) of their vertices.
         """
-        pairs = chosen_edges(name, where, False, self.topology, self.vertices)
-        return self._renamed({**self.edge_sets, new_name(name, self.edge_sets): pairs}, self.regions)
+        return self._with_set(name, where, inside=False)
 
     def with_joint(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a joint: edges inside the body along which a `Contact` may hold; see `with_edges`."""
-        pairs = chosen_edges(name, where, True, self.topology, self.vertices)
-        return self._renamed({**self.edge_sets, new_name(name, self.edge_sets): pairs}, self.regions)
+        return self._with_set(name, where, inside=True)
+
+    def _with_set(self, name: str, where: Where, inside: bool) -> TriangleMesh:
+        pairs = chosen_edges(new_name(name, self.edge_sets), where, inside, self.topology, self.vertices)
+        return self._renamed({**self.edge_sets, name: pairs}, self.regions)
 
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
         """The same triangles, which are checked already, with other names, whose sets are."""
@@ -465,8 +456,8 @@ class TriangleMesh(PicklesFields):
     @cached_property
     def outlines(self) -> tuple[IntArray, ...]:
         """The closed lines of the boundary as numbers of edges in `topology`, one array each."""
-        boundary = np.flatnonzero(self.topology.boundary)
-        return tuple(boundary[line] for line in chains(self.topology.ends[boundary]))
+        outer = self.topology.outer
+        return tuple(outer[line] for line in chains(self.topology.ends[outer]))
 
     @cached_property
     def finest(self) -> FloatArray:

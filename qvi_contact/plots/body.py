@@ -13,7 +13,7 @@ from qvi_contact.mesh.edges import cross
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, draw_symbols
 from qvi_contact.plots.shape import Shape, faces
-from qvi_contact.plots.symbols import Written, alignment, beside, ground, has_springs, springs
+from qvi_contact.plots.symbols import Written, alignment, beside, ground, springs
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import cell_factors, held_along_z, sample_body, stress_component
@@ -196,7 +196,7 @@ def draw_body(
             face = middle + factor * shape.along(edges, t, other=other)
             axes.add_collection(style.lines(face, "#333333", "solid", 0.6))
     carried = [part for name in result.contacts for part in _carried(result, name, shape, factor)]
-    sprung = {contact.name for contact in result.problem.contacts if has_springs(contact)}
+    sprung = {contact.name for contact in result.problem.contacts if contact.has_springs}
     for part in carried:
         away = SPRING * mesh.length * part.normal * (part.name in sprung)
         if part.name in sprung:

@@ -213,7 +213,7 @@ class _Sketch:
         self._line(pieces, _JOINT if joint else _TOUCHING)
         if not joint:
             self.obstacle(contact)
-        elif symbols.has_springs(contact):
+        elif contact.has_springs:
             for run in pieces:
                 places = run.points(_SPACING * self.length, least=1)
                 half = 0.5 * SPRING * self.length * places.normals
@@ -341,10 +341,10 @@ class _Sketch:
         for run, gap in zip(pieces, gaps, strict=True):
             places = run.ends_and_points(self.length / _SAMPLES)
             distance = 0.5 * _AWAY * self.length + rise * (gap - least)
-            if symbols.has_springs(contact):
+            if contact.has_springs:
                 distance += SPRING * self.size * self.length
             line = places.points + distance[:, None] * places.normals
-            if symbols.has_springs(contact):
+            if contact.has_springs:
                 few = run.points(_SPACING * self.length, least=1)
                 symbols.springs(self.axes, few.points, few.points + distance.mean() * few.normals)
             symbols.ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
@@ -370,7 +370,7 @@ class _Sketch:
         if contact.plate is not None:  # the middle belongs to the plate's force
             aside = (run.at(0.2).points[0] - middle.points[0]) / (0.3 * run.length)
         shift = max(0.3 * run.length, 0.05 * self.length)
-        away = (2.0 * _AWAY + 0.03 + SPRING * symbols.has_springs(contact)) * self.length
+        away = (2.0 * _AWAY + 0.03 + SPRING * contact.has_springs) * self.length
         place = middle.points[0] + shift * aside + away * outward
         self._write(contact.name, [(place, symbols.alignment(outward + aside))], "black")
 

@@ -48,7 +48,7 @@ _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": Non
 """Kinds of files; the same picture makes the same file on any day."""
 
 
-_LETTERS: Final = 114  # of a small legend in the width of a picture of a result
+_LETTERS: Final = 104  # of a small legend in the width of a picture of a result
 _HANDLE: Final = 6.5  # letters that the sign before a text is wide
 
 _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet

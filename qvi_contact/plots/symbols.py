@@ -12,7 +12,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.mesh.edges import Edges, angles, arc_offsets, chains, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.style import CHORDS, GREEN, lines, plain_text
-from qvi_contact.problem.conditions import CARTESIAN, LOCAL, Condition, Contact, Displacement, Traction, components
+from qvi_contact.problem.conditions import CARTESIAN, LOCAL, Condition, Displacement, Traction, components
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -143,11 +143,6 @@ def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> N
     sideways = np.column_stack([outward[:, 1], -outward[:, 0]])
     strokes = np.stack([begin, begin + 0.7 * size * (outward + sideways)], axis=1)
     axes.add_collection(lines(strokes, "black", "solid", 0.6))
-
-
-def has_springs(contact: Contact) -> bool:
-    """Whether the contact gives way by springs."""
-    return contact.normal_stiffness is not None or contact.tangential_stiffness is not None
 
 
 def springs(axes: "Axes", start: FloatArray, end: FloatArray) -> None:

@@ -27,5 +27,11 @@ __all__ = [
 ]
 
 __getattr__ = front(
-    __name__, {"conditions": ("disc_gap",), "material": ("stress_along_z",), "problem": ("problem_digest",)}
+    __name__,
+    {
+        "conditions": ("disc_gap",),
+        "fields": ("along_edges",),
+        "material": ("stress_along_z",),
+        "problem": ("Prescribed", "problem_digest"),
+    },
 )

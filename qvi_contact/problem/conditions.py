@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, finite_number, positive_number
+from qvi_contact.basics.checks import Field, FloatArray, acts, finite_number, positive_number
 from qvi_contact.basics.schema import (
     NO_KEY,
     Key,
@@ -40,6 +40,14 @@ Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
 
 Driven: TypeAlias = Annotated[float, Scalar()]
 """A number, which files may write as an expression of constants and t."""
+
+_STIFF: Final = Varying(0.0, instead="leave it out if it is rigid, and the contact if the side is free")
+
+SHEAR_LAW: Final = ("friction", "cohesion", "shear_limit")
+"""Data of a contact that bound its shear by min(c + μ|σ_N|, t_max); none but friction has a unit, that of stress."""
+
+SPRINGS: Final = ("normal_stiffness", "tangential_stiffness")
+"""Data of a contact that make it compliant, across its line and along it."""
 
 CARTESIAN: Final = ("x", "y")
 LOCAL: Final = ("normal", "tangential")
@@ -291,8 +299,8 @@ class Contact:
     law: Law = "unilateral"
     plate: RigidPlate | None = None
     pore_pressure: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="p_w", unit="stress"))
-    normal_stiffness: Field | None = field(default=None, metadata=key(kind=Varying(0.0), symbol="k_N"))
-    tangential_stiffness: Field | None = field(default=None, metadata=key(kind=Varying(0.0), symbol="k_T"))
+    normal_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_N"))
+    tangential_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_T"))
 
     in_files: ClassVar[dict[str, Key]] = {"pin": Key(Table(Pin), needed=False)}
     """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""
@@ -304,9 +312,6 @@ class Contact:
             given = callable(value) or value != defaults_of(Contact).get(name, 0.0)
             if self.law == "tied" and not each.tied and given:
                 raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
-            if name.endswith("_stiffness") and not callable(value) and value == 0.0:
-                remedy = "give a positive number, a free side instead of the contact, or leave it out if it is rigid"
-                raise InputError(f"Contact.{name}", value, remedy)
 
     @classmethod
     def from_file(cls, *, pin: Pin | None = None, **values: Any) -> Contact:
@@ -326,12 +331,12 @@ class Contact:
     @property
     def has_springs(self) -> bool:
         """Whether it is compliant."""
-        return self.normal_stiffness is not None or self.tangential_stiffness is not None
+        return any(getattr(self, name) is not None for name in SPRINGS)
 
     @property
     def has_fluid(self) -> bool:
         """Whether a pore pressure is given."""
-        return callable(self.pore_pressure) or self.pore_pressure != 0.0
+        return acts(self.pore_pressure)
 
     @classmethod
     def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> Contact:
@@ -378,8 +383,8 @@ Condition: TypeAlias = Traction | Displacement | Symmetry | Contact
 
 def has_coulomb(contact: Contact) -> bool:
     """Whether the friction bound depends on the pressure."""
-    limited = not callable(contact.shear_limit) and contact.shear_limit == 0.0
-    return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)
+    limited = contact.shear_limit is not None and not acts(contact.shear_limit)
+    return contact.law != "tied" and not limited and acts(contact.friction)
 
 
 def is_frictionless(contact: Contact) -> bool:
@@ -389,5 +394,4 @@ def is_frictionless(contact: Contact) -> bool:
 
 def bears_shear(contact: Contact) -> bool:
     """Whether a contact that is not tied has friction or cohesion."""
-    fields = (contact.friction, contact.cohesion)
-    return contact.law != "tied" and any(callable(field) or field != 0.0 for field in fields)
+    return contact.law != "tied" and (acts(contact.friction) or acts(contact.cohesion))

@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, NamedTupl
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, acts, evaluate
 from qvi_contact.basics.schema import Angle, Inline, Name, Positive, Scalar, Tagged, Varying, check_keys
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
@@ -51,7 +51,8 @@ if TYPE_CHECKING:
 Plane: TypeAlias = Literal["stress", "strain"]
 """Whether σ_zz or ε_zz is zero."""
 
-Strong: TypeAlias = Annotated[Field, Varying(0.0, positive=True)]
+_STRONG: Final = Varying(0.0, instead="leave the strength out if the body does not yield")
+Strong: TypeAlias = Annotated[Field, _STRONG]
 
 
 class YieldCone(NamedTuple):
@@ -126,7 +127,7 @@ class MohrCoulomb:
         if not callable(self.phi):
             self.angles(np.zeros(1), np.zeros(1))
             if self.phi == 0.0:
-                Varying(0.0, positive=True).check("MohrCoulomb.c", self.c)
+                _STRONG.check("MohrCoulomb.c", self.c)
 
     def angles(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """The angle of friction φ at points; `InputError` if it is out of its range."""
@@ -278,8 +279,8 @@ def is_strained(problem: ContactProblem) -> bool:
     """Whether a part of the body has an initial strain, be it constant."""
     return any(
         material.prestress is not None
-        or _acts(material.shrinkage)
-        or (material.expansion != 0.0 and _acts(_temperature(problem, number)))
+        or acts(material.shrinkage)
+        or (material.expansion != 0.0 and acts(_temperature(problem, number)))
         for number, material in enumerate(problem.materials)
     )
 
@@ -332,14 +333,10 @@ def _temperature(problem: ContactProblem, number: int) -> Field:
     return problem.temperature if own is None else own
 
 
-def _acts(field: Field) -> bool:
-    return callable(field) or field != 0.0
-
-
 def _swelling(problem: ContactProblem, number: int, x: FloatArray, y: FloatArray) -> FloatArray:
     """The strain e = α ΔT − s of a free piece of the part with this number."""
     material, temperature = problem.materials[number], _temperature(problem, number)
     found = -evaluate("Material.shrinkage", material.shrinkage, x, y)
-    if material.expansion != 0.0 and _acts(temperature):
+    if material.expansion != 0.0 and acts(temperature):
         found += material.expansion * evaluate("ContactProblem.temperature", temperature, x, y)
     return found

@@ -217,16 +217,16 @@ class ContactProblem(PicklesFields):
         for condition in self.conditions:
             if isinstance(condition, Contact):
                 continue
-            index, edges = self.mesh.edge_set(condition.edges), self.mesh.edges(condition.edges)
+            given: dict[tuple[Any, str], Field]
             if isinstance(condition, Symmetry):
-                for kind, name in ((Traction, "tangential"), (Displacement, "normal")):
-                    given = Prescribed(f"Symmetry.{name}", index, edges, direction_of(name, edges), True, 0.0)
-                    found[kind].append(given)
-                continue
-            kind = type(condition)
-            for name, value in components(condition).items():
-                turns, direction = name in LOCAL, direction_of(name, edges)
-                found[kind].append(Prescribed(f"{kind.__name__}.{name}", index, edges, direction, turns, value))
+                given = {(Traction, "tangential"): 0.0, (Displacement, "normal"): 0.0}
+            else:
+                given = {(type(condition), name): value for name, value in components(condition).items()}
+            title, index = type(condition).__name__, self.mesh.edge_set(condition.edges)
+            edges = self.mesh.edges(condition.edges)
+            for (kind, name), value in given.items():
+                direction = direction_of(name, edges)
+                found[kind].append(Prescribed(f"{title}.{name}", index, edges, direction, name in LOCAL, value))
         return {kind: tuple(each) for kind, each in found.items()}
 
 

@@ -9,8 +9,8 @@ __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "R
 __getattr__ = front(
     __name__,
     {
-        "reference_solution": ("energies_between", "places", "reference_problem"),
-        "rounds": ("bulk",),
+        "triangles": ("energies_between", "places", "reference_problem"),
+        "outcome": ("bulk",),
         "measure": ("unit_of",),
     },
 )

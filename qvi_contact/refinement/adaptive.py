@@ -21,8 +21,9 @@ from qvi_contact.refinement.outcome import (
     Refinement,
     RefinementRound,
     RefinementStatus,
+    Settings,
+    in_rounds,
 )
-from qvi_contact.refinement.rounds import Settings, in_rounds
 from qvi_contact.refinement.triangles import TriangleRefinement, steps_of
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
@@ -100,7 +101,7 @@ def refine(
     Tresca's, or tied contacts) a displacement companion bounds the energy, and the force of one prescribed
     displacement: the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a reference
     solution: one degree more, on a mesh bisected where contact states change and at corners where stresses may be
-    singular (see `reference_solution`). Triangles that hold most of the difference are bisected.
+    singular (see `refinement.triangles`). Triangles that hold most of the difference are bisected.
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
@@ -176,7 +177,9 @@ def refine(
     is from true errors of stresses at points. Rounds do not start from the answer before.
 
     """
-    steps = _steps_of(problem)
+    steps = tuple(problem) if isinstance(problem, Sequence) else (problem,)
+    if not steps or not all(isinstance(step, ContactProblem) for step in steps):
+        raise InputError("problem", problem, "give a ContactProblem, or a list of load steps")
     problem = steps[0]
     if len(steps) > 1 and (guaranteed or isinstance(quantity, LimitFactor)):
         raise InputError("problem", f"{len(steps)} load steps", "have no guaranteed errors and no limit load: give one")
@@ -219,18 +222,10 @@ def refine(
         return found
 
 
-def _steps_of(problem: object) -> tuple[ContactProblem, ...]:
-    """The load steps, one or more."""
-    steps = tuple(problem) if isinstance(problem, Sequence) else (problem,)
-    if not steps or not all(isinstance(step, ContactProblem) for step in steps):
-        raise InputError("problem", problem, "give a ContactProblem, or a list of load steps")
-    return steps
-
-
 def _refined(
     strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
 ) -> Refinement | LimitRefinement:
-    first, rounds, stop = in_rounds(strategy, strategy.settings, mesh, callback)
+    first, rounds, stop = in_rounds(strategy, mesh, callback)
     answer, last = (rounds[-1].answer, rounds[-1]) if rounds else (first, None)
     said: dict[str, Any] = {
         "status": stop.status, "target": strategy.settings.target, "reason": stop.reason,

@@ -26,12 +26,11 @@ from qvi_contact.basics.units import Certainty
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.outcome import RefinementStatus
-from qvi_contact.refinement.reference_solution import at_contacts
-from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError, bulk
+from qvi_contact.refinement.outcome import RefinementStatus, Round, Settings, StopError, TooLargeError, bulk
+from qvi_contact.refinement.triangles import at_contacts, outline_vertices
 from qvi_contact.solution.stress import loads_followed
 
 _SPACE: Final = ("degree", "law_on")  # options of a limit load
@@ -41,24 +40,15 @@ _SHARE: Final = 0.6  # of the gap that is divided where bodies yield
 _SECTOR: Final = np.pi / 48.0  # smallest angle of fans [rad]
 _BLUNT: Final = 0.8 * np.pi  # angle of a corner from which on a change of conditions needs a fan [rad]
 _FLAT: Final = 1e-6  # of a straight angle that is rounding
-_ENDS: Final = 2  # edges of the boundary at a vertex
 _VIOLATED: Final = 1e-7  # of the largest limit of tractions: violation that counts as rounding
 
 
 def law_gap(
     rows: ContactRows, normal: FloatArray, shear: FloatArray, opening: FloatArray, slip: FloatArray
 ) -> FloatArray:
-    """The parts (m,) of the points of a contact, dimensionless.
+    """The parts (m,) of the points of a contact, by σ_N and σ_T there, and by w and s times the weights of the points.
 
-    Parameters
-    ----------
-    rows : ContactRows
-        The contact.
-    normal, shear : (m,) arrays
-        σ_N and σ_T at its points, dimensionless.
-    opening, slip : (m,) arrays
-        w and s there, times the weights of the points.
-
+    All of them have the shape (m,), and are dimensionless.
     """
     size, friction, unilateral = np.abs(slip), rows.limits.friction, ~rows.bilateral
     capped, rough = np.isfinite(rows.limits.cap), friction > 0.0
@@ -73,7 +63,7 @@ def law_gap(
 
 @dataclass(frozen=True)
 class LimitStrategy:
-    """Both sides of a limit load, see `rounds.Strategy`."""
+    """Both sides of a limit load, see `outcome.Strategy`."""
 
     problem: ContactProblem
     settings: Settings
@@ -141,8 +131,8 @@ class LimitStrategy:
         singular = singular_vertices(replace(self.problem, mesh=mesh))
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
         around = np.isin(mesh.cells, at).any(axis=1)
-        one, other = mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
-        areas = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) / 2.0
+        one, other = (mesh.corners[:, corner] - mesh.corners[:, 0] for corner in (1, 2))
+        areas = np.abs(cross(one, other)) / 2.0
         chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * self.settings.thinnest))
         if not len(chosen) and not len(at):
             return None
@@ -158,26 +148,15 @@ def singular_vertices(problem: ContactProblem) -> IntArray:
 
     The outline turns inwards there, or conditions change where it does not turn outwards by much; straight sides only.
     """
-    mesh = problem.mesh
-    owners = problem.owners
-    found = []
-    angle = np.bincount(mesh.cells.ravel(), _angles(mesh).ravel(), len(mesh.vertices))
-    for vertex in np.unique(np.concatenate([mesh.boundary.first, mesh.boundary.second])).tolist():
-        edges = np.flatnonzero((mesh.boundary.first == vertex) | (mesh.boundary.second == vertex))
-        bent = mesh.boundary.bent[edges].any()
-        changes = len(edges) == _ENDS and (owners[:, edges[0]] != owners[:, edges[1]]).any()
-        inwards = angle[vertex] > np.pi * (1.0 + _FLAT)
-        if not bent and (inwards or (changes and angle[vertex] > _BLUNT)):
-            found.append(vertex)
-    return np.array(found, dtype=np.int64)
+    vertices, angle, changes, bent = outline_vertices(problem)
+    inwards = angle > np.pi * (1.0 + _FLAT)
+    return vertices[~bent & (inwards | (changes & (angle > _BLUNT)))]
 
 
 def _angles(mesh: TriangleMesh) -> FloatArray:
     """Angles of all triangles (m, 3) [rad]."""
-    arms = np.stack([np.roll(mesh.corners, -shift, axis=1) - mesh.corners for shift in (1, 2)])
-    one, other = arms
-    turn = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    return np.asarray(np.abs(np.arctan2(turn, (one * other).sum(axis=-1))))
+    one, other = (np.roll(mesh.corners, -shift, axis=1) - mesh.corners for shift in (1, 2))
+    return np.asarray(np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=-1))))
 
 
 def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:

@@ -11,7 +11,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.errors import InputError
@@ -19,7 +19,7 @@ from qvi_contact.mesh.edges import Edges, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component
+from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component, stress_in_cells
 from solvers.basics.names import known_name
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
@@ -45,25 +45,12 @@ _STEPS: Final = 4  # of Newton's method towards a point on an arc
 
 @dataclass(frozen=True)
 class Measure:
-    """A quantity: how it is computed, and what is known of it.
+    """A quantity: how it is computed, and what is known of it."""
 
-    Attributes
-    ----------
-    name : str
-        See `refine`.
-    value : function of a ContactResult
-        The number.
-    kind : str
-        Of what kind it is, such as "normal_force", "slip" or "von_mises"; empty for a function.
-    point : bool
-        Whether it is that of a point given by its coordinates.
-
-    """
-
-    name: str
-    value: Callable[[ContactResult], float]
-    kind: str = ""
-    point: bool = False
+    name: str  # see `refine`
+    value: Callable[[ContactResult], float]  # the number
+    kind: str = ""  # such as "normal_force", "slip" or "von_mises"; empty for a function
+    point: bool = False  # whether it is that of a point given by its coordinates
 
     def unit(self, result: ContactResult, value: float) -> float:
         """What the error of its value is relative to."""
@@ -209,9 +196,8 @@ def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> 
         places = np.tile(np.stack(mesh.points_along(chosen, _LOOK), axis=-1), (2, 1, 1))[cells >= 0]
         cells = cells[cells >= 0]
         at = mesh.reference(np.repeat(cells, len(_LOOK)), places.reshape(-1, 2)).reshape(len(cells), len(_LOOK), -1)
-        stress = scales.stress * space.stress(discretization.coefficients(result.dofs), cells, at)
+        stress = scales.stress * stress_in_cells(discretization, discretization.coefficients(result.dofs), cells, at)[1]
         x, y = np.moveaxis(places, -1, 0)
-        stress[..., :2] += evaluate("ContactProblem.body_potential", problem.body_potential, x, y)[..., None]
         factor, held = cell_factors(problem)[cells][:, None], held_along_z(problem, cells, x, y)
         values = stress_component(stress, component, factor, held)
     number, k = np.unravel_index(np.argmax(sign * values), values.shape)

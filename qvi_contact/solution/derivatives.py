@@ -9,10 +9,9 @@ In `docs/theory.md`: (D34).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import partial
-from typing import Any, Final, Literal, TypeAlias
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import QVISolution
@@ -34,20 +33,12 @@ from solvers.derivative import Change, change
 Side: TypeAlias = Literal["above", "below"]
 """From where a parameter comes to its value."""
 
-_LAWS: Final = ("friction", "cohesion", "shear_limit", "gap", "offset")
+_OF_PLATES: Final = ("x", "y", "rotation", "force_x", "force_y", "moment")
 _AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
 
 _NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are compared
 _NEAR: Final = 1e-3  # the same for derivatives at either side of a change of mechanism
 _SAME: Final = 1e-4  # relative difference of these that counts as none: they are extrapolated
-
-
-@dataclass(frozen=True, eq=False)
-class _Parameter:
-    """A datum: the problem with it larger by a step, and the derivative by it over that by the step's direction."""
-
-    moved: Callable[[], ContactProblem]
-    factor: float
 
 
 def derivative(result: ContactResult, quantity: str, parameter: str, side: Side | None = None) -> float:
@@ -61,10 +52,9 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
     known = result.discretization
-    parameters = dict(_parameters(result.problem, known.scales))
-    chosen = parameters[known_name("parameter", parameter, {"parameters": parameters})]
+    chosen = _datum(result.problem, known.scales, parameter, dict(_paths(result.problem)))
     base = known.with_data(known.problem, known.scales)
-    moved = known.with_data(chosen.moved(), known.scales)
+    moved = known.with_data(chosen.moved(1.0), known.scales)
     if moved.qvi.A.shape != base.qvi.A.shape or moved.qvi.n != base.qvi.n:
         raise InputError("parameter", parameter, "a step changes which unknowns there are: give its load a value first")
     value = measure.value
@@ -75,7 +65,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     def one_sided(sign: float) -> tuple[float, bool]:
         found = change(result.solution, base.qvi, moved.qvi, sign)
         there = value(ContactResult(known, _moved(result.solution, found))) - value(result)
-        return chosen.factor * (there * sign + at_rest), found.changes_state
+        return (there * sign + at_rest) / chosen.unit, found.changes_state
 
     above, changes = one_sided(1.0)
     if not changes or side == "above":
@@ -97,86 +87,102 @@ def _moved(solution: QVISolution, by: Change) -> QVISolution:
     )
 
 
-def _parameters(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Parameter]]:
-    """All of them by name."""
+_Path: TypeAlias = tuple[str | int, ...]
+"""Fields and places in lists that lead from a problem to a datum; ("load", NAME) to the factor of a load."""
+
+
+def _paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
+    """All data by name."""
     for number, condition in enumerate(problem.conditions):
+        at = "conditions", number
         if isinstance(condition, Contact):
-            yield from _of_contact(problem, scales, number, condition)
+            names = [name for name in SPRINGS if not callable(getattr(condition, name))]
+            names += ["gap", "offset", *(() if condition.law == "tied" else SHEAR_LAW)]
+            known: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
+            known += [("plate", name) for name in _OF_PLATES if getattr(condition.plate, name, None) is not None]
+            yield from ((f"{condition.name}.{path[-1]}", (*at, *path)) for path in known)
         elif isinstance(condition, Displacement):
-            for name in components(condition):
-                yield f"{condition.edges}.{name}", _of_condition(problem, scales, number, name)
-    for name in loads_of(problem):
-        yield f"load.{name}", _Parameter(partial(multiplied, problem, [name], 2.0), 1.0)
-    yield from _of_body(problem, scales)
+            yield from ((f"{condition.edges}.{name}", (*at, name)) for name in components(condition))
+    yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
+    if any(material.expansion for material in problem.materials):
+        yield "temperature", ("temperature",)
+        for number, region in enumerate(problem.regions):
+            if region.name is not None and region.temperature is not None:
+                yield f"{region.name}.temperature", ("regions", number, "temperature")
+    yield from ((f"{name}.young", (*path, "young")) for name, path in _materials(problem))
 
 
-def _of_contact(
-    problem: ContactProblem, scales: Scales, number: int, contact: Contact
-) -> Iterator[tuple[str, _Parameter]]:
-    """Law, place, springs and plate of one contact."""
-    for name in _LAWS:
-        if getattr(contact, name) is not None and (contact.law != "tied" or name in ("gap", "offset")):
-            yield f"{contact.name}.{name}", _of_condition(problem, scales, number, name)
-    for name in ("normal_stiffness", "tangential_stiffness"):
-        stiffness = getattr(contact, name)
-        if stiffness is not None and not callable(stiffness):
-            softer = _changed(problem, number, **{name: stiffness / 2.0})
-            yield f"{contact.name}.{name}", _Parameter(softer, -1.0 / stiffness)
-    for name in ("x", "y", "rotation", "force_x", "force_y", "moment"):
-        if getattr(contact.plate, name, None) is not None:
-            yield f"{contact.name}.{name}", _of_condition(problem, scales, number, name, of_plate=True)
-
-
-def _changed(problem: ContactProblem, number: int, **changes: Any) -> Callable[[], ContactProblem]:
-    """The problem with other fields of one condition."""
-    conditions = list(problem.conditions)
-    conditions[number] = replace(conditions[number], **changes)
-    return partial(replace, problem, conditions=conditions)
-
-
-def _of_condition(
-    problem: ContactProblem, scales: Scales, number: int, name: str, *, of_plate: bool = False
-) -> _Parameter:
-    """A field of a condition or of its plate, which grows by its unit."""
-    units = {"friction": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress}
-    units |= {"rotation": scales.displacement / scales.length, "moment": scales.stress * scales.length**2}
-    units |= dict.fromkeys(("force_x", "force_y"), scales.stress * scales.length)
-    step, condition = units.get(name, scales.displacement), problem.conditions[number]
-    part: Any = condition.plate if of_plate and isinstance(condition, Contact) else condition
-    changes = {name: _plus(getattr(part, name), step)}
-    if of_plate:
-        changes = {"plate": replace(part, **changes)}
-    return _Parameter(_changed(problem, number, **changes), 1.0 / step)
-
-
-def _of_body(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Parameter]]:
-    """Temperature, which grows by what has the unit of stress, and moduli, where the compliance doubles."""
-    swelling = max(abs(material.expansion) for material in problem.materials)
-    step = scales.stress * scales.compliance / swelling if swelling else 0.0
-    if swelling:
-        yield (
-            "temperature",
-            _Parameter(lambda: replace(problem, temperature=_plus(problem.temperature, step)), 1 / step),
+def _limit_paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
+    """Data of limit loads by name."""
+    for number, contact in enumerate(problem.conditions):
+        if isinstance(contact, Contact) and contact.law != "tied":
+            known = (name for name in SHEAR_LAW if getattr(contact, name) is not None)
+            yield from ((f"{contact.name}.{name}", ("conditions", number, name)) for name in known)
+    yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
+    for title, path in _materials(problem):
+        strength = _at(problem, path).strength
+        known = (each.name for each in (() if strength is None else fields(strength)))
+        yield from (
+            (f"{title}.{name}", (*path, "strength", name)) for name in known if getattr(strength, name) is not None
         )
-    main = problem.material
-    yield (
-        "material.young",
-        _Parameter(lambda: replace(problem, material=replace(main, young=main.young / 2.0)), -1.0 / main.young),
-    )
 
-    def with_region(number: int, **changes: Any) -> ContactProblem:
-        regions = list(problem.regions)
-        regions[number] = replace(regions[number], **changes)
-        return replace(problem, regions=regions)
 
+def _materials(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
+    """That of the body, and those of regions that have a name."""
+    yield "material", ("material",)
     for number, region in enumerate(problem.regions):
         if region.name is not None:
-            young, softer = region.material.young, replace(region.material, young=region.material.young / 2.0)
-            yield f"{region.name}.young", _Parameter(partial(with_region, number, material=softer), -1.0 / young)
-            if swelling and region.temperature is not None:
-                warmer = _plus(region.temperature, step)
-                moved = partial(with_region, number, temperature=warmer)
-                yield f"{region.name}.temperature", _Parameter(moved, 1.0 / step)
+            yield region.name, ("regions", number, "material")
+
+
+def _at(part: Any, path: _Path) -> Any:
+    """What a path leads to."""
+    for place in path:
+        part = part[place] if isinstance(place, int) else getattr(part, place)
+    return part
+
+
+def _with(part: Any, path: _Path, value: Any) -> Any:
+    """The same with another value at the end of a path."""
+    place, *rest = path
+    if rest:
+        value = _with(_at(part, (place,)), tuple(rest), value)
+    return [*part[:place], value, *part[place + 1 :]] if isinstance(place, int) else replace(part, **{place: value})
+
+
+class _Datum(NamedTuple):
+    """The problem with a datum larger by so many units, what a unit is, and whether the datum is 0 and may not be less.
+
+    One unit more of a modulus makes its compliance twice as large: that is less than the modulus.
+    """
+
+    moved: Callable[[float], ContactProblem]
+    unit: float
+    least: bool
+
+
+def _datum(
+    problem: ContactProblem, scales: Scales, parameter: str, paths: Mapping[str, _Path], *, relative: bool = False
+) -> _Datum:
+    """The datum of a name, with its own size as unit if `relative`; temperatures grow by what has that of stress."""
+    path = paths[known_name("parameter", parameter, {"parameters": paths})]
+    name = str(path[-1])
+    if path[0] == "load":
+        return _Datum(lambda step: multiplied(problem, [name], 1.0 + step), 1.0, least=False)
+    value = _at(problem, path)
+    if name == "young" or name in SPRINGS:
+        return _Datum(lambda step: _with(problem, path, value / (1.0 + step)), -value, least=False)
+    force = scales.stress * scales.length
+    units = {"friction": 1.0, "phi": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress, "force_x": force}
+    units |= {"force_y": force, "moment": force * scales.length, "rotation": scales.displacement / scales.length}
+    if name == "temperature":
+        units[name] = scales.stress * scales.compliance / max(abs(each.expansion) for each in problem.materials)
+    unit = units.get(name, scales.stress if "strength" in path else scales.displacement)
+    if relative and not callable(value):
+        unit = abs(value) or unit
+    return _Datum(
+        lambda step: _with(problem, path, _plus(value, step * unit)), unit, not callable(value) and value == 0.0
+    )
 
 
 def _plus(field: Field, step: float) -> Field:
@@ -204,11 +210,11 @@ def limit_derivative(
         raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
     if side not in (None, "above", "below"):
         raise InputError("side", side, "give 'above' or 'below', or leave it out")
-    data = dict(_limit_data(problem, posed.low.scales))
-    unit, least, moved = data[known_name("parameter", parameter, {"parameters": data})]
+    datum = _datum(problem, posed.low.scales, parameter, dict(_limit_paths(problem)), relative=True)
+    unit = datum.unit
 
     def program(step: float) -> ConicProgram:
-        low, high = (multiplied(moved(step * unit), posed.names, factor) for factor in (1.0, 2.0))
+        low, high = (multiplied(datum.moved(step), posed.names, factor) for factor in (1.0, 2.0))
         first = posed.low.with_data(low, posed.low.scales)
         return StressProgram(first, first.with_data(high, posed.low.scales)).program()
 
@@ -223,7 +229,7 @@ def limit_derivative(
         return float(found.multipliers @ moved) / (_NEXT * unit)
 
     above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
-    if not least or side == "above":
+    if datum.least or side == "above":
         return above
     below = 2.0 * at(-_NEAR) - at(-2.0 * _NEAR)
     if side == "below":
@@ -232,53 +238,3 @@ def limit_derivative(
         return at(0.0)
     remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
     raise InputError("side", None, remedy + "ask for one of them")
-
-
-_Datum: TypeAlias = tuple[float, bool, Callable[[float], ContactProblem]]
-"""A unit, whether the datum may be less than it is, and the problem with it larger by a step."""
-
-
-def _limit_data(problem: ContactProblem, scales: Scales) -> Iterator[tuple[str, _Datum]]:
-    """Data of limit loads by name."""
-    for number, contact in enumerate(problem.conditions):
-        if isinstance(contact, Contact) and contact.law != "tied":
-            for name in ("friction", "cohesion", "shear_limit"):
-                value = getattr(contact, name)
-                if value is not None:
-                    unit = _unit(value, 1.0 if name == "friction" else scales.stress)
-                    yield f"{contact.name}.{name}", (*unit, partial(_rougher, problem, number, name))
-    for name in loads_of(problem):
-        yield f"load.{name}", (1.0, True, partial(_heavier, problem, name))
-    owners = [("material", problem.material), *((region.name, region.material) for region in problem.regions)]
-    for number, (title, material) in enumerate(owners):
-        strength = material.strength
-        for each in fields(strength) if strength is not None and title is not None else ():
-            value = getattr(strength, each.name)
-            if value is not None:
-                unit = _unit(value, 1.0 if each.name == "phi" else scales.stress)
-                yield f"{title}.{each.name}", (*unit, partial(_stronger, problem, number, each.name))
-
-
-def _unit(value: Field, otherwise: float) -> tuple[float, bool]:
-    return (otherwise, True) if callable(value) else (abs(float(value)) or otherwise, value != 0.0)
-
-
-def _rougher(problem: ContactProblem, number: int, name: str, step: float) -> ContactProblem:
-    return _changed(problem, number, **{name: _plus(getattr(problem.conditions[number], name), step)})()
-
-
-def _heavier(problem: ContactProblem, name: str, step: float) -> ContactProblem:
-    return multiplied(problem, [name], 1.0 + step)
-
-
-def _stronger(problem: ContactProblem, number: int, name: str, step: float) -> ContactProblem:
-    """With another strength of the body, 0, or of a region, from 1."""
-    material = problem.material if number == 0 else problem.regions[number - 1].material
-    changes: Any = {name: _plus(getattr(material.strength, name), step)}
-    assert material.strength is not None  # as listed
-    material = replace(material, strength=replace(material.strength, **changes))
-    if number == 0:
-        return replace(problem, material=material)
-    regions = list(problem.regions)
-    regions[number - 1] = replace(regions[number - 1], material=material)
-    return replace(problem, regions=regions)

@@ -89,8 +89,8 @@ class Energies:
     strain : float
         ½∫ cσ:σ dx, strain energy of the body, and that of springs along contacts.
     load : float
-        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
-        strains.
+        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N' + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
+        strains; g and w with the given motions of plates.
     complementary : float
         strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
     dissipation : float
@@ -125,9 +125,14 @@ class PlateMotion:
     rotation: float = 0.0
 
 
-def plate_motion(plate: RigidPlate, x: float, y: float, rotation: float) -> PlateMotion:
-    """The motion of a plate's pivot: what was found of it, zero where it is not driven, with what is given."""
-    return PlateMotion(x + (plate.x or 0.0), y + (plate.y or 0.0), rotation + (plate.rotation or 0.0))
+def plate_motion(plate: RigidPlate, centre: tuple[float, float], found: Mapping[str, float]) -> PlateMotion:
+    """The motion of a plate's pivot: what its forces and moment drive, by their names, with what is given.
+
+    What they drive was found at the place that arms count from, see `RigidPlate.reference`.
+    """
+    place, (x, y, turn) = plate.reference(*centre), (found.get(name, 0.0) for name in DRIVES)
+    x, y = x - turn * (plate.pivot[1] - place[1]), y + turn * (plate.pivot[0] - place[0])
+    return PlateMotion(x + (plate.x or 0.0), y + (plate.y or 0.0), turn + (plate.rotation or 0.0))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -324,14 +329,12 @@ class ContactResult(PicklesFields):
         motion: dict[str, dict[str, float]] = {}
         _ = self.dofs  # says what is wrong if there is no state
         for row, multiplier in zip(self.discretization.plates.rows, self.solution.equality_multiplier, strict=True):
-            motion.setdefault(row.contact, {})[DRIVES[row.component]] = -float(multiplier) * row.motion
+            motion.setdefault(row.contact, {})[row.component] = -float(multiplier) * row.motion
         moved = {}
         for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True):
             if contact.plate is not None:
-                x, y, rotation = (motion.get(contact.name, {}).get(name, 0.0) for name in ("x", "y", "rotation"))
-                place = contact.plate.reference(*centre_of(self.problem, self.discretization.scales, rows))
-                arm_x, arm_y = contact.plate.pivot[0] - place[0], contact.plate.pivot[1] - place[1]
-                moved[contact.name] = plate_motion(contact.plate, x - rotation * arm_y, y + rotation * arm_x, rotation)
+                centre = centre_of(self.problem, rows.points.edges)
+                moved[contact.name] = plate_motion(contact.plate, centre, motion.get(contact.name, {}))
         return MappingProxyType(Named("plates", _WITH_PLATE, moved))
 
     def plate_force(self, name: str) -> Resultant:
@@ -379,9 +382,10 @@ class ContactResult(PicklesFields):
             work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, at_rest)
             load += float((weights * work).sum()) * scales.energy
         for rows in self.discretization.contacts:
-            line = self.contacts[rows.name]
-            gap, offset = rows.gap * scales.displacement, (rows.offset + rows.slip) * scales.displacement
-            load += float(line.weights @ (gap * line.normal_stress + offset * line.tangential_stress))
+            line, (across, along) = self.contacts[rows.name], rows.motion
+            gap, offset = (rows.gap + across, rows.offset + rows.slip + along)
+            work = gap * line.effective_normal_stress + offset * line.tangential_stress
+            load += float(line.weights @ work) * scales.displacement
         shear = self.solution.problem.tangential(self.solution.z)
         dissipation = float(self.solution.tangential_multiplier @ shear) * scales.energy
         return Energies(strain, load, strain - load, dissipation)

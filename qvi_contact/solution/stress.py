@@ -24,12 +24,13 @@ from qvi_contact.discretization.loads import (
     is_polynomial,
     physical,
     potential_at,
-    prescribed_tractions,
+    traction_data,
 )
 from qvi_contact.element import legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.material import is_strained, stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 
@@ -105,7 +106,7 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
     of least area, `_MOST_CELLS` of them.
     """
     space = discretization.space
-    cells = np.argsort(space.cell_sizes, kind="stable")[:_MOST_CELLS]
+    cells = np.argsort(space.triangles.areas, kind="stable")[:_MOST_CELLS]
     signs = np.random.default_rng(0).integers(2, size=u.size) * 2.0 - 1.0
     moved = u.ravel() * (1.0 + signs * np.finfo(np.float64).eps)
     first, second = (
@@ -287,14 +288,14 @@ def prescribed_and_computed(
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
     degree = space.traction_degree
     count = max(LOAD_POINTS, degree + 1)
-    for given in prescribed_tractions(problem, scales):
+    for given in problem.prescribed(Traction):
         if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree
             degree = count - 1
         points = EdgePoints(space, given.edges, count)
         normal, shear = points.tractions(u.ravel())
         directions = points.vectors(given.direction, given.turns)
         along = component(normal * points.normals.T + shear * points.tangents.T, directions)
-        wanted = given.quadrature(problem.mesh.vertices, LOAD_POINTS)
+        wanted = traction_data(problem, scales, given, LOAD_POINTS)
         yield wanted, along.reshape(-1, count) @ legendre.from_values(degree, count).T
 
 

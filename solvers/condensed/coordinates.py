@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy.sparse import csc_array, csr_array, diags_array, eye_array, hstack, vstack
+from scipy.sparse import csc_array, csr_array, diags_array, hstack, vstack
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.condensed.systems import (
@@ -30,7 +30,7 @@ from solvers.condensed.systems import (
     Solve,
 )
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.superlu import Refactorisation
+from solvers.factorisation.choice import Refactorisation
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, transposed
 
@@ -185,9 +185,8 @@ class SparseCoordinates(_Tractions):
         self.shares = near + MANY_POINTS_SHARES if qvi.m > _NEAR_FROM else MANY_POINTS_SHARES + near
         diagonal = qvi.K.diagonal()
         self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        rows = qvi.contact_rows if qvi.traces is None else qvi.traces.rows
+        rows, E = qvi.contact.factor.rows, csr_array(qvi.contact.factor.interpolation)
         self._Y = csr_array(rows @ diags_array(self._scale))
-        E = eye_array(rows.shape[0]) if qvi.traces is None else csr_array(qvi.traces.interpolation)
         self._points: IntVector = np.flatnonzero(qvi.frictionless)  # without friction
         equations = csr_array(vstack([csr_array(qvi.T)[self._points], qvi.A]) @ diags_array(self._scale))
         lengths = np.sqrt(np.asarray(equations.multiply(equations).sum(axis=1)).ravel())

@@ -115,6 +115,7 @@ class InteriorPoint:
     finest : gap below which τ is not made smaller
     least : that τ
     accurate : whether Newton steps are those of `Saddle`
+    longest : step that is taken at most, of the way to the nearest bound
 
     """
 
@@ -128,6 +129,7 @@ class InteriorPoint:
     def start_at(self, y: Vector) -> None:
         """Start from trace coordinates, with slacks away from zero."""
         problem = self.problem
+        self.longest = problem.system.longest
         normal = problem.split_normal(y)
         smooth = np.hypot(normal, _SMOOTHEST * problem.stress)
         s = np.maximum(problem.slack(y, smooth), _START * problem.stress * problem.sizes)
@@ -192,7 +194,7 @@ class InteriorPoint:
         comp = target - products - damping * affine.products
         passes = self._few > 0 and tau > _PASSED_FROM * self.least
         step, length = _corrected(newton, point, comp, target, _HELD_UP if passes else 0.0)
-        share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
+        share = min(max(_STEP, reach), self.longest)  # products keep at least what the step leaves
         length, least = min(1.0, share * length), min(_NEIGHBOURHOOD, self._centrality(point))
         for _ in range(20):  # until no product is far below the others
             if self._centrality(point.moved(step, length)) >= 0.9 * least:
@@ -344,14 +346,17 @@ def _longest(point: Point, step: Point) -> float:
 # is short, and nothing is gained.
 
 
-GAP = 1e-5
-"""Gap, relative, at which such a point lies: with 1e-3 less is gained, with 1e-7 it is too close to the bounds."""
+GAP = 1e-6
+"""Gap, relative, at which such a point lies: with 1e-4 less is gained, with 1e-8 it is too close to the bounds."""
+
+_LONGEST_NEAR = 0.999  # step that is taken at most from there, of the way to the nearest bound
 
 
 def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
     """Exchange the iterate of a method, already started, for one near a state with free trace coordinates y (k,)."""
     problem, split = interior.problem, len(interior.point.pull)
     interior.settle()
+    interior.longest = max(interior.longest, _LONGEST_NEAR)
     unit = problem.stress * interior.displacement * problem.total_weight
     products = GAP * unit / float(problem.weights @ problem.shares) * interior.shares
     kink = products[len(products) - split :]

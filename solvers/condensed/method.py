@@ -56,6 +56,7 @@ _UNBALANCED = 1e-10  # error of the stress, in the energy norm and relative, tha
 _PROGRESS = 0.7
 _LEAST_GAP = 2e-17  # that is asked for: the interior point method goes no further than half of it
 _NO_GAP = 1e-19  # out of reach, so that iterations go on as long as they gain
+_FINER_NEAR = 0.1  # of the gap that is asked for, from a state that is near
 _FINER = 0.3  # of the gap that is asked for, at which iterations go on with the residuals alone
 EXACT: Final = 1e-12  # relative defect correction that is not worth another one
 _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
@@ -161,11 +162,12 @@ class CondensedRun:
 
         At a distance r from where slip ends s λ is about r², in the unit of the gap: points of an edge of that length
         have no sticking or slipping of their own before the gap is well below. The more so for tractions, which are
-        λ over r. The length of r = 1 is that of the contact, each bed of a wall one of its own.
+        λ over r. The length of r = 1 is that of the contact, each bed of a wall one of its own. From a state that is
+        near the last step is longer and goes less beyond what is asked for.
         """
-        system = self.problem.system
+        system, gap = self.problem.system, self.options.gap * (_FINER_NEAR if self.warm else 1.0)
         least = _NO_GAP if system.last_digits else _LEAST_GAP
-        return min(self.options.gap, max(self.options.gap * (self.problem.least_share / system.small) ** 2, least))
+        return min(gap, max(gap * (self.problem.least_share / system.small) ** 2, least))
 
     def relative(self, length: float) -> float:
         """An energy norm over that of the first step."""

@@ -10,13 +10,7 @@ Back ends: Intel MKL's PARDISO (package mkl, extra fast) and SuperLU (SciPy, alw
 
 from solvers.basics.front import front
 from solvers.factorisation.base import Factorisation, FactorisationError
-from solvers.factorisation.choice import (
-    BACKENDS,
-    available_backends,
-    factorise,
-    missing_backends,
-    resolve,
-)
+from solvers.factorisation.choice import BACKENDS, available_backends, factorise, missing_backends, resolve
 
 __all__ = [
     "BACKENDS",
@@ -35,14 +29,6 @@ __getattr__ = front(
         "pardiso": ("limited_blas", "thread_count"),
         "base": ("DENSE",),
         "augmented": ("factorise_root",),
-        "choice": (
-            "VARIABLE",
-            "Forecast",
-            "Work",
-            "check_limits",
-            "condensing_pays",
-            "machine_memory",
-            "refactorisation",
-        ),
+        "choice": ("VARIABLE", "condensing_pays", "refactorisation"),
     },
 )

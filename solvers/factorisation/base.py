@@ -140,8 +140,7 @@ def check_pivots(pivots: Vector, diagonal: Vector, backend: str, n: int | None =
 
 
 Reason: TypeAlias = Literal["singular", "memory", "time", "backend"]
-"""Why a factorisation failed: not positive definite, out of memory, too long for the time limit, or what else the back
-end reports."""
+"""Why a factorisation failed: not positive definite, out of memory, no time left, or what else the back end reports."""
 
 _REMEDY: Final[dict[Reason, str]] = {
     "singular": "fix the free modes and give positive stiffnesses, so that K is positive definite",
@@ -157,7 +156,7 @@ class FactorisationError(QVIError):
     Attributes
     ----------
     reason : "singular", "memory", "time" or "backend"
-        "singular" covers indefinite matrices too; "time": it would take far longer than the time limit allows.
+        "singular" covers indefinite matrices too; "time": it is large, and the time limit over.
     backend : str
         Name of the back end.
 

@@ -245,10 +245,10 @@ class Pardiso(Factorisation):
         return x
 
 
-class Refactorised:
+class RefactorisedByPardiso:
     """H = L U for matrices H of one symmetric pattern, one after the other: ordering and symbolic analysis once.
 
-    Pivots stay on the diagonal but for those inside a dense block. See `Refactorisation` for the back end's contract.
+    Pivots stay on the diagonal but for those inside a dense block. Methods are those of `RefactorisedBySuperLU`.
     """
 
     backend = "pardiso"

@@ -7,7 +7,7 @@ matrix K' = K + [0 0; 0 D] has the Schur complement S' = S + D, well conditioned
 """
 
 from time import perf_counter
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -106,29 +106,6 @@ def _symmetric_splu(K: Sparse, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> Mo
     return factor
 
 
-def filled(graph: Sparse) -> tuple[IntVector, IntVector, IntVector]:
-    """An order of elimination of a symmetric pattern with full diagonal, and the pattern of L: rows, column starts.
-
-    By a factorisation of some matrix with this pattern.
-    """
-    factor = _symmetric_splu(_dominant(graph), "MMD_AT_PLUS_A")
-    lower = factor.L
-    return np.argsort(factor.perm_c).astype(np.int64), lower.indices, lower.indptr
-
-
-def _dominant(graph: Sparse) -> Sparse:
-    """A matrix of a pattern that factorises in every order."""
-    sums = np.asarray(graph.sum(axis=0), dtype=np.float64).ravel()
-    return csc_array(graph + diags_array(sums), dtype=np.float64)
-
-
-def _minimum_degree(graph: Sparse) -> IntVector:
-    """The order of `filled`, from an incomplete factorisation that drops all: SciPy has no order without a factor."""
-    factor = spilu(_dominant(graph), 1e300, 1.0, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                   options={"SymmetricMode": True})  # fmt: skip
-    return np.argsort(factor.perm_c).astype(np.int64)
-
-
 # Orders of elimination: by minimum degree on groups of unknowns with the same neighbours, or by places.
 
 
@@ -143,27 +120,25 @@ def interface_last(K: Sparse, interface: IntVector, places: Matrix | None = None
     Unknowns of a mesh node share their columns' pattern and are eliminated together in any good order, so the order is
     sought for the graph of such groups, which has a fraction of the entries.
     """
-    interior, graph, group = interior_groups(K, interface)
+    interior = np.setdiff1d(np.arange(K.shape[0]), interface)
+    pattern: Sparse = csc_array((np.ones(K.nnz, dtype=np.int8), K.indices, K.indptr), shape=K.shape)
+    pattern = pattern[interior][:, interior] if len(interface) else pattern
+    mark = np.random.default_rng(0).integers(1, 2**62, len(interior))  # equal sums: equal columns (modulo 2⁶⁴)
+    first, group = np.unique(pattern.T @ mark, return_index=True, return_inverse=True)[1:]
+    graph = pattern[first][:, first]
     position = np.empty(graph.shape[0], dtype=np.int64)
-    if places is None:
-        order = _minimum_degree(graph)
+    if places is None:  # SciPy has no order without a factor: an incomplete one, of numbers that suit every order
+        sums = np.asarray(graph.sum(axis=0), dtype=np.float64).ravel()
+        dominant = csc_array(graph + diags_array(sums), dtype=np.float64)
+        factor = spilu(dominant, 1e300, 1.0, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                       options={"SymmetricMode": True})  # fmt: skip
+        order = np.argsort(factor.perm_c)
     else:
         of_groups = np.empty((graph.shape[0], 2))
         of_groups[group] = places[interior]  # of one of its unknowns, which are at one vertex or edge
         order = nested_dissection(of_groups, graph.indptr.astype(np.int64), graph.indices.astype(np.int64))
     position[order] = np.arange(graph.shape[0])
     return np.concatenate([interior[np.argsort(position[group], kind="stable")], interface])
-
-
-def interior_groups(K: Sparse, interface: IntVector) -> tuple[IntVector, Sparse, IntVector]:
-    """The interior of K (n, n), the pattern of its groups of unknowns with the same neighbours, the group of each."""
-    interior = np.setdiff1d(np.arange(K.shape[0]), interface)
-    pattern: Sparse = csc_array((np.ones(K.nnz, dtype=np.int8), K.indices, K.indptr), shape=K.shape)
-    pattern = pattern[interior][:, interior] if len(interface) else pattern
-    mark = np.random.default_rng(0).integers(1, 2**62, len(interior))  # equal sums: equal columns (modulo 2⁶⁴)
-    sums = pattern.T @ mark
-    first, group = np.unique(sums, return_index=True, return_inverse=True)[1:]
-    return interior, pattern[first][:, first], np.asarray(group, dtype=np.int64)
 
 
 def nested_dissection(places: Matrix, starts: IntVector, columns: IntVector) -> IntVector:
@@ -225,26 +200,8 @@ def nested_dissection(places: Matrix, starts: IntVector, columns: IntVector) -> 
 _THRESHOLD = 1e-3  # a pivot on the diagonal may be so much smaller than the largest of its column
 
 
-class Refactorisation(Protocol):
-    """One matrix after the other."""
-
-    backend: str  # name in `BACKENDS`, and the library with its version
-    version: str
-
-    def factorise(self, values: Vector) -> None:
-        """Factorise H, its entries row by row; solves are by this matrix from now on.
-
-        Raises `FactorisationError` where H is singular.
-        """
-        ...
-
-    def solve(self, right: Vector) -> Vector:
-        """H⁻¹ right (n,)."""
-        ...
-
-
 class RefactorisedBySuperLU:
-    """Pivots on the diagonal as long as they are large enough; one thread."""
+    """One matrix after the other: pivots on the diagonal as long as they are large enough; one thread."""
 
     backend = "superlu"
 
@@ -259,7 +216,10 @@ class RefactorisedBySuperLU:
         self._factor: Module = None
 
     def factorise(self, values: Vector) -> None:
-        """See `Refactorisation`; rows of H are columns of its transpose."""
+        """Factorise H, its entries row by row; solves are by this matrix from now on.
+
+        Raises `FactorisationError` where H is singular. Rows of H are columns of its transpose.
+        """
         places = self._entries
         transposed = csc_array((values[places.data], places.indices, places.indptr), places.shape)
         ordering: Literal["MMD_AT_PLUS_A", "NATURAL"] = "MMD_AT_PLUS_A" if self._own else "NATURAL"
@@ -269,7 +229,7 @@ class RefactorisedBySuperLU:
             raise FactorisationError("singular", self.backend, str(error)) from error
 
     def solve(self, right: Vector) -> Vector:
-        """See `Refactorisation`."""
+        """H⁻¹ right (n,)."""
         found = np.empty_like(right)
         found[self._order] = self._factor.solve(right[self._order], "T")
         return found

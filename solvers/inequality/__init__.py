@@ -7,7 +7,7 @@ __getattr__ = front(
     {
         "contact": ("ContactMatrices", "interface_of"),
         "problem": ("FrictionQVI", "Law", "Compliance"),
-        "rows": ("dense", "echelon", "independent_rows", "spanning_rows"),
+        "rows": ("dense", "echelon", "independent_rows"),
         "body": ("EnergyRoot", "Loads", "Stiffness"),
         "traces": ("TractionFactor", "trace_coordinates"),
     },

@@ -18,9 +18,8 @@ from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.base import State
-from solvers.factorisation.choice import Request, condensing_pays, factorise, refactorisation
+from solvers.factorisation.choice import Refactorisation, Request, condensing_pays, factorise, refactorisation
 from solvers.factorisation.pardiso import limited_blas
-from solvers.factorisation.superlu import Refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import (
     Columns,
@@ -272,35 +271,23 @@ class Energy:
         """½ zᵀKz − fᵀz."""
         return float(0.5 * z @ (self.K @ z) - self.f @ z)
 
-    def strain(self, z: Vector) -> float:
-        """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
-        if self.root is not None:
-            r = self.root.apply(z)
-            return 0.5 * float(r @ r)
-        return 0.5 * float(z @ (self.K @ z))
-
-    def gradient(self, z: Vector) -> Vector:
-        """Rᵀr(z) − load where there is a root, else K z − f (n,)."""
-        if self.root is not None and self.load is not None:
-            return np.asarray(self.root.adjoint(self.root.apply(z)) - self.load)
-        return np.asarray(self.K @ z - self.f)
-
     def state(self, z: Vector) -> tuple[float, Vector]:
-        """`strain` and `gradient` at once."""
-        if not z.any():
-            return self.at_zero
-        if self.root is None or self.load is None:
-            return self.strain(z), self.gradient(z)
-        r = self.root.apply(z)
-        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+        """The size of the energy, ½|r(z)|² ≥ 0, and its gradient Rᵀr(z) − load; without a root ½ zᵀKz and K z − f."""
+        return self._at(z) if z.any() else self.at_zero
 
     @cached_property
     def at_zero(self) -> tuple[float, Vector]:
         """Both at z = 0, where every solve begins, more than once."""
-        z = np.zeros(self.K.shape[0])
-        strain, gradient = self.strain(z), self.gradient(z)
+        strain, gradient = self._at(np.zeros(self.K.shape[0]))
         gradient.setflags(write=False)
         return strain, gradient
+
+    def _at(self, z: Vector) -> tuple[float, Vector]:
+        if self.root is None or self.load is None:
+            force = self.K @ z
+            return 0.5 * float(z @ force), np.asarray(force - self.f)
+        r = self.root.apply(z)
+        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
 
 
 class BondedState:
@@ -323,7 +310,7 @@ class BondedState:
     @cached_property
     def strain_energy(self) -> float:
         """That of z; 0 if it is rounding, since all loads cancel."""
-        return self._not_rounding(self.energy.strain(self.z))
+        return self._not_rounding(self.energy.state(self.z)[0])
 
     @cached_property
     def error(self) -> float:
@@ -335,7 +322,7 @@ class BondedState:
     @cached_property
     def rough_stress(self) -> float:
         """√(2 × strain energy) by one linear solve, not corrected: its size, not its digits."""
-        return float(np.sqrt(2.0 * self._not_rounding(self.energy.strain(self._first))))
+        return float(np.sqrt(2.0 * self._not_rounding(self.energy.state(self._first)[0])))
 
     @cached_property
     def at_rest(self) -> tuple[Vector, State, float]:
@@ -359,7 +346,7 @@ class BondedState:
 
     def _missed(self, z: Vector) -> tuple[Vector, Vector]:
         """Forces and right-hand sides of equations that z leaves."""
-        return -self.energy.gradient(z), self._b - self.condensed.contact.A @ z
+        return -self.energy.state(z)[1], self._b - self.condensed.contact.A @ z
 
     def _size(self, step: Vector) -> float:
         """In the energy norm."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array, eye_array
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
@@ -42,7 +42,7 @@ class ContactMatrices(PicklesFields):
     N, T : (m, n), normal and tangential traction at the contact points
     W : (m,), quadrature weights, > 0
     A : (p, n) equations, optional; p = 0 rows when not given
-    traces : `TractionFactor`, optional; coordinates for [N; T], found by dense algebra when not given
+    traces : `TractionFactor`, optional; coordinates for [N; T], rows among them when not given
 
     """
 
@@ -108,6 +108,11 @@ class ContactMatrices(PicklesFields):
         return np.asarray(connected_components(graph, directed=False)[1][:m], dtype=np.int64)
 
     @cached_property
+    def factor(self) -> TractionFactor:
+        """The traces; the rows themselves where none are given."""
+        return self.traces or TractionFactor(self.rows, csc_array(eye_array(self.rows.shape[0])))
+
+    @cached_property
     def tractions(self) -> tuple[Any, Vector]:
         """Rows (r, n) of tractions that do not depend on what N and T make of them, and their weights (r,).
 
@@ -115,11 +120,10 @@ class ContactMatrices(PicklesFields):
         else the rows themselves.
         """
         weights = np.concatenate([self.W, self.W])
-        if self.traces is not None and self.traces.rows.shape[0] == len(weights):
-            rows, interpolation = self.traces.rows, self.traces.interpolation
-            own = np.asarray(interpolation.T @ weights)
+        if self.factor.rows.shape[0] == len(weights):
+            own = np.asarray(self.factor.interpolation.T @ weights)
             if (own > 0.0).all():
-                return rows, own
+                return self.factor.rows, own
         return self.rows, weights
 
 
@@ -170,7 +174,7 @@ class CondensedContact:
     @cached_property
     def reduced(self) -> ReducedContact:
         """The same in trace coordinates."""
-        coordinates = trace_coordinates(self.contact.rows, self.contact.traces, self.system.interface)
+        coordinates = trace_coordinates(self.contact.factor, self.system.interface)
         stiffness = coordinates.quadratic(self.system.factor)
         diagonal = stiffness.diagonal()
         scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))

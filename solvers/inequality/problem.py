@@ -232,7 +232,7 @@ class FrictionQVI(PicklesFields):
 
     def gradient(self, z: Vector) -> Vector:
         """Gradient of the energy (n,): Rᵀr(z) − load where there is a root, else K z − f."""
-        return self.potential.gradient(z)
+        return self.potential.state(z)[1]
 
     def state(self, z: Vector) -> tuple[float, Vector]:
         """The strain energy, ½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz, and the `gradient`."""

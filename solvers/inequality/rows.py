@@ -9,7 +9,7 @@ from heapq import heapify, heappop, heappush
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg import qr
 from scipy.linalg.lapack import dgeqp3
 from scipy.sparse import csc_array, csr_array, diags_array, issparse
 
@@ -160,21 +160,17 @@ _PREFERRED = 0.1  # pivots of at least this share of the largest are good enough
 
 def independent_rows(B: Columns) -> tuple[Matrix, Sparse]:
     """B = E Y with E (rows, r) and orthonormal rows Y (r, n) sparse."""
-    Q, R, order, lengths, touched = _pivoted(B)
-    E = np.empty((B.shape[0], len(R)))
-    E[order] = R.T
-    selection = csc_array((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
-    return E * lengths[:, None], csc_array(csc_array(Q.T) @ selection)
-
-
-def spanning_rows(B: Columns) -> tuple[Matrix, IntVector]:
-    """B = E B[chosen] with E (rows, r) of moderate entries, those of the r chosen rows a unit matrix."""
-    _, R, order, lengths, _ = _pivoted(B)
-    r = len(R)
+    touched = columns_of(B)
+    rows = dense(B[:, touched])
+    lengths = np.linalg.norm(rows, axis=1)
+    lengths[lengths == 0.0] = 1.0
+    Q, R, order = qr((rows / lengths[:, None]).T, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    r = int((diagonal > _RANK * diagonal.max(initial=0.0)).sum())
     E = np.empty((B.shape[0], r))
-    E[order[:r]] = np.eye(r)
-    E[order[r:]] = solve_triangular(R[:, :r], R[:, r:]).T
-    return E * (lengths[:, None] / lengths[order[:r]]), order[:r]
+    E[order] = R[:r].T
+    selection = csc_array((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
+    return E * lengths[:, None], csc_array(csc_array(Q[:, :r].T) @ selection)
 
 
 class Echelon(NamedTuple):
@@ -270,15 +266,3 @@ def _reduce(row: dict[int, float], pivots: dict[int, _Pivot]) -> tuple[dict[int,
                 heappush(held, (pivots[other].number, other))
             row[other] = row.get(other, 0.0) + term
     return row, size
-
-
-def _pivoted(B: Columns) -> tuple[Matrix, Matrix, IntVector, Vector, IntVector]:
-    """Q (touched columns, r), R (r, rows) and the pivot order of the scaled rows, their lengths, touched columns."""
-    touched = columns_of(B)
-    rows = dense(B[:, touched])
-    lengths = np.linalg.norm(rows, axis=1)
-    lengths[lengths == 0.0] = 1.0
-    Q, R, order = qr((rows / lengths[:, None]).T, mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    r = int((diagonal > _RANK * diagonal.max(initial=0.0)).sum())
-    return Q[:, :r], R[:r], order, lengths, touched

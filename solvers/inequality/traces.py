@@ -28,7 +28,6 @@ from solvers.inequality.rows import (
     dense,
     echelon,
     generic_vector,
-    spanning_rows,
     stored,
 )
 
@@ -110,14 +109,8 @@ class TraceCoordinates:
         return np.asarray((full + full.T) / 2.0)
 
 
-def trace_coordinates(contact_rows: Columns, traces: TractionFactor | None, interface: IntVector) -> TraceCoordinates:
-    """Coordinates for the contact rows (2m, n) on the unknowns `interface` (k,).
-
-    Without `traces` rows of [N; T] themselves are chosen, by QR with pivoting of a dense matrix.
-    """
-    if traces is None:
-        spanned, chosen = spanning_rows(contact_rows)
-        traces = TractionFactor(contact_rows[chosen], spanned)
+def trace_coordinates(traces: TractionFactor, interface: IntVector) -> TraceCoordinates:
+    """Coordinates for contact rows E Y (2m, n) on the unknowns `interface` (k,): independent ones of the rows Y."""
     k = len(interface)
     if are_few(traces.rows.shape[0], k) and are_few(traces.interpolation.shape[0], k):
         return _few_coordinates(dense(traces.rows[:, interface]), dense(traces.interpolation))

@@ -39,18 +39,13 @@ class Centre:
 class InnerProblem:
     """The strictly convex quadratic program that (D2) becomes for a given bound thr = mu s.
 
-        min ½ xᵀPx + qᵀx   s.t.  G x ≤ h(thr),  A x = b,      G = [N; T; −T],  q = −f
+        min ½ xᵀPx + qᵀx   s.t.  G x ≤ h(thr),  A x = b,      P = K,  G = [N; T; −T],  q = −f
 
     for the increment x about a `Centre`, which gives f, h and b. With multipliers y = (y_N, y_+, y_−) ≥ 0 of
     G x ≤ h, m_N = y_N and m_T = y_+ − y_−.
     """
 
     qvi: FrictionQVI
-
-    @property
-    def P(self) -> Sparse:  # noqa: N802
-        """K."""
-        return self.qvi.K
 
     @cached_property
     def G(self) -> Sparse:  # noqa: N802

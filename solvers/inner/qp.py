@@ -32,7 +32,7 @@ class QPSolver:
         self.packages: tuple[str, ...] = ("qpsolvers", self.backend.package or self.backend.module)
         self._inner = InnerProblem(qvi)
         self._settings = self.backend.settings(tolerance) if options is None else dict(options)
-        matrices = (self._inner.P, self._inner.G, qvi.A)  # for qpsolvers sparse means csc_matrix, no sparse array
+        matrices = (qvi.K, self._inner.G, qvi.A)  # for qpsolvers sparse means csc_matrix, no sparse array
         self._matrices = [
             matrix.toarray() if self.backend.dense else csc_matrix(matrix, copy=True) for matrix in matrices
         ]

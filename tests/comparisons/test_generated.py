@@ -265,4 +265,16 @@ class TestBounds:
             assert bounds_report.runs_of([worse]).outside.all()
         name, lower, upper, _, doubt = row.result["forces"][0]
         worse = replace(row, result={**row.result, "forces": [[name, lower, upper, 2.0 * upper - lower, doubt]]})
-        assert bounds_report.report([worse]).failed
+        assert bounds_report.report([worse], committed("bounds-refined")).failed
+
+    def test_polygons_that_slip(self):
+        """Nine of ten have a bound, and nearly all of these a force to 1 % within seconds; one is computed again."""
+        rows = committed("bounds-refined")
+        found = bounds_report.polygons_of(rows)
+        assert found["slipping"] >= 300
+        assert found["slipping_bounded"] > 0.9 * found["slipping"]
+        assert found["quick"] > 0.98 * found["slipping_bounded"]
+        slipping = next(row for row in rows if row.result["status"] == "slips" and row.result["guaranteed"])
+        again = bounds.refine_case(slipping.case)
+        assert again["guaranteed"]
+        assert again["error"] <= bounds_report.TARGET

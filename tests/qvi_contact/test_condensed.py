@@ -175,8 +175,8 @@ def test_traces_reproduce_the_tractions(sides, joints):
     problem = on_lines(*SIDES[sides], *(Contact(name, 0.2) for name, *_ in joints), joints=joints)
     qvi = discretize(problem).qvi
     interface = interface_of(qvi.contact_rows, qvi.A)
-    coordinates = trace_coordinates(qvi.contact_rows, qvi.traces, interface)
-    dense = trace_coordinates(qvi.contact_rows, None, interface)
+    coordinates = trace_coordinates(qvi.traces, interface)
+    dense = trace_coordinates(qvi.with_contact(traces=None).contact.factor, interface)
     x = np.random.default_rng(0).normal(size=len(interface)) * np.sqrt(1.0 / qvi.K.diagonal()[interface])
     expected = qvi.contact_rows[:, interface] @ x
     size = np.abs(expected).max()

@@ -9,7 +9,7 @@ import pytest
 
 from qvi_contact import InputError, Polynomial, TriangleMesh, discretize, solve
 from qvi_contact.basics import Kept
-from qvi_contact.discretization import Elimination, Rows, walk
+from qvi_contact.discretization import Elimination, Functionals, walk
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
 from qvi_contact.solution import discretized
@@ -17,7 +17,7 @@ from qvi_contact.solution import discretized
 
 def eliminated(C, age=None):
     C = np.asarray(C, dtype=float)
-    rows = Rows(np.tile(np.arange(C.shape[1]), (len(C), 1)), C)
+    rows = Functionals(np.tile(np.arange(C.shape[1]), (len(C), 1)), C[:, None], C.shape[1])
     return Elimination.of(rows, np.zeros(C.shape[1], dtype=int) if age is None else age)
 
 

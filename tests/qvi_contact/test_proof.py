@@ -47,6 +47,22 @@ def on(bottom, strength=None):
     return replace(wall, conditions=[bottom, *wall.conditions[1:]])
 
 
+def under(law, strength=None, **forces):
+    """The wall under a plate that forces drive."""
+    wall, options = heavy_wall(strength), {"friction": 0.0 if law == "tied" else 0.3}
+    cap = Contact("top", law=law, plate=RigidPlate(force_y=-1.0, **forces), name="cap", **options)
+    return replace(wall, conditions=[cap if each.edges == "top" else each for each in wall.conditions])
+
+
+def punched(strength, friction=0.0):
+    """A block on the ground, half of its top pressed by a plate that does not turn."""
+    block = stretched(strength)
+    mesh = block.mesh.with_edges("foot", lambda x, y: (y > 1 - 1e-9) & (x < 0.5))
+    mesh = mesh.with_edges("free", lambda x, y: (y > 1 - 1e-9) & (x > 0.5))
+    foot = Contact("foot", friction, plate=RigidPlate(force_y=-1.0, x=0.0, rotation=0.0), name="punch")
+    return ContactProblem(mesh, block.material, [foot, Traction("free", x=0, y=0), *block.conditions[1:]])
+
+
 @pytest.mark.parametrize(
     ("problem", "load"),
     [
@@ -55,6 +71,11 @@ def on(bottom, strength=None):
         (on(Contact("bottom", 0.3, law="bilateral")), "push"),
         (on(Contact("bottom", 0.3, law="bilateral", shear_limit=0.3), MohrCoulomb(1.0, 0.3)), "push"),
         (on(Contact("bottom", 0.5, plate=RigidPlate(x=0.1)), MohrCoulomb(2.0, 0.6)), "push"),
+        (punched(Tresca(0.7)), "punch"),
+        (punched(MohrCoulomb(1.0, 0.4), 0.2), "punch"),
+        (under("tied", force_x=0.0, moment=0.5, pivot=(0.5, 2.0)), "push"),
+        (under("unilateral", MohrCoulomb(2.0, 0.6), moment=-0.5), "push"),
+        (under("bilateral", MohrCoulomb(1.5, 0.3), force_x=0.1, moment=-0.5), "push"),
         (stretched(Tresca(0.7)), "top"),
         (stretched(Mises(1.0), "stress"), "top"),
         (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
@@ -110,6 +131,22 @@ def test_every_velocity_counts():
         check(changed(proof, ("contacts", 0, "friction"), "1"))
 
 
+@pytest.mark.parametrize("strength", [MohrCoulomb(1.5, 0.3), Tresca(2.0), None])
+def test_every_number_of_a_plate_counts(strength):
+    proof = limit_proof(under("bilateral", strength, moment=-0.5), ["push"], degree=3)
+    plate, moved = ("contacts", 2, "plate"), ("flow", "plates", "cap")
+    if "airy" in proof:
+        for place in [(*plate, "dead", 1), (*plate, "live", 2), (*plate, "pivot", 0), ("airy", 15, 2, 0)]:
+            with pytest.raises(ValueError, match=r"are not its forces|differ"):
+                check(changed(proof, place))
+        del proof["airy"]
+    for place, told in [((*moved, 0), "no force is given"), ((*moved, 1), "cannot move"), ((*moved, 2), "cannot move")]:
+        with pytest.raises(ValueError, match=told):
+            check(changed(proof, place))
+    upper = check(proof)[1]
+    assert check(changed(proof, (*plate, "dead", 1)))[1] != upper
+
+
 def test_loads_that_cannot_be_carried():
     """A mechanism of rigid blocks proves it; loads that are carried have none."""
     wall = heavy_wall()
@@ -144,7 +181,7 @@ def test_the_checker_stands_alone(tmp_path):
     ("contact", "field"),
     [
         (Contact("bottom", lambda x, _: 0.2 + x), "Contact.friction"),
-        (Contact("top", 0.2, plate=RigidPlate(force_y=-1.0)), "Contact"),
+        (Contact("bottom", 0.2, cohesion=lambda x, _: x), "Contact.cohesion"),
     ],
 )
 def test_what_files_do_not_hold_is_refused(contact, field):

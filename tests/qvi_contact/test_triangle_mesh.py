@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
+from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, load_problem, solve
+from qvi_contact.gallery import fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -377,3 +378,99 @@ class TestJoined:
         with pytest.raises(InputError, match=r"do not match.*join"):
             TriangleMesh.load(tmp_path / "two.vtk")
         assert TriangleMesh.load(tmp_path / "two.vtk", "seam").joint_names == ("seam",)
+
+
+class TestJoinedAlongArcs:
+    """Rings meshed apart, whose chords overlap where their arcs are one."""
+
+    def ring(self, radii, angles, names, axes=(1.0, 1.0)):
+        lines = [radius * np.column_stack([axes[0] * np.cos(angles), axes[1] * np.sin(angles)]) for radius in radii]
+        mesh = fan(lines, closed=False)
+        sets = {names.get(name, name): pairs for name, pairs in mesh.edge_sets.items()}
+        mesh = TriangleMesh(mesh.vertices, mesh.cells, sets)
+        for name, radius in zip(names.values(), (radii[0], radii[-1]), strict=True):
+
+            def curve(t, radius=radius):
+                return radius * np.column_stack([axes[0] * np.cos(t), axes[1] * np.sin(t)])
+
+            circle = axes[0] == axes[1]
+            mesh = mesh.with_arc(name, (0, 0), radius) if circle else mesh.with_curve(name, curve, 0.0, 2.0 * np.pi)
+        return mesh
+
+    def rings(self, axes=(1.0, 1.0)):
+        """Two of them; of the nodes on the common arc one is the same."""
+        uneven = np.array([0.0, 0.3, 0.55, 0.8, 1.2, np.pi / 2.0])
+        inner = self.ring([1.0, 1.5, 2.0], uneven, {"inner": "bore", "outer": "shaft"}, axes)
+        outer = self.ring([2.0, 3.0], np.append(np.linspace(0.0, 0.8, 3), [1.25, np.pi / 2.0]),
+                          {"inner": "hub", "outer": "rim"}, axes)  # fmt: skip
+        return [inner, outer]
+
+    @pytest.mark.parametrize("axes", [(1.0, 1.0), (1.3, 1.0)])
+    def test_both_sides_follow_the_same_arc(self, axes):
+        inner, outer = self.rings(axes)
+        mesh = TriangleMesh.joined("fit", [outer, inner])
+        line = mesh.edges("fit")
+        assert len(line.length) == 7
+        for name in ("shaft", "hub"):
+            whole = (inner if name == "shaft" else outer).edges(name).length.sum()
+            assert line.length.sum() == pytest.approx(whole, rel=1e-11)
+        x, y = mesh.points_along(line, np.linspace(0.0, 1.0, 7))
+        assert np.hypot(x / axes[0], y / axes[1]) == pytest.approx(2.0, rel=1e-10)
+
+    @pytest.mark.parametrize("axes", [(1.0, 1.0), (1.3, 1.0)])
+    def test_a_uniform_pressure(self, axes):
+        """Exact on straight lines, on arcs as good as the degree is."""
+        mesh = TriangleMesh.joined("fit", self.rings(axes))
+        loads = [Traction(name, normal=-3.0, tangential=0.0) for name in ("bore", "rim")]
+        conditions = [Symmetry("start"), Symmetry("end"), *loads, Contact("fit", friction=0.4)]
+        result = solve(ContactProblem(mesh, Material(100.0, 0.3), conditions), degree=7)
+        line, (_, _, stress) = result.contacts["fit"], result.gauss_stress()
+        assert result.status == "solved"
+        assert line.normal_stress == pytest.approx(-3.0, rel=1e-5)
+        assert stress.reshape(-1, 3) == pytest.approx(np.tile([-3.0, -3.0, 0.0], (stress.size // 3, 1)), abs=3e-5)
+
+    def test_pressure_of_a_tied_ring_by_lame(self):
+        mesh = TriangleMesh.joined("fit", self.rings())
+        loads = [Traction("bore", normal=-1.0, tangential=0.0), Traction("rim", normal=0.0, tangential=0.0)]
+        conditions = [Symmetry("start"), Symmetry("end"), *loads, Contact.tied("fit")]
+        result = solve(ContactProblem(mesh, Material(100.0, 0.3), conditions), degree=7)
+        pressure = (9.0 / 4.0 - 1.0) / (9.0 - 1.0)  # (b²/r² − 1)/(b²/a² − 1) with a, r, b = 1, 2, 3
+        assert result.contacts["fit"].normal_force == pytest.approx(pressure * np.pi, rel=1e-6)
+
+    def test_chords_are_not_joined(self):
+        inner, outer = (TriangleMesh(mesh.vertices, mesh.cells, mesh.edge_sets) for mesh in self.rings())
+        with pytest.raises(InputError, match="join"):
+            TriangleMesh.joined("fit", [inner, outer])
+
+    def test_in_a_problem_file(self, tmp_path):
+        meshio = pytest.importorskip("meshio")
+        inner, outer = self.rings()
+        points = np.concatenate([inner.vertices, outer.vertices])
+        names, lines, first = [], [], 0
+        for mesh in (inner, outer):
+            for name, pairs in mesh.edge_sets.items():
+                names.append(name if name not in names else f"{name} of the hub")
+                lines.append(pairs + first)
+            first += len(mesh.vertices)
+        cells = np.concatenate([inner.cells, outer.cells + len(inner.vertices)])
+        tags = [np.full(len(pairs), tag) for tag, pairs in enumerate([*lines, cells], start=1)]
+        blocks = [*(("line", pairs) for pairs in lines), ("triangle", cells)]
+        named = {name: np.array([tag, 1]) for tag, name in enumerate(names, start=1)}
+        data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        written = meshio.Mesh(np.c_[points, np.zeros(len(points))], blocks, cell_data=data, field_data=named)
+        meshio.write(tmp_path / "rings.msh", written, file_format="gmsh22", binary=False)
+        arcs = ", ".join(
+            f'{{ name = "{name}", centre = [0.0, 0.0], radius = {radius} }}'
+            for name, radius in (("bore", 1.0), ("shaft", 2.0), ("hub", 2.0), ("rim", 3.0))
+        )
+        conditions = "".join(f'[[symmetry]]\nedges = "{name}"\n' for name in names if "start" in name or "end" in name)
+        conditions += "".join(
+            f'[[tractions]]\nedges = "{name}"\nnormal = -3.0\ntangential = 0.0\n' for name in ("bore", "rim")
+        )
+        (tmp_path / "rings.toml").write_text(
+            f'version = 1\n[mesh]\nfile = "rings.msh"\njoin = "fit"\narcs = [{arcs}]\n'
+            f'[material]\nyoung = 100.0\npoisson = 0.3\n{conditions}[[contacts]]\nedges = "fit"\nfriction = 0.4\n'
+        )
+        line = solve(load_problem(tmp_path / "rings.toml").problem).contacts["fit"]
+        assert line.normal_stress == pytest.approx(-3.0, rel=1e-3)
+        assert line.weights.sum() == pytest.approx(np.pi, rel=1e-11)

@@ -17,7 +17,7 @@ from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import FrictionQVI, InputError, Status, Stiffness, solve_qvi
 from solvers.condensed import FRICTION_SHARES
 from solvers.factorisation import VARIABLE, available_backends, factorise, factorise_root
-from solvers.inequality import TractionFactor, echelon, independent_rows, interface_of, spanning_rows, trace_coordinates
+from solvers.inequality import TractionFactor, echelon, independent_rows, interface_of, trace_coordinates
 from tests.cases import every_pair, examples, thinned
 from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem
 from tests.solvers.test_laws import violations
@@ -339,7 +339,7 @@ COORDINATES = pytest.mark.parametrize(
 def test_coordinates_reproduce_the_tractions(seed, dependent, zero, given):
     traces, rows = random_traces(seed, dependent, zero)
     interface = np.union1d(interface_of(rows, csc_array((0, 30))), [29])
-    coordinates = trace_coordinates(rows, traces if given else None, interface)
+    coordinates = trace_coordinates(traces if given else TractionFactor(rows, np.eye(18)), interface)
     k = len(interface)
     assert coordinates.interpolation.shape == (18, k)
     x = np.random.default_rng(9).normal(size=k)
@@ -358,7 +358,7 @@ def test_energy_in_trace_coordinates_by_both_factorisations():
     random = np.random.default_rng(5)
     R = random.normal(size=(45, 30))
     interface = interface_of(rows, csc_array((0, 30)))
-    coordinates = trace_coordinates(rows, traces, interface)
+    coordinates = trace_coordinates(traces, interface)
     plain = factorise(csc_array(R.T @ R), interface)
     rooted = factorise_root(csc_array(R), interface, np.zeros((45, 1)))
     found = coordinates.quadratic(plain)
@@ -370,7 +370,7 @@ def test_energy_in_trace_coordinates_by_both_factorisations():
 
 
 def test_nothing_touches_the_contact():
-    coordinates = trace_coordinates(csc_array((4, 6)), None, np.zeros(0, dtype=np.int64))
+    coordinates = trace_coordinates(TractionFactor(csc_array((4, 6)), np.eye(4)), np.zeros(0, dtype=np.int64))
     assert coordinates.interpolation.shape == (4, 0)
     assert coordinates.to_unknowns(np.zeros(0)).shape == (0,)
 
@@ -401,7 +401,7 @@ def test_traces_of_the_plate_are_well_scaled(cells):
 def test_rows_of_many_bodies_stay_sparse():
     """Relations of blocks join few rows each; solving for them leaves rounding everywhere, which is no entry."""
     qvi = discretize(masonry_wall(4, 6, ())).qvi
-    coordinates = trace_coordinates(qvi.contact_rows, qvi.traces, qvi.contact.touched)
+    coordinates = trace_coordinates(qvi.traces, qvi.contact.touched)
     rows = abs(coordinates.interpolation)
     largest = rows.max(axis=1).toarray().ravel()
     assert (rows.data <= 1e-12 * np.repeat(largest, np.diff(rows.indptr))).mean() <= 0.01  # what cancels
@@ -439,19 +439,8 @@ class TestRank:
         assert (Y @ Y.T).toarray() == pytest.approx(np.eye(rank), abs=1e-12)
         assert row_error(B, E @ Y) < 1e-12
 
-    def test_chosen_rows_span_all(self, count, columns, rank, spread):
-        B = rows_of_rank(rank, count, columns, spread)
-        E, chosen = spanning_rows(B)
-        assert len(set(chosen.tolist())) == len(chosen) == rank
-        assert E[chosen] == pytest.approx(np.eye(rank), abs=0.0)
-        assert row_error(B, E @ B[chosen]) < 1e-11
-        lengths = np.linalg.norm(B.toarray(), axis=1)
-        relative = E * lengths[chosen] / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-        assert np.abs(relative).max(initial=0.0) < 2.0**rank  # rows as long as one: pivoting keeps entries moderate
 
-
-@pytest.mark.parametrize("function", [independent_rows, spanning_rows])
 @pytest.mark.parametrize("shape", [(0, 3), (2, 3)])
-def test_nothing_spans_nothing(function, shape):
-    E, _ = function(csc_array(shape))
+def test_nothing_spans_nothing(shape):
+    E, _ = independent_rows(csc_array(shape))
     assert E.shape == (shape[0], 0)

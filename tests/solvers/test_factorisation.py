@@ -239,20 +239,10 @@ def test_back_ends_that_are_missing(tmp_path):
     assert printed(MISSING, str(tmp_path)) == "superlu pardiso superlu backend True"
 
 
-@pytest.mark.parametrize("interface", [[3, 1], [2, 2], [-1, 4], [5, 60], [0.0, 1.0], [[1, 2]]], ids=str)
-def test_wrong_interface(interface):
-    with pytest.raises(InputError) as caught:
-        factorise(grid(), np.array(interface))
-    assert caught.value.field == "interface"
-
-
 def test_wrong_input():
     factor = factorise(grid(), np.arange(2))
     state = factor.reduce(np.ones(60))[1]
     for call, field in (
-        (lambda: factorise(csc_matrix((3, 4)), np.arange(2)), "K"),
-        (lambda: factorise(csc_matrix([[np.nan, 0.0], [0.0, 1.0]]), np.arange(1)), "K"),
-        (lambda: factorise(grid(), np.arange(2), threads=0), "threads"),
         (lambda: factor.solve(np.ones(59)), "right"),
         (lambda: factor.expand(state, np.ones(3)), "values"),
         (lambda: factor.expand(state, np.ones((2, 1))), "values"),

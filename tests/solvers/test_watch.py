@@ -8,6 +8,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_array, diags_array
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Symmetry, Traction, TriangleMesh
 from qvi_contact.discretization import discretize
@@ -15,6 +16,7 @@ from qvi_contact.gallery import compressed_plate
 from solvers import InputError, Status, available, certify, solve_qvi
 from solvers.basics import Progress, deadline, listening, report
 from solvers.condensed import GAP, Complementarity, DenseCoordinates, InteriorPoint, start_near
+from solvers.factorisation import FactorisationError, factorise
 from solvers.inner import Centre, make_inner, within_time
 from solvers.pivoting import LARGEST, affordable, solve_lcp
 from solvers.solution import Start
@@ -53,6 +55,20 @@ def test_everyone_is_told():
         report(Progress("condensed"))
     report(Progress("fixed-point"))
     assert ([said.method for said in outer], [said.method for said in inner]) == (["uzawa", "condensed"], ["uzawa"])
+
+
+def test_large_factorisations_are_told_and_not_begun_when_the_time_is_over(clock):
+    heard, none = [], np.zeros(0, dtype=np.int64)
+    K = csc_array(diags_array([-1.0, 2.1, -1.0], offsets=[-1, 0, 1], shape=(100_000, 100_000)))
+    with deadline(1.0), listening(heard.append):
+        factorise(K, none, "superlu")
+        factorise(K[:1000][:, :1000], none, "superlu")
+        clock.passes(2.0)
+        factorise(K[:1000][:, :1000], none, "superlu")
+        with pytest.raises(FactorisationError) as caught:
+            factorise(K, none, "superlu")
+    assert caught.value.reason == "time"
+    assert [each.stage for each in heard] == ["factorising 100000 unknowns"]
 
 
 def test_the_earlier_end_counts(clock):

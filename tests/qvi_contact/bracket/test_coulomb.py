@@ -199,7 +199,7 @@ def rule(fine):
     space, scales, problem = fine.discretization.space, fine.discretization.scales, fine.problem
     t, w = split_points(5)
     points = problem.mesh.origin + scales.length * space.points(np.arange(problem.mesh.cell_count), t)
-    weights = (space.cell_sizes[:, None] * w * scales.length**2).ravel()
+    weights = (space.triangles.areas[:, None] * w * scales.length**2).ravel()
     c = np.repeat(problem.compliances, points.shape[1], axis=0)
     places = tuple(map(tuple, points.reshape(-1, 2).tolist()))
     return places, weights, c, stress_at(fine, *located(problem.mesh, places))

@@ -364,6 +364,14 @@ class TestReasons:
         assert companion.reasons == ()
         assert companion.contacts["bottom"].normal_force == pytest.approx(force, rel=1e-9)
 
+    def test_friction_bounds_are_integrated(self):
+        """∫ c ds of a cohesion that jumps inside an edge."""
+        cohesive = Contact("bottom", 0.0, cohesion=lambda x, _: np.where(x < 0.123, 2.0, 0.5))
+        companion = solve_companion(joined(cohesive))
+        assert companion.reasons == ()
+        line = companion.contacts["bottom"]
+        assert line.weights @ line.friction_bound == pytest.approx(0.246 + 0.4385, rel=1e-12)
+
     def test_loads_that_no_quadrature_integrates(self):
         rough = joined(
             Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -1.0 - np.sin(1e6 * x) + 0 * y)
