@@ -10,6 +10,7 @@ from tests.golden.problems import PROBLEMS
 
 STORED = json.loads(STORE.read_text(encoding="utf-8"))
 LONG = {"arch", "sticks on a coarse mesh", "half discs", "arcs: degree 3"}
+LONG |= {f"paper: μ = {mu:.2f}" for mu in (0.0, 0.05, 0.1, 0.3)}  # which tests/comparisons/test_paper.py has
 QUICK = [name for name in PROBLEMS if not name.startswith("example") and name not in LONG]
 
 

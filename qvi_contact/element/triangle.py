@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from scipy.special import roots_jacobi
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 
@@ -67,13 +66,18 @@ def gradient(degree: int, slopes: FloatArray) -> FloatArray:
 
 @cache
 def quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Points λ (n, 3) and weights (n,) of sum 1, exact for polynomials of the degree: Gauss-Jacobi, collapsed."""
+    """Points λ (n, 3) and weights (n,) of sum 1, exact for polynomials of the degree: Gauss-Jacobi, collapsed.
+
+    Points towards the corner, where the weight vanishes, are eigenvalues (Golub and Welsch, 1969).
+    """
     count = degree // 2 + 1
     along, weights_along = leggauss(count)
-    towards, weights_towards = roots_jacobi(count, 1.0, 0.0)
+    k = np.arange(1.0, count + 1.0)
+    off, centre = np.sqrt(k * (k + 1.0)) / (2.0 * k + 1.0), -1.0 / (4.0 * k**2 - 1.0)  # of the polynomials' recurrence
+    towards, vectors = np.linalg.eigh(np.diag(centre) + np.diag(off[:-1], -1))
     u, v = np.meshgrid((towards + 1.0) / 2.0, (along + 1.0) / 2.0, indexing="ij")
     points = np.column_stack([((1.0 - u) * (1.0 - v)).ravel(), ((1.0 - u) * v).ravel(), u.ravel()])
-    weights = np.outer(weights_towards / weights_towards.sum(), weights_along / 2.0).ravel()
+    weights = np.outer(np.square(vectors[0]), weights_along / 2.0).ravel()
     points.flags.writeable = weights.flags.writeable = False
     return points, weights
 

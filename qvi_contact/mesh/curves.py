@@ -12,7 +12,6 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, real_array
 from qvi_contact.element.legendre import from_values, gauss_legendre
@@ -271,6 +270,8 @@ def fitted(
         raise InputError(name, tuple(samples[0].tolist()), "all points of the curve are this one")
     given = given._replace(closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
     numbers, places = np.unique(edges, return_inverse=True)
+    from scipy.spatial import cKDTree  # slow to import, and few solves need it
+
     # (γ − x)·d vanishes at a vertex x, d being from the sample before the nearest to that after: by halving, which
     # needs no derivative, and no smoothness but between vertices
     nearest = np.asarray(cKDTree(samples).query(vertices[numbers])[1])

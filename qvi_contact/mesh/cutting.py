@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.sparse import csgraph
-from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
@@ -150,6 +149,8 @@ def _carried_over(mesh: MeshParts, vertices: FloatArray, cells: IntArray, region
     coarse = Topology.of(np.sort(mesh.cells, axis=1), old)
     number = np.where(ends[:, 1] < old, coarse.number(np.minimum(ends, old - 1)), -1)  # the old edge they are part of
     if len(vertices) > old:
+        from scipy.spatial import cKDTree  # slow to import, and few solves need it
+
         middles = cKDTree(mesh.vertices[coarse.ends].mean(axis=1))
         halved = np.flatnonzero((ends[:, 0] < old) & (ends[:, 1] >= old))
         origin = np.asarray(middles.query(vertices[ends[halved, 1]])[1])

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.sparse import csgraph
-from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
@@ -17,6 +16,7 @@ from qvi_contact.mesh.selection import numbers_of
 LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
+_ASLANT: Final = (np.cos(1.0), np.sin(1.0))
 _SPACE: Final = 0.1  # distance of pieces over the body's length up to which they may be meant to touch
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
 _FARTHEST: Final = 1e-3  # the same of arcs at most
@@ -76,8 +76,9 @@ def pieces(topology: Topology, count: int) -> IntArray:
 
 def same_places(vertices: FloatArray) -> IntArray:
     """Pairs (k, 2) of vertices too near each other to be told apart."""
-    tree = cKDTree(vertices)
-    return np.asarray(tree.query_pairs(_SAME * float(np.ptp(vertices, axis=0).max()), output_type="ndarray"))
+    reach = np.full(len(vertices), _SAME * float(np.ptp(vertices, axis=0).max()))
+    pairs = np.column_stack(_near(vertices, vertices, reach))
+    return pairs[pairs[:, 0] < pairs[:, 1]]
 
 
 def _refuse(value: object, what: str, at: FloatArray) -> NoReturn:
@@ -123,7 +124,7 @@ def hanging_vertices(
     along = second - first
     lengths = np.hypot(*along.T)
     candidates = np.unique(topology.ends[outer])
-    edge, vertex = _near(vertices[candidates], first, second, lengths * (0.5 - 1e-6))
+    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 - 1e-6))
     vertex = candidates[vertex]
     offset, chord = vertices[vertex] - first[edge], along[edge]
     straight = (offset * chord).sum(axis=1) / lengths[edge] ** 2
@@ -143,11 +144,17 @@ def hanging_vertices(
     return np.column_stack([vertex[hanging], outer[edge[hanging]]]), share[hanging]
 
 
-def _near(points: FloatArray, first: FloatArray, second: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of a segment and a point within a distance of its middle."""
-    found = cKDTree(points).query_ball_point((first + second) / 2.0, radius)
-    segment = np.repeat(np.arange(len(first)), [len(each) for each in found])
-    return segment, np.concatenate([np.empty(0, np.int64), *(np.array(each, np.int64) for each in found if each)])
+def _near(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of a circle and a point in it, in order; looked for along a direction that lines of a mesh seldom have."""
+    place, centre = points @ _ASLANT, centres @ _ASLANT
+    order = np.argsort(place)
+    start = np.searchsorted(place[order], centre - radius, "left")
+    stop = np.searchsorted(place[order], centre + radius, "right")
+    count = stop - start
+    circle = np.repeat(np.arange(len(centres)), count)
+    point = order[np.arange(len(circle)) - np.repeat(np.cumsum(count) - stop, count)]
+    inside = np.hypot(*(points[point] - centres[circle]).T) <= radius[circle]
+    return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
 
 
 def _refuse_meeting(
@@ -215,8 +222,8 @@ def _nearest(vertices: FloatArray, one: IntArray, other: IntArray) -> tuple[floa
     points = vertices[np.unique(one)]
     first, second = vertices[other].swapaxes(0, 1)
     along = second - first
-    reach = np.min(cKDTree(points).query(first)[0])  # the least distance is no larger
-    edge, vertex = _near(points, first, second, np.hypot(*along.T) / 2.0 + reach * (1.0 + 1e-9))
+    reach = np.hypot(*(points - first[0]).T).min()  # the least distance is no larger
+    edge, vertex = _near(points, (first + second) / 2.0, np.hypot(*along.T) / 2.0 + reach)
     offset = points[vertex] - first[edge]
     share = np.clip((offset * along[edge]).sum(axis=1) / np.square(along[edge]).sum(axis=1), 0.0, 1.0)
     across = offset - share[:, None] * along[edge]

@@ -8,7 +8,6 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
-from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, real_array
 from qvi_contact.errors import InputError
@@ -209,7 +208,9 @@ class PointSearch:
     reach: FloatArray
 
     @cached_property
-    def _centres(self) -> cKDTree:
+    def _centres(self) -> Any:
+        from scipy.spatial import cKDTree  # slow to import, and few solves need it
+
         return cKDTree(self.corners.mean(axis=1))
 
     @cached_property
@@ -274,6 +275,8 @@ class PointSearch:
 
     def _in_reach(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Pairs (point (l,), triangle (l,)): all whose triangle may hold the point, by a circle around its centre."""
+        from scipy.spatial import cKDTree
+
         found = cKDTree(points).query_ball_point(self._centres.data, self.reach)
         cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in found])
         return np.concatenate([np.zeros(0), *found]).astype(np.int64), cell

@@ -15,7 +15,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.polynomial import polynomial
-from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
 from qvi_contact.basics.writing import given_path
@@ -260,7 +259,9 @@ class PointData:
         )
 
     @cached_property
-    def _centres(self) -> cKDTree:
+    def _centres(self) -> Any:
+        from scipy.spatial import cKDTree  # slow to import, and few solves need it
+
         return cKDTree(self.mesh.corners.mean(axis=1))
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -25,12 +25,9 @@ WANTED = {"idle": (wild.SOLVED, wild.REFUSED)}
 """What becomes of the problems of a family; of all others see `TestSample`."""
 
 SAMPLE = [
-    *(
-        (family, number)
-        for family in generator.FAMILIES
-        for number in range(examples(2))
-        if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
-    )
+    (family, number)
+    for family in generator.FAMILIES
+    for number in [n for n in range(examples(2)) if EFFORT > 1.0 or n not in STRENUOUS.get(family, ())][: examples(1)]
 ]
 
 
@@ -244,7 +241,7 @@ class TestBounds:
 
     @pytest.mark.skipif(find_spec("ngsolve") is None, reason="NGSolve is not installed")
     def test_a_reference_is_inside(self):
-        cases = [{"family": "grids", "number": 1}, {"family": "springs", "number": 2}]
+        cases = [{"family": "springs", "number": 0}]
         runs = bounds_report.runs_of(rows_of(replace(bounds.declared(1), cases=cases)))
         assert runs.judged.all()
         assert runs.inside.all()

@@ -67,9 +67,10 @@ def ran(problems):
 
 DOCUMENT = ran({"number": sound})
 LONG = {
-    "bounds-slip", "bounds-slip-bodies", "bounds-slip-errors", "bounds-refined", "loaded-pin", "plate-refined",
-    "slip-torque", "examples/lug", "examples/cyclic_shear", "examples/dam_on_seam", "examples/masonry_wall",
-    "examples/shrink_fit", "examples/ssnv128", "examples/strip_footing", "table-1", "figures-2-to-5",
+    "bounds-slip", "bounds-slip-bodies", "bounds-slip-errors", "bounds-refined", "loaded-pin", "peaks", "plate-methods",
+    "plate-refined", "slip-torque", "examples/lug", "examples/cyclic_shear", "examples/dam_on_seam",
+    "examples/masonry_wall", "examples/shrink_fit", "examples/ssnv128", "examples/strip_footing", "table-1",
+    "figures-2-to-5",
 }  # fmt: skip
 """Problems that take most of the time of a quick run, which the command has, or that other tests have whole."""
 

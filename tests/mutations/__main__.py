@@ -52,12 +52,14 @@ def main(words: list[str]) -> int:
     match words:
         case ["sample"]:
             write(sample())
+        case ["renew"]:
+            write(renewed())
         case ["cover"]:
             cover()
         case ["run", name]:
             run(name)
         case _:
-            print("usage: python -m tests.mutations sample | cover | run NAME", file=sys.stderr)
+            print("usage: python -m tests.mutations sample | renew | cover | run NAME", file=sys.stderr)
             return 2
     return 0
 
@@ -69,10 +71,40 @@ def sample() -> list[Mutation]:
     chance = random.Random(SEED)
     keys = [chance.random() ** (1.0 / (3 if each["file"].startswith(NUMERICAL) else 1)) for each in everything]
     drawn = [everything[index] for index in sorted(range(len(keys)), key=keys.__getitem__, reverse=True)[:COUNT]]
-    for each in drawn:
-        before, after = text_of(each["file"]), mutated(each)
-        each["mutated"] = next(b for a, b in zip(before.split("\n"), after.split("\n"), strict=True) if a != b).strip()
-    return sorted(drawn, key=lambda each: tuple(each.values()))
+    return sorted(map(with_its_line, drawn), key=lambda each: tuple(each.values()))
+
+
+def with_its_line(mutation: Mutation) -> Mutation:
+    """With the line as it is after the mutation."""
+    lines = zip(text_of(mutation["file"]).split("\n"), mutated(mutation).split("\n"), strict=True)
+    return mutation | {"mutated": next(b for a, b in lines if a != b).strip()}
+
+
+def renewed() -> list[Mutation]:
+    """The sample on the code as it is: a line that moved keeps its answers, for one that is gone another is drawn.
+
+    It is drawn from the same file, or from the same folder if the file is gone, and has no answers yet.
+    """
+    with SAMPLE.open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    names = ("file", "operator", "line", "nth")
+    paths = (path.relative_to(ROOT).as_posix() for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py")))
+    everything = {tuple(each[name] for name in names): each for file in paths for each, _, _ in places(file)}
+    left = everything.keys() - {tuple(row[name] for name in names) for row in rows}
+    chance = random.Random(SEED)
+    for number, row in enumerate(rows):
+        if tuple(row[name] for name in names) in everything:
+            continue
+        near = [place for place in left if Path(place[0]).parent == Path(row["file"]).parent]
+        same = [place for place in near if place[1:] == tuple(row[name] for name in names[1:])]
+        if len(same) == 1:
+            place = same[0]
+            rows[number] = row | everything[place]
+        else:
+            place = chance.choice(sorted([each for each in near if each[0] == row["file"]] or near))
+            rows[number] = dict.fromkeys(row, "") | with_its_line(everything[place])
+        left -= {place}
+    return sorted(rows, key=lambda each: tuple(each[name] for name in names))
 
 
 def text_of(file: str) -> str:

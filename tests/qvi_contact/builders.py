@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.special import comb
 
 from qvi_contact import Contact, TriangleMesh, solve
+from qvi_contact.companion import solve_companions
 from qvi_contact.discretization import Discretization
 from solvers import Status
 
@@ -42,6 +43,11 @@ def polygon(count, layers, inner=1.0, outer=2.0):
     middle = (inner + outer) / 2.0
     mesh = TriangleMesh(vertices, cells).with_edges("hole", lambda x, y: np.hypot(x, y) < middle)
     return mesh.with_edges("outside", lambda x, y: np.hypot(x, y) > middle)
+
+
+def area(mesh):
+    """Of all triangles, edges taken straight."""
+    return np.abs(np.linalg.det(np.diff(mesh.corners, axis=1))).sum() / 2.0
 
 
 def holed(divisions, places, low, high):
@@ -80,6 +86,13 @@ def solved(problem, tolerance=1e-9, **options):
     result = solve(problem, tolerance=tolerance, **options)
     assert result.status is Status.SOLVED, result.message
     return result
+
+
+def companion_of(problem, bounds=None, **options):
+    """The companion, with these bounds of friction, that must be solved."""
+    (found,) = solve_companions(problem, [bounds], **options)
+    assert found.status is Status.SOLVED, found.message
+    return found
 
 
 def difference(one, other):

@@ -39,19 +39,6 @@ def nested(*contacts, potential=0.0, **held):
 class TestClosedJoints:
     """Rings in each other, of which the inner one is held by contact alone."""
 
-    def test_second_harmonic(self):
-        """Of the pressure cos 2θ outside, too (Michell): the order of the stress is 3, that of a mean higher."""
-        errors = []
-        for sectors in (4, 8):
-            joint = solved(rings(sectors, 1e5)).contacts["joint"]
-            wave = np.cos(2.0 * np.arctan2(joint.y, joint.x))
-            amplitude = -joint.weights @ (joint.normal_stress * wave) / (joint.weights @ wave**2)
-            errors.append(
-                [amplitude / 1.3571791e5 - 1.0, np.abs(joint.normal_stress + 9.2592593e6 + amplitude * wave).max()]
-            )
-        assert errors[1][0] == pytest.approx(0.0, abs=2e-5)
-        assert np.log2(errors[0][1] / errors[1][1]) > 2.7
-
     def test_weight_of_a_loose_core(self):
         """A heavy disc lies in the bore of a plate: the joint carries its weight, open or not above."""
         problem = nested(
@@ -156,13 +143,6 @@ class TestBenchmarks:
         angles *= np.deg2rad(59.298)
         force = 60.0 * (persson_pressure(angles) * np.cos(angles)).sum() * step * np.deg2rad(59.298)
         assert force == pytest.approx(1875.0, rel=1e-5)
-
-
-def ellipse(x, values):
-    """Height and half-width of v² = h² (1 − x²/a²)."""
-    large = values > 0.3 * values.max()
-    slope, square = np.polyfit(x[large] ** 2, values[large] ** 2, 1)
-    return np.sqrt(square), np.sqrt(-square / slope)
 
 
 class TestRollers:

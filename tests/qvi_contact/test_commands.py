@@ -394,11 +394,3 @@ class TestDocument:
         found = solve(compressed_plate(0.0, (2, 2))).bracket
         assert "\n" not in repr(found)
         assert len(repr(found)) < 400
-
-
-def test_tresca_contact_with_a_wavy_bound_says_so():
-    plate = compressed_plate(0.0, (3, 3))
-    wavy = Contact.tresca("top", lambda x, y: 20.0 * np.abs(np.sin(5.0 * x)) + 0.0 * y, gap=-1e-3, name="plate")
-    found = solve(replace(plate, conditions=[*plate.conditions[:3], wavy])).bracket
-    assert not found.guaranteed
-    assert sum("bound" in reason for reason in found.reasons) == 1

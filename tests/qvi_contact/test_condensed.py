@@ -45,25 +45,12 @@ def ground(cells):
     return discretized(ssnv128((cells, cells), 1.0))
 
 
-@cache
-def plate_solved_in_few(friction, cells, grading=1.0):
-    return solved_in_few(with_friction(plate_on(cells, grading), friction))
-
-
 @pytest.mark.parametrize(
     ("friction", "cells", "grading"),
     thinned(product(FRICTIONS, (2, 4, 8, 16), (1.0,)), 7) + thinned(in_turn((16, 0.7), (24, 0.8)), 3),
 )
 def test_few_iterations_on_the_plate(friction, cells, grading):
-    plate_solved_in_few(friction, cells, grading)
-
-
-@pytest.mark.parametrize("friction", thinned(FRICTIONS, 2))
-def test_few_iterations_on_the_finer_plate(friction):
-    """Force and energies are those of the 16² cells to a discretisation error, and stick reduces the force's rise."""
-    plate = plate_solved_in_few(friction, 32).contacts["plate"]
-    assert 209.0 - 1e-6 < plate.normal_force < 214.36767
-    assert np.abs(plate.tangential_stress).max() <= (1 + 1e-9) * max(friction, 1e-9) * np.abs(plate.normal_stress).max()
+    solved_in_few(with_friction(plate_on(cells, grading), friction))
 
 
 @pytest.mark.parametrize(("friction", "cells"), thinned(in_turn((8,), (16,)), 3))
@@ -133,7 +120,9 @@ def several():
 BODIES = {body.__name__: body for body in (opening, cohesion, cap, tresca, bilateral, joint, driven, several)}
 
 
-@pytest.mark.parametrize(("name", "inner"), thinned(product(BODIES, ("direct:clarabel", "qp:daqp")), 5))
+@pytest.mark.parametrize(
+    ("name", "inner"), [("several", "direct:clarabel"), *thinned(product(BODIES, ("direct:clarabel", "qp:daqp")), 5)]
+)
 def test_same_tractions_as_the_fixed_point(name, inner):
     problem = BODIES[name]()
     result = solved_in_few(problem)

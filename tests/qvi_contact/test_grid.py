@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from qvi_contact import InputError, TriangleMesh, graded_lines
 from qvi_contact.files import problem_from_toml
 from tests.cases import thinned
+from tests.qvi_contact.builders import area
 
 SIDES = ("bottom", "right", "top", "left")
 L_CELLS = np.array([[1, 1, 1], [1, 0, 0], [1, 0, 0]], dtype=bool)
@@ -20,11 +21,6 @@ HOLE_CELLS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=bool)
 def middles(mesh, name):
     """Midpoints of the edges called so, in ascending order."""
     return sorted(map(tuple, mesh.vertices[mesh.pairs(name)].mean(axis=1).tolist()))
-
-
-def area(mesh):
-    a, b, c = np.moveaxis(mesh.corners, 1, 0)
-    return (np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2.0).sum()
 
 
 @given(cells=st.integers(1, 40), grading=st.floats(0.5, 2.0), start=st.floats(-1e3, 1e3), length=st.floats(1e-2, 1e3))

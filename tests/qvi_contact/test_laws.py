@@ -199,46 +199,6 @@ def test_unilateral_contact_opens_where_bilateral_contact_pulls():
     assert failed.mechanism.contacts["floor"].opens
 
 
-METHODS = [
-    {"inner": "qp:clarabel", "form": "full"},
-    {"inner": "direct:clarabel", "form": "condensed"},
-    {"inner": "qp:osqp", "form": "condensed", "tolerance": 1e-7},
-    {"inner": "socp:clarabel", "form": "full"},
-]
-
-
-@pytest.fixture(scope="module")
-def many_laws():
-    """Capped and cohesive ground, a rail that pulls and rubs, a plate driven by force, a joint."""
-    mesh = TriangleMesh.grid([0.0, 0.3, 0.8, 1.5], [0.0, 0.3, 0.7, 1.0]).with_joint(
-        "bed", lambda _, y: np.isclose(y, 0.7)
-    )
-    conditions = [
-        Contact("bottom", 0.2, cohesion=0.5, shear_limit=8.0, name="ground"),
-        Contact("left", 0.1, law="bilateral", cohesion=0.2, name="rail"),
-        Traction("right", x=lambda _, y: 16.0 * y * (1.0 - y), y=0.0),
-        Contact("top", 0.3, plate=RigidPlate(force_y=-60.0, moment=-50.0), name="plate"),
-        Contact("bed", 0.02, cohesion=0.3, name="bed"),
-    ]
-    problem = ContactProblem(mesh, MATERIALS["stress"], conditions)
-    reference = solved(problem, inner="direct:clarabel", degree=3)
-    lines = reference.contacts
-    assert (lines["rail"].normal_stress > 1.0).any()
-    assert all((lines[name].state == 2).any() for name in ("ground", "bed", "rail"))
-    assert (lines["ground"].friction_bound == 8.0).any()
-    return problem, reference
-
-
-@pytest.mark.parametrize("options", METHODS, ids=lambda options: "-".join(map(str, options.values())))
-def test_every_method_finds_the_same_state(many_laws, options):
-    problem, reference = many_laws
-    result = solved(problem, **{"tolerance": 1e-8, "degree": 3, **options})
-    assert difference(reference, result) < 100 * options.get("tolerance", 1e-8)
-    for name, line in reference.contacts.items():
-        assert result.contacts[name].slip == pytest.approx(line.slip, abs=1e-5)
-    assert result.plates["plate"].y == pytest.approx(reference.plates["plate"].y, abs=1e-5)
-
-
 def test_uzawa_finds_the_same_state():
     conditions = [
         Symmetry("left"),

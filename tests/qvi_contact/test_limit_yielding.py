@@ -14,7 +14,6 @@ from qvi_contact.problem import (
     Contact,
     ContactProblem,
     Displacement,
-    Expression,
     Material,
     Mises,
     MohrCoulomb,
@@ -188,7 +187,7 @@ def test_a_strong_inclusion_stays_rigid():
 
 def test_no_tension_masonry_on_its_edge():
     """A wall 1 wide under its weight and a push: it turns about its toe, at the resultant's distance 1/2."""
-    mesh = TriangleMesh.rectangle((3, 3), 1.0, 2.0)
+    mesh = TriangleMesh.rectangle((2, 2), 1.0, 2.0)
     problem = ContactProblem(
         mesh,
         Material(10.0, 0.3, "strain", NoTension(200.0)),
@@ -256,35 +255,6 @@ def test_a_limit_load_can_be_copied():
     again = copy.deepcopy(limit)
     assert (again.lower, again.upper) == (limit.lower, limit.upper)
     assert (again.collapse.gap == limit.collapse.gap).all()
-
-
-def strip(strength, lines_x=(0, 0.5, 1, 2, 3, 4), lines_y=(-2, -1, 0)):
-    """Half of a strip of pressure on the ground, for Prandtl's 2 + π."""
-    mesh = TriangleMesh.grid(lines_x, lines_y)
-    mesh = TriangleMesh(mesh.vertices, mesh.cells, regions={"left": np.flatnonzero(mesh.corners[:, :, 0].max(1) <= 1)})
-    mesh = mesh.with_edges("foot", lambda x, y: (y > -E) & (x < 1)).with_edges("free", lambda x, y: (y > -E) & (x > 1))
-    mesh = mesh.with_edges("left", lambda x, _: x < E).with_edges("far", lambda x, y: (x > 4 - E) | (y < -2 + E))
-    return ContactProblem(
-        mesh,
-        Material(10.0, 0.3, "strain", strength),
-        [Traction("foot", x=0, y=-1.0), Traction("free", x=0, y=0), Symmetry("left"), Displacement("far", x=0, y=0)],
-    )
-
-
-def test_fans_keep_the_body_its_names_and_its_vertices():
-    mesh = strip(Tresca(1.0)).mesh
-    corner = np.flatnonzero((mesh.vertices == [1.0, 0.0]).all(axis=1))
-    fine = mesh.fanned(corner, np.pi / 12, 3)
-    assert (fine.vertices[: len(mesh.vertices)] == mesh.vertices).all()
-    for name in mesh.edge_names:
-        assert fine.edges(name).length.sum() == pytest.approx(mesh.edges(name).length.sum(), rel=1e-14)
-    left = [np.abs(np.linalg.det(np.diff(m.corners[m.region("left")], axis=1))).sum() for m in (mesh, fine)]
-    assert left[1] == pytest.approx(left[0], rel=1e-14)
-    at = fine.vertices[np.unique(fine.cells[(fine.cells == corner).any(axis=1)])] - [1.0, 0.0]
-    x, y = at[np.abs(at).max(axis=1) > E].T
-    directions = np.sort(np.arctan2(np.abs(y), x))
-    assert np.diff(directions).max() <= np.pi / 12 + 1e-6
-    assert directions[[0, -1]] == pytest.approx([0.0, np.pi])
 
 
 def test_solve_says_where_the_elastic_stress_exceeds_the_strength():
@@ -406,29 +376,8 @@ def test_bad_strengths_are_refused(make, field):
     assert caught.value.field == field
 
 
-def body(strength, other=None):
-    mesh = TriangleMesh.rectangle((2, 2)).with_region("part", lambda x, _: x > 0.5)
-    conditions = [Symmetry("left"), Contact("bottom", 0.3), Traction("right", x=0, y=0), Traction("top", x=0, y=-1.0)]
-    regions = [Region(Material(2.0, 0.2, "strain", other), name="part")]
-    return ContactProblem(mesh, Material(1.0, 0.3, "strain", strength), conditions, regions=regions)
-
-
-@pytest.mark.parametrize(
-    "strength",
-    [Tresca(1.5), Mises(Expression("1 + x")), MohrCoulomb(2.0, 0.5), MohrCoulomb(2.0, 0.5, 0.1), NoTension(),
-     NoTension(4.0)],
-)  # fmt: skip
-def test_files_hold_strengths(strength):
-    for problem in (body(strength), body(None, strength), body(strength, strength)):
-        again = problem_from_toml(problem_to_toml(problem)).problem
-        assert again.material == problem.material
-        assert [region.material for region in again.regions] == [region.material for region in problem.regions]
-        assert again.yields
-    assert not body(None).yields
-
-
 def test_an_angle_may_be_written_in_degrees():
-    text = problem_to_toml(body(None)).replace(
+    text = problem_to_toml(stretched(None)).replace(
         "[material]\n", '[material]\nstrength = { law = "mohr-coulomb", c = 1.0, phi = "30 * pi / 180" }\n'
     )
     assert problem_from_toml(text).problem.material.strength == MohrCoulomb(1.0, np.pi / 6)

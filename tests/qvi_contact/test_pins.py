@@ -212,15 +212,6 @@ class TestRefinedForAPin:
 ROUND = polygon(16, 2).with_arc("hole", (0.0, 0.0), 1.0).with_arc("outside", (0.0, 0.0), 2.0)
 
 
-def test_a_pin_pressed_into_a_round_hole():
-    """Lamé: u_r = A r + B/r with u_r = δ at r = 1 and 0 at r = 2."""
-    result = solved(pinned(Contact.pin("hole", 0.0, (0.0, 0.0), 1.01, x=0.0), mesh=ROUND), degree=6)
-    A, B = -0.01 / 3.0, 0.04 / 3.0
-    pressure = (-1.3 * A + 0.7 * B) / 0.91
-    assert -result.contacts["hole"].normal_stress == pytest.approx(pressure, rel=1e-3)
-    assert result.stress(1.5, 0.0)[0] == pytest.approx((1.3 * A - 0.7 * B / 1.5**2) / 0.91, rel=3e-4)
-
-
 def test_load_steps_of_a_plate_that_moves_are_those_of_its_gap_and_offset():
     """Forces, where the obstacle is, and what friction has cost."""
     mesh, steel = TriangleMesh.rectangle((2, 2)), Material(1000.0, 0.3)

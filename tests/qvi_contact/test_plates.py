@@ -173,15 +173,6 @@ class TestColumn:
         line = result.contacts["plate"].tangential_stress / stress
         assert line == pytest.approx(expected.contacts["plate"].tangential_stress, abs=1e-9)
 
-    def test_another_pivot_is_another_name(self):
-        """M about P and motion of P: the same plate seen from two points."""
-        first = solved(column(RigidPlate(force_y=-30.0, moment=-29.0), 0.2)).plates["plate"]
-        second = solved(column(RigidPlate(force_y=-30.0, moment=-29.0 + 30.0 * 0.7, pivot=(0.7, 0.0)), 0.2)).plates[
-            "plate"
-        ]
-        assert second.rotation == pytest.approx(first.rotation, rel=1e-6)
-        assert second.y == pytest.approx(first.y + 0.7 * first.rotation, rel=1e-6)
-
 
 class TestRedundantResultants:
     """Between two plates, or a plate and loads, equilibrium gives some resultants anyway."""

@@ -109,7 +109,8 @@ LAWS = st.fixed_dictionaries({}, optional={
     "plate": st.builds(RigidPlate, force_x=NUMBERS, force_y=st.none() | NUMBERS, rotation=st.none() | NUMBERS,
                        pivot=st.tuples(NUMBERS, NUMBERS)),
 })  # fmt: skip
-STRENGTHS = st.none() | st.builds(Tresca, POSITIVE) | st.builds(Mises, POSITIVE) | st.builds(NoTension, POSITIVE) | (
+GROWING = POSITIVE | st.just(Expression("1 + abs(x)"))
+STRENGTHS = st.none() | st.builds(Tresca, GROWING) | st.builds(Mises, GROWING) | st.builds(NoTension, POSITIVE) | (
     st.builds(MohrCoulomb, POSITIVE, st.floats(0.0, 1.5), st.none() | POSITIVE))  # fmt: skip
 
 

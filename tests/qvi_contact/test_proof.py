@@ -14,19 +14,13 @@ import pytest
 import qvi_contact.limit
 from qvi_contact import InputError, SolveError, Tresca, TriangleMesh, limit_load_factor, limit_proof, save_problem
 from qvi_contact.limit import check
-from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, RigidPlate, Symmetry, Traction
-from tests.qvi_contact.test_limit_yielding import random_body
-
-
-def stretched(strength, plane="strain"):
-    """A block pulled along y."""
-    conditions = [Traction("top", x=0, y=1.0), Traction("right", x=0, y=0), Symmetry("left"), Symmetry("bottom")]
-    return ContactProblem(TriangleMesh.rectangle((2, 2)), Material(10.0, 0.3, plane, strength), conditions)
+from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, RigidPlate, Traction
+from tests.qvi_contact.test_limit_yielding import random_body, stretched
 
 
 def heavy_wall(strength=None):
     """Two blocks with a joint under their weight, pushed from the left."""
-    mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("joint", lambda _, y: np.abs(y - 1.0) < 1e-9)
+    mesh = TriangleMesh.rectangle((1, 2), 1.0, 2.0).with_joint("joint", lambda _, y: np.abs(y - 1.0) < 1e-9)
     return ContactProblem(
         mesh,
         Material(10.0, 0.2, "strain", strength),

@@ -13,6 +13,7 @@ from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from threading import Event, Timer
+from types import SimpleNamespace
 from uuid import uuid4
 
 import pytest
@@ -262,6 +263,7 @@ class TestCluster:
     def test_a_lost_scheduler_is_one_line(self, monkeypatch):
         distributed = pytest.importorskip("distributed")
         monkeypatch.setattr(dask_cluster, "PATIENCE", 2.0)
+        monkeypatch.setattr(dask_cluster, "uuid4", lambda: SimpleNamespace(hex="lost"))
         quiet = {"threads_per_worker": 1, "processes": False, "dashboard_address": ":0", "silence_logs": 50}
         other = distributed.LocalCluster(1, **quiet)
         with running(numbers, [(0, 0.0), (1, 0.5), (2, 0.5)], dask=other.scheduler_address) as found:
@@ -270,6 +272,7 @@ class TestCluster:
             with pytest.raises(InputError, match="the scheduler was lost") as caught:
                 list(found)
         assert (caught.value.field, "\n" in str(caught.value)) == ("dask", False)
+        dask_cluster.forget("lost")  # which nobody could tell its worker, that is in this process
 
     def test_who_takes_the_call_and_says_nothing_is_not_waited_for(self, monkeypatch):
         """Another program's port, or a scheduler that hangs; Dask's client would wait for its first word for ever."""

@@ -8,6 +8,7 @@ import pytest
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, load_problem, solve
 from qvi_contact.gallery import fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
+from tests.qvi_contact.builders import area
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 HALVES = [(0, 1, 2), (0, 2, 3)]
@@ -25,11 +26,6 @@ def l_shape():
         lines, lines, active, edges={"notch": ((1, 1), (2, 1))}, joints={"seam": ((0, 0.5), (2, 0.5))}
     )
     return mesh.with_region("foot", lambda _, y: y < 0.5)
-
-
-def area(mesh):
-    a, b, c = mesh.corners.swapaxes(0, 1)
-    return np.abs(np.cross(np.c_[b - a, 0 * a[:, 0]], np.c_[c - a, 0 * a[:, 0]])[:, 2]).sum() / 2.0
 
 
 class TestTopology:
@@ -340,18 +336,6 @@ class TestJoined:
         assert mesh.edges("foot").length.sum() == pytest.approx(2.0)
         assert area(mesh) == pytest.approx(2.8)
         assert area(mesh.part(mesh.regions["block"])) == pytest.approx(0.8)
-
-    def test_a_uniform_stress_is_exact(self):
-        mesh = TriangleMesh.joined("seam", [self.below(), self.above((4, 3))])
-        names = {name: pairs for name, pairs in mesh.edge_sets.items() if name not in ("top", "bottom")}
-        mesh = TriangleMesh(mesh.vertices, mesh.cells, names).with_edges("roof", lambda _, y: y == 1.5)
-        sides = [Traction(name, normal=0.0, tangential=0.0) for name in ("left", "right")]
-        conditions = [Symmetry("foot"), Traction("roof", x=0.0, y=-3.0), *sides, Contact("seam", friction=0.4)]
-        result = solve(ContactProblem(mesh, Material(100.0, 0.3), conditions))
-        line, (_, _, stress) = result.contacts["seam"], result.gauss_stress()
-        assert result.status == "solved"
-        assert line.normal_stress == pytest.approx(-3.0, rel=1e-9)
-        assert stress.reshape(-1, 3) == pytest.approx(np.tile([0.0, -3.0, 0.0], (stress.size // 3, 1)), abs=1e-8)
 
     def test_three_bodies_in_a_corner_and_nodes_that_match(self):
         blocks = [self.above((2, 2), 1.0), self.above((3, 3), 1.0, 1.0)]

@@ -9,7 +9,7 @@ import pytest
 
 from qvi_contact import InputError, TriangleMesh, exact, limit_load_factor, solve
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from tests.cases import thinned
 from tests.qvi_contact.builders import solved
 
@@ -106,22 +106,6 @@ class TestPlate:
         assert (np.abs(shear) + 0.2 * normal).max() < 1e-12 * scale
         assert normal.max() < 1e-12 * scale
 
-    def test_turned_as_a_whole(self):
-        angle = -75.0
-        mesh = TriangleMesh.rectangle((4, 4))
-        mesh = TriangleMesh(turned(mesh.vertices, angle), mesh.cells, mesh.edge_sets)
-        problem = replace(compressed_plate(0.2, cells=(4, 4)), mesh=mesh)
-        straight, oblique = plate_result(4, 4), solved(problem, 1e-8, degree=4)
-        assert oblique.contacts["plate"].normal_force == pytest.approx(
-            straight.contacts["plate"].normal_force, rel=1e-10
-        )
-        x, y = inside(straight.problem.mesh)
-        tensors = np.moveaxis(straight.stress(x, y).T[[[0, 2], [2, 1]]], -1, 0)
-        Q = turned(np.eye(2), angle)
-        expected = (Q.T @ tensors @ Q)[:, [0, 1, 0], [0, 1, 1]]
-        found = oblique.stress(*turned(np.column_stack([x, y]), angle).T)
-        assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max()
-
 
 STATES = {
     "compression": (3, lambda material: exact.uniform(material, yy=-10.0)),
@@ -191,17 +175,6 @@ class TestJoints:
         p = q * (tan + mu * tan**2) / (tan - mu)
         factor = limit_load_factor(squeezed(tilted(slope), mu, side=q, pressure=1.0), ["pressure"], degree=4)
         assert factor == pytest.approx(p, rel=1e-6)
-
-    def test_two_materials_are_bonded_where_no_joint_is(self):
-        mesh = tilted(0.3)
-        regions = [Region(FOAM, name="lower")]
-        bonded = solved(squeezed(mesh, None, regions=regions), degree=5)
-        tied = squeezed(mesh, None, regions=regions)
-        tied = replace(tied, conditions=[*tied.conditions, Contact.tied("joint")])
-        x, y = inside(mesh)
-        assert solved(tied, degree=5).stress(x, y) == pytest.approx(bonded.stress(x, y), abs=1e-9)
-        rough = replace(tied, conditions=[*tied.conditions[:-1], Contact("joint", 50.0, law="bilateral", cohesion=1e4)])
-        assert solved(rough, 1e-8, degree=5).stress(x, y) == pytest.approx(bonded.stress(x, y), abs=1e-6)
 
 
 def test_body_force_on_a_slanted_edge():

@@ -177,12 +177,6 @@ def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equ
     )  # fmt: skip
 
 
-@pytest.fixture
-def nonunique() -> FrictionQVI:
-    """Return the problem of the design note 5.6, which has three solutions."""
-    return one_contact()
-
-
 def changed(qvi, **fields):
     """The problem with other fields, whichever part of it they belong to."""
     parts = {name: getattr(qvi, name) for name in ("stiffness", "contact", "loads", "law")}

@@ -155,7 +155,7 @@ def gallery_plate(cells=(4, 4)):
 
 
 def plate():
-    qvi = gallery_plate((12, 12))
+    qvi = gallery_plate((10, 10))
     return qvi.K, np.unique(vstack([qvi.N, qvi.T]).tocoo().col)
 
 
@@ -337,7 +337,7 @@ def forces(problem):
     return plate.normal_force, plate.tangential_force
 
 for shared in (True, False):
-    problems = [compressed_plate(0.1 + 0.1 * (k % 3), (4, 4)) for k in range(9)]
+    problems = [compressed_plate(0.1 + 0.1 * (k % 3), (4, 4)) for k in range(6)]
     alone = [forces(problem) for problem in problems[:3]]
     mesh = problems[0].mesh
     problems = [replace(problem, mesh=mesh) if shared else problem for problem in problems]

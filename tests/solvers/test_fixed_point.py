@@ -32,9 +32,10 @@ def test_every_state_of_one_contact(load, expected):
 
 
 @pytest.mark.parametrize("start", [None, 0.0, 0.5, 1.6, 1.7, 5.0])
-def test_one_of_three_solutions(nonunique, start):
+def test_one_of_three_solutions(start):
+    """Of the problem of the design note 5.6."""
     initial = None if start is None else np.array([start])
-    solution = solve_qvi(nonunique, inner=INNER, initial=initial)
+    solution = solve_qvi(one_contact(), inner=INNER, initial=initial)
     known = [(0.0, 0.0), (17 / 9, -32.5 / 9), (5 / 3, -10 / 3)]
     assert solution.solved
     assert min(np.abs(solution.z - z).max() for z in known) < 1e-7

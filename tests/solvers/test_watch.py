@@ -402,7 +402,3 @@ class TestSecondOpinion:
         assert solution.solved
         assert len(solution.remarks) == 1
         assert "several solutions" in solution.remarks[0]
-
-    @pytest.mark.parametrize("friction", [0.02, 0.1, 0.3, 1.0, 3.0])
-    def test_plain_plates_have_no_remark(self, friction):
-        assert solve_qvi(discretize(compressed_plate(friction, (6, 6))).qvi).remarks == ()

@@ -7,13 +7,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import Corner, InputError, TriangleMesh, exact, solve, solve_history
+from qvi_contact import Corner, InputError, TriangleMesh, solve, solve_history
 from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
-from tests.cases import every_pair, thinned
-from tests.qvi_contact.test_triangles import SIDES, STATES, STEEL, moved, squeezed, tilted, turned
+from tests.cases import thinned
+from tests.qvi_contact.test_triangles import STEEL, moved, squeezed, tilted, turned
 
 U = 1e-3
 
@@ -81,20 +81,6 @@ def test_a_bound_between_two_laws_is_lowered():
     expected = np.minimum(40.0 * (starts[:, None] + x), 35.0)
     assert given.bounds["top"] == pytest.approx(expected, rel=1e-12)
     assert given.lowered
-
-
-@pytest.mark.parametrize(
-    ("state", "sides", "rows"), thinned(every_pair(list(STATES), list(SIDES), ["edges", "points"]), 4)
-)
-def test_exact_states_close_the_gap(state, sides, rows):
-    least, made = STATES[state]
-    mesh = moved(TriangleMesh.rectangle((3, 2), 2.0, 1.0, origin=(0.0, -0.5)))
-    names = dict(zip(("bottom", "right", "top", "left"), SIDES[sides], strict=True))
-    degree = max(least, 4) if state == "cantilever" else least
-    found = bracket(solve(exact.problem_from_state(made(STEEL), mesh, STEEL, names), degree=degree, law_on=rows))
-    assert found.guaranteed, found.reasons
-    assert abs(found.gap) <= 1e-12 * max(abs(found.lower), found.strain)
-    assert found.cell_gaps.sum() <= 1e-12 * found.strain
 
 
 def test_turned_as_a_whole():

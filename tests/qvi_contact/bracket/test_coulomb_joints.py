@@ -11,11 +11,7 @@ from qvi_contact import Contact, ContactProblem, Displacement, Material, Tractio
 from qvi_contact.bracket import Share, bodies_of, friction_norm
 from qvi_contact.companion import BodyAtRest
 from qvi_contact.mesh import TriangleMesh
-
-
-def area(mesh):
-    (ux, uy), (vx, vy) = (np.diff(mesh.corners, axis=1)[:, k].T for k in (0, 1))
-    return float(np.abs(ux * vy - uy * vx).sum() / 2.0)
+from tests.qvi_contact.builders import area
 
 
 class TestBodies:

@@ -8,24 +8,17 @@ import numpy as np
 import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, exact, solve
-from qvi_contact.companion import DualProblem, solve_companion, solve_companions
+from qvi_contact.companion import DualProblem, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.cases import every_pair, thinned
-from tests.qvi_contact.builders import bernstein
+from tests.qvi_contact.builders import bernstein, companion_of
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 MESH = TriangleMesh.grid([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
 INSIDE = np.linspace(0.0, 1.0, 101)
-
-
-def companion_of(problem, bounds=None, **options):
-    """A companion that must be solved."""
-    (found,) = solve_companions(problem, [bounds], **options)
-    assert found.status is Status.SOLVED, found.message
-    return found
 
 
 def plate(contact, cells=(4, 4), **options):
@@ -404,8 +397,3 @@ class TestReasons:
         conditions += [Traction(side, 0.0, 0.0) for side in ("right", "bottom")]
         reasons = solve_companion(ContactProblem(TriangleMesh.rectangle((2, 2)), STEEL, conditions)).reasons
         assert any("disagree" in reason for reason in reasons)
-
-
-@pytest.fixture(scope="module")
-def base():
-    return solve_companion(ssnv128((6, 5)))
