@@ -206,11 +206,12 @@ class ContactProblem(PicklesFields):
         Components are x and y; normal and tangential on slanted edges that are ruled by these. The mesh keeps it, as
         values of conditions change nothing.
         """
-        stated = (
-            (type(each), each.edges, *(components(each) if isinstance(each, (Traction, Displacement)) else ()))
-            for each in self.conditions
-        )
-        return self.mesh.kept(np.ndarray, ("owners", *stated), partial(_ruled, self))
+        kinds = []  # all that the answer depends on
+        for each in self.conditions:
+            named = tuple(components(each)) if isinstance(each, (Traction, Displacement)) else ()
+            place = b"" if each in self.joints else _edges_of(self.mesh, each)[0].tobytes()
+            kinds.append((type(each), named, place))
+        return self.mesh.kept(np.ndarray, ("owners", *kinds), partial(_ruled, self))
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
         """Prescribed data of one kind, symmetry lines included."""

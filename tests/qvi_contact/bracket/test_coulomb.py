@@ -531,9 +531,10 @@ class TestBlock:
         assert len(solve(replace(problem, mesh=mesh)).bracket.coulomb.forces) == 2
 
     def test_cohesion_and_an_offset(self):
-        """The force of a finer mesh is inside, and those without are not."""
-        law = {"cohesion": 0.01, "offset": 0.01}
-        found = solve(pressed_block(0.1, **law), degree=5).bracket.coulomb.forces["bottom.tangential_force"]
+        """The forces of a finer mesh are inside, and those without are not."""
+        law = {"cohesion": 0.01, "offset": 0.03}
+        found = solve(pressed_block(0.1, **law), degree=5).bracket.coulomb.forces
         fine = solve(pressed_block(0.1, (16, 8), **law), degree=6).contacts["bottom"]
-        assert found.lower < fine.tangential_force < found.upper
-        assert not found.lower < 0.0 < found.upper
+        for name in ("normal_force", "tangential_force"):
+            assert found[f"bottom.{name}"].lower < getattr(fine, name) < found[f"bottom.{name}"].upper
+        assert found["bottom.tangential_force"].lower > 0.0
