@@ -11,7 +11,7 @@ from typing import Final
 
 import click
 
-from comparisons.exchange.commands import export, import_file
+from comparisons.exchange.commands import export
 from comparisons.lab.commands import COUNT, Experiment, FiniteRange, ListCommand, Plan, experiment, folder_option
 from comparisons.peers import LEVELS
 from qvi_contact.basics.terminal import Command
@@ -29,7 +29,7 @@ def group(context: click.Context) -> None:
     Each command runs one experiment and writes a report: Markdown, pictures, and one HTML page.
     """
     missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
-    if missing and context.invoked_subcommand not in (export.name, import_file.name):
+    if missing and context.invoked_subcommand != export.name:
         remedy = f"is missing: python -m pip install {' '.join(missing)}"
         raise InputError("installation", ", ".join(missing), remedy)
 
@@ -64,7 +64,7 @@ def paper(out: Path) -> None:
 def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation: str) -> Plan:
     """Compare a whole solve with Coulomb friction with one factorisation of the same matrix.
 
-    The problem is the paper's compressed plate on triangles, on n × n equal cells and on graded ones; and there are
+    The problem is the paper's compressed plate on triangles, on n × n equal cells; and there are
     histories and sweeps, whose problems share a factorisation. Measured are time, iterations, peak memory and accuracy,
     and how they grow with n. Each time is a median, measured in a process of its own with a fixed number of threads.
     A solve that fails is listed with its status. How other methods do is compared by `comparisons solvers`.
@@ -76,9 +76,7 @@ def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation
     """  # noqa: D301
     from comparisons.benchmark import report, study
 
-    studies = [study.whole(cells, friction, factorisation), study.graded(factorisation),
-               study.sequences(max(cells) < 32)]  # fmt: skip
-    return Plan(studies, report.report)
+    return Plan([study.whole(cells, friction, factorisation), study.sequences(max(cells) < 32)], report.report)
 
 
 @experiment(timeout=400.0, short_help="How the time of walls of many blocks grows.")
@@ -138,7 +136,7 @@ def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) 
 def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
     """Compare solvers of quadratic and conic programs on frictional contact, judged by the package's certificate.
 
-    The tasks are single inner problems, sequences of them with cold and warm starts, and whole outer loops, in all
+    The tasks are single inner problems, sequences of them, and whole outer loops, in all
     unknowns and condensed, at three accuracies. The meshes are well and badly conditioned. Contacts open or stick, some
     problems have redundant rows, and some have no solution.
 
@@ -190,7 +188,7 @@ convergence_outer = _command(
 )  # fmt: skip
 convergence_uzawa = _command(
     "uzawa", "How the paper's iteration converges.",
-    "Measure the paper's iteration: how many iterations it needs, and how far it gets beside other methods.",
+    "Measure the paper's iteration: how many iterations it needs, and with which steps it settles.",
 )  # fmt: skip
 
 
@@ -271,22 +269,6 @@ def wild(each: int, seed: int, only: tuple[str, ...]) -> Plan:
     return Plan([study.declared(only, each, seed)], study.report)
 
 
-@experiment(timeout=300.0, short_help="How often the error that refine estimates is that of its answer.")
-@click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
-def estimates(count: int) -> Plan:
-    """Refine generated problems on triangles to a target, and compare each answer with a much finer reference.
-
-    The report says how often the answer is as accurate as its estimated error says, and how far the two are apart.
-
-    \b
-    Example:
-        python -m comparisons estimates --count 6
-    """  # noqa: D301
-    from comparisons.wild import estimates as study
-
-    return Plan([study.declared(count)], study.report)
-
-
 @experiment(timeout=300.0, short_help="Whether both sides of limit loads, and their proofs, are in order.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
 def limits(count: int) -> Plan:
@@ -305,6 +287,6 @@ def limits(count: int) -> Plan:
 
 for command in (
     paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    bounds, wild, estimates, limits, export, import_file,
+    bounds, wild, limits, export,
 ):  # fmt: skip
     group.add_command(command)

@@ -272,7 +272,8 @@ LARGEST_DOUBTED, LARGEST_PLAIN = 48, 16
 """Contact points up to which a second opinion is asked for, where the way to a solution had to turn or the first method
 failed, and two ways are gone, and where nothing was the matter, and one way is: a few per cent of the solve."""
 
-_OTHER = 1e-4  # difference of tractions, over the largest one, that is not the certificates' error
+OTHER = 1e-4
+"""Difference of tractions, over the largest one, that is not the certificates' error."""
 
 
 def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, *, doubted: bool = True) -> str:
@@ -286,7 +287,7 @@ def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, 
     own = compliance.tractions(solution.z)
     for m in other_ends(qvi, compliance, both=doubted):
         difference = float(np.abs(compliance.bonded - compliance.relief(m) - own).max()) / size
-        if difference > _OTHER and certify(qvi, *compliance.state(m), tolerance).passed:
+        if difference > OTHER and certify(qvi, *compliance.state(m), tolerance).passed:
             return (
                 "The discrete problem has several solutions: there is another one, certified as well, whose contact "
                 f"tractions differ by up to {100.0 * difference:.2g} % of the largest. {WHAT_TO_DO}"

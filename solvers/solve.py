@@ -24,7 +24,7 @@ from solvers.fixed_point import CONDENSED_LIMIT, initial_pressure, solve_fixed_p
 from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
-from solvers.pivoting import affordable, another_solution, solve_pivoting
+from solvers.pivoting import OTHER, affordable, another_solution, solve_pivoting
 from solvers.settings import (
     DEFAULT_INNER,
     STARTED,
@@ -372,8 +372,6 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
 WAYS: Final = ((0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))
 """First friction over that of the problem, and the steps from there."""
 
-_OTHER: Final = 1e-4  # difference of tractions, over the largest one, that is not the certificates' error
-
 
 def followed_solutions(solution: QVISolution, *, time_limit: float | None = None) -> tuple[QVISolution, ...]:
     """The solution and others of the same problem, found by following the friction along each of `WAYS`.
@@ -401,7 +399,7 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
         return (solution,)
     with deadline(time_limit):
         for end in _ends(solution):
-            if end.solved and all(traction_difference(end, other) > _OTHER for other in found):
+            if end.solved and all(traction_difference(end, other) > OTHER for other in found):
                 found.append(end)
     return tuple(found)
 

@@ -30,7 +30,7 @@ FOLDERS = ("qvi_contact", "solvers", "comparisons", "tests", "docs", "examples")
 TEXTS = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 
 GROUPS = {"qvi-contact": qvi_contact, "python -m comparisons": comparisons}
-QUICK = {"qvi-contact": set(qvi_contact.commands), "python -m comparisons": {"export", "import"}}
+QUICK = {"qvi-contact": set(qvi_contact.commands), "python -m comparisons": {"export"}}
 DRAWN = ("--plot", "--report")  # pictures and pages have tests of their own, and take longest
 ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m sphinx", ". .venv", "sqlite3")
 

@@ -12,7 +12,7 @@ from pandas import DataFrame
 
 from comparisons.benchmark.study import CHAINS, EVERY, FRICTION, PARTS, TOLERANCE, WAYS
 from comparisons.lab.drawing import LOOKS, drawn, grid
-from comparisons.lab.numbers import NOTHING, fixed, listing, memory, percent, scientific, seconds, significant, span
+from comparisons.lab.numbers import NOTHING, fixed, memory, percent, scientific, seconds, significant, span
 from comparisons.lab.numbers import spread as spread_of
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import DONE, Row
@@ -22,17 +22,8 @@ from qvi_contact.plots.style import new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ACCURACY_TARGETS: Final = ((1e-5, 0.1), (1e-6, 0.25), (1e-7, 0.6))
-"""Relative error of P/2 and the time [s] in which it should be reached, with one thread."""
-
 MEANINGLESS: Final = 1e-9
 """Relative errors below this say nothing: so uncertain are the values of `LIMITS`."""
-
-LARGEST_RATIO: Final = {0.02: 20.0, 0.3: 45.0}
-"""Load of a wall → what a whole solve should take at most, in factorisations of K."""
-
-LARGEST_EXPONENT: Final = 1.3
-"""Of the solve of a wall, with its number of blocks."""
 
 Rows = Sequence[Row]
 
@@ -58,32 +49,27 @@ def _error(half_force: float | None, friction: float) -> float:
 
 
 def solves_of(rows: Rows) -> DataFrame:
-    """One line for each number of cells and μ: the answer, medians of times, and ratios of these.
+    """One line for each number of cells and μ: the answer, medians of times, and the solve over one factorisation of K.
 
-    Own is one factorisation of K by the same library, fastest the fastest one measured beside the solve. Memory is the
-    peak of the process after the first solve, more what that is above the one before it, by unknown [bytes].
+    That is the fastest one measured beside the solve. Memory is the peak of the process after the first solve.
     """
     lines = []
     for row in rows:
-        plain = {each["backend"]: _median(each["seconds"].get("plain")) for each in row.result.get("plain", ())}
-        known = {backend: time for backend, time in plain.items() if time is not None}
-        fastest = min(known, key=lambda backend: known[backend], default=None)
+        plain = {each["backend"]: _median(each["seconds"]["plain"]) for each in row.result.get("plain", ())}
+        fastest = min(plain, key=lambda backend: plain[backend] or math.inf, default="")
         lost = [{"friction": mu, **_answer(row)} for mu in row.case["friction"]]
         for found in row.result.get("solves", lost):
-            times, peak = found.get("seconds", {}), row.result.get("peak")
+            times = found.get("seconds", {})
             lines.append({
                 **found, **{part: _median(times.get(part)) for part in PARTS}, "cells": row.case["cells"],
-                "spread": spread_of(times.get("solve", ())), "own_factorisation": known.get(row.case["sparse"]),
-                "fastest": fastest, "fastest_factorisation": known.get(fastest or ""), "peak": peak,
+                "spread": spread_of(times.get("solve", ())), "peak": row.result.get("peak"), "fastest": fastest,
+                "factorised": plain.get(fastest),
                 "half_force_error": _error(found.get("half_force"), found["friction"]),
-                "more": (peak - row.result["imports"]) / found["unknowns"] if peak and "unknowns" in found else None,
             })  # fmt: skip
     numbers = ("cells", "friction", "unknowns", "iterations", "accuracy", "half_force", "half_force_error", *PARTS,
-               "spread", "own_factorisation", "fastest_factorisation", "peak", "more")  # fmt: skip
+               "spread", "factorised", "peak")  # fmt: skip
     solves = _frame(lines, numbers, ("status", "message", "library", "fastest"))
-    time = solves.solve.where(solves.status == "solved")
-    ratios = {name: time / solves[f"{name}_factorisation"] for name in ("own", "fastest")}
-    return solves.assign(**{f"ratio_{name}": ratio for name, ratio in ratios.items()})
+    return solves.assign(ratio=(solves.solve / solves.factorised).where(solves.status == "solved"))
 
 
 def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[str]) -> DataFrame:
@@ -97,26 +83,6 @@ def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[
             powers = (last - first)[1:] / (last - first)[0]
             lines.append({by: key, "from": ends[0], "to": ends[1], **dict(zip(values, powers, strict=True))})
     return DataFrame(lines, columns=[by, "from", "to", *values])
-
-
-def graded_of(rows: Rows) -> DataFrame:
-    """One line for each graded mesh and μ: the answer, median time and error, and which targets it meets."""
-    lines = [
-        {**answer, "depth": row.case["mesh"][0], "degree": row.case["mesh"][1], "friction": row.case["friction"],
-         "whole": _median(answer.get("seconds")), "runs": len(answer.get("seconds", ())),
-         "error": _error(answer.get("half_force"), row.case["friction"])}
-        for row in rows for answer in [_answer(row)]
-    ]  # fmt: skip
-    numbers = ("depth", "degree", "friction", "unknowns", "half_force", "whole", "error", "runs")
-    found = _frame(lines, numbers, ("status", "message"))
-    met = [[target(each) for each in ACCURACY_TARGETS if error <= each[0] and whole <= each[1]]
-           for error, whole in zip(found.error, found.whole, strict=True)]  # fmt: skip
-    return found.assign(met=met)
-
-
-def target(found: tuple[float, float]) -> str:
-    """A target of accuracy in words."""
-    return f"{scientific(found[0], 1)} in {seconds(found[1])}"
 
 
 def runs_of(rows: Rows) -> DataFrame:
@@ -147,29 +113,22 @@ def runs_of(rows: Rows) -> DataFrame:
 
 _PLAIN: Final = ("cells", "backend", "version", "numeric", "plain", "message")
 _HUNDREDTHS: Final = fixed(".2f")
-_POWERS: Final = {"solve": "power", "whole": "power_with_assembly", "own_factorisation": "power_own",
-                  "fastest_factorisation": "power_fastest"}  # fmt: skip
+_POWERS: Final = {"solve": "power", "factorised": "power_factorised"}
 
 
 def values_of(frames: Mapping[str, DataFrame]) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    solves, graded, growth = frames["solves"], frames["graded"], frames["growth"]
-    status = [*solves.status, *graded.status]
-    shown = solves[(solves.cells == solves.cells.max()) & solves.ratio_fastest.notna()]
+    solves, growth = frames["solves"], frames["growth"]
+    shown = solves[(solves.cells == solves.cells.max()) & solves.ratio.notna()]
     whole = growth[growth["to"] == growth["to"].max()]
     whole = whole[whole["from"] == whole["from"].min()]
-    targets = [
-        {"friction": mu, "met": sum(any(name in met for met in found.met) for name in map(target, ACCURACY_TARGETS))}
-        for mu, found in graded.groupby("friction", sort=False)
-    ]
     return {
-        "tolerance": TOLERANCE, "problems": len(status), "solved": status.count("solved"),
+        "tolerance": TOLERANCE, "problems": len(solves), "solved": int((solves.status == "solved").sum()),
         "largest": None if shown.empty else int(shown.cells.iloc[0]), "unknowns": shown.unknowns.max(),
-        "ratios": span(shown.ratio_fastest, _HUNDREDTHS), "seconds": span(shown.whole, seconds),
+        "ratios": span(shown.ratio, _HUNDREDTHS), "seconds": span(shown.whole, seconds),
         "library": next(iter(shown.library), None), "fastest": next(iter(shown.fastest), None),
         "growth": span(whole.power, _HUNDREDTHS),
         "span": None if whole.empty else (int(whole["from"].min()), int(whole["to"].max())),
-        "targets": targets, "all_targets": [*map(target, ACCURACY_TARGETS)], "meaningless": MEANINGLESS,
         **_of_sequences(frames["sequences"]),
     }  # fmt: skip
 
@@ -195,26 +154,25 @@ def _shown_error(value: float | None) -> str:
 
 
 _FORMS: Final[dict[str, Form]] = {
-    **dict.fromkeys((*PARTS, "numeric", "plain", "own_factorisation", "fastest_factorisation"), seconds),
+    **dict.fromkeys((*PARTS, "numeric", "plain", "factorised"), seconds),
     **dict.fromkeys(("friction", "load"), fixed("g")), "peak": memory, "accuracy": scientific, "spread": percent,
-    **dict.fromkeys(("unknowns", "iterations", "runs", "contact_points", "blocks", "depth", "degree", "more"),
+    **dict.fromkeys(("unknowns", "iterations", "runs", "contact_points", "blocks", "depth", "degree"),
                     fixed(".0f")),
-    **dict.fromkeys((*_POWERS.values(), "ratio_own", "ratio_fastest"), _HUNDREDTHS), "half_force": fixed(".8f"),
-    "met": listing,
+    **dict.fromkeys((*_POWERS.values(), "ratio"), _HUNDREDTHS), "half_force": fixed(".8f"),
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
-    **dict.fromkeys(("half_force_error", "error"), _shown_error),
+    "half_force_error": _shown_error,
     "force": lambda value: "–" if value != value else scientific(value),
     "message": lambda text: text if text and text == text else NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
 
 
-def report(whole: Rows, graded: Rows, sequences: Rows) -> Report:
+def report(whole: Rows, sequences: Rows) -> Report:
     """The report on the plate and on sequences; the same rows give the same one."""
     solves = solves_of(whole)
     growth = growth_of(solves, "friction", "cells", "unknowns", [*_POWERS]).rename(columns=_POWERS)
-    frames = {"solves": solves, "graded": graded_of(graded), "growth": growth, "sequences": runs_of(sequences)}
+    frames = {"solves": solves, "growth": growth, "sequences": runs_of(sequences)}
     measured, runs = solves.friction.unique(), frames["sequences"]
     friction = FRICTION if FRICTION in measured else min(measured, default=None)
     plain = [{**row.case, **found, **{part: _median(found["seconds"].get(part)) for part in ("numeric", "plain")}}
@@ -222,8 +180,8 @@ def report(whole: Rows, graded: Rows, sequences: Rows) -> Report:
     titles = runs.sequence.map(lambda name: CHAINS[name].title)
     shares = [f"{each.solved} of {each.planned}" for each in runs.itertuples()]
     tables = {**frames, "plain": DataFrame(plain, columns=_PLAIN), "sequences": runs.assign(title=titles, share=shares)}
-    figures = {"times": drawn("benchmark", partial(_picture, frames, friction))}
-    values, rows = {**values_of(frames), "friction": friction}, [*whole, *graded, *sequences]
+    figures = {"times": drawn("benchmark", partial(_picture, solves, friction))}
+    values, rows = {**values_of(frames), "friction": friction}, [*whole, *sequences]
     return render("comparisons.benchmark", "benchmark", values, tables, figures, rows, forms=_FORMS)
 
 
@@ -239,47 +197,31 @@ def walls_of(rows: Rows) -> DataFrame:
 def wall_report(rows: Rows) -> Report:
     """The report on walls.
 
-    Of each load with a target it tells the ratio, the exponent from the smallest to the largest wall, and the steepest
-    of neighbouring sizes.
+    Of each load it tells the ratio, and the exponent from the smallest to the largest wall, if there are several.
     """
     walls = walls_of(rows)
-    powers, targets = growth_of(walls, "load", "blocks", "size", ["solve"]), []
-    for load, most in LARGEST_RATIO.items():
-        pushed, ratio = powers[powers.load == load].solve, walls[walls.load == load].ratio.max()
-        if ratio == ratio:
-            exponents = {"exponent": pushed.iloc[-1], "steepest": pushed.max()} if len(pushed) else {}
-            targets.append({"load": load, "ratio": ratio, "most": most, **exponents})
-    values = {"targets": targets, "most": LARGEST_EXPONENT, "walls": len(walls),
+    powers = growth_of(walls, "load", "blocks", "size", ["solve"]).rename(columns={"solve": "power"})
+    loads = walls.groupby("load").ratio.max().to_frame("ratio").join(powers.groupby("load").power.last())
+    values = {"loads": loads.reset_index().to_dict("records"), "walls": len(walls),
               "solved": int((walls.status == "solved").sum())}  # fmt: skip
-    tables = {"walls": walls, "growth": powers.rename(columns={"solve": "power"})}
     forms = {**_FORMS, **dict.fromkeys(("from", "to"), fixed(".0f")), "ratio": fixed(".1f")}
-    return render("comparisons.benchmark", "benchmark-wall", values, tables, {}, rows, forms=forms, template="wall.md")
+    return render("comparisons.benchmark", "benchmark-wall", values, {"walls": walls, "growth": powers}, {}, rows,
+                  forms=forms, template="wall.md")  # fmt: skip
 
 
-def _picture(frames: Mapping[str, DataFrame], friction: float | None) -> "Figure | None":
-    """Left: seconds against unknowns at one friction; right: error of P/2 against seconds on graded meshes."""
+def _picture(solves: DataFrame, friction: float | None) -> "Figure | None":
+    """Seconds against unknowns at one friction."""
     from matplotlib.ticker import NullFormatter
 
     if friction is None:
         return None
-    solves, graded = frames["solves"], frames["graded"]
-    solved = solves[(solves.friction == friction) & (solves.status == "solved")]
-    lines = [
-        ("whole solve", solved.unknowns, solved.solve),
-        ("one plain factorisation, fastest", solved.unknowns, solved.fastest_factorisation),
-    ]
-    beside = [(f"graded meshes, μ = {mu:g}", found.whole, found.error) for mu, found in graded.groupby("friction")]
-    figure = new_figure(11.0, 4.8)
-    for axes, curves, x, y in (
-        (figure.add_subplot(1, 2, 1), lines, "unknowns [-]", "wall time [s]"),
-        (figure.add_subplot(1, 2, 2), beside, "wall time [s]", "relative error of P/2 [-]"),
-    ):
-        for (colour, marker, style), (label, across, up) in zip(LOOKS, curves, strict=False):
-            if (up > 0.0).any():
-                axes.plot(across, up, color=colour, marker=marker, linestyle=style, label=label, markersize=5)
-        axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y)
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        grid(axes)
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(fontsize=7)
+    solved, figure = solves[(solves.friction == friction) & (solves.status == "solved")], new_figure(6.0, 4.4)
+    axes = figure.subplots()
+    curves = ("whole solve", solved.solve), ("one plain factorisation, fastest", solved.factorised)
+    for (colour, marker, style), (label, times) in zip(LOOKS, curves, strict=False):
+        axes.plot(solved.unknowns, times, color=colour, marker=marker, linestyle=style, label=label, markersize=5)
+    axes.set(xscale="log", yscale="log", xlabel="unknowns [-]", ylabel="wall time [s]")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    grid(axes)
+    axes.legend(fontsize=7)
     return figure

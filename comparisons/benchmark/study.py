@@ -1,4 +1,4 @@
-"""The benchmark's studies and what is done for a case: whole solves, graded meshes, sequences, walls.
+"""The benchmark's studies and what is done for a case: whole solves, sequences, walls.
 
 Every case has a process of its own: its peak memory is that of one problem, and no time depends on what ran before.
 Times are wall times [s], of sequences and walls CPU times. Problems are on triangles, by the defaults of `solve`.
@@ -8,17 +8,13 @@ import gc
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from comparisons.lab.studies import Study
-from comparisons.settled import TRANSITIONS
+from comparisons.lab.studies import Study, peak_memory
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -49,12 +45,6 @@ TOLERANCE: Final = 1e-8
 FRICTION: Final = 0.2
 """Of the picture, if it is among the frictions asked for."""
 
-MESHES: Final = ((4, 4), (4, 5), (8, 5), (12, 6), (16, 6))
-"""(Halvings at the singular points, degree) of the meshes on which accuracy is weighed against time."""
-
-GRADED_FRICTION: Final = (0.2, 1.0)
-GRADED_RUNS: Final = 10
-
 
 def _study(name: str, version: int, cases: Iterable[dict[str, Any]], **limits: Any) -> Study:
     """A study of this module, by the name of its task; each case has a process of its own."""
@@ -68,13 +58,6 @@ def whole(cells: Sequence[int], friction: Sequence[float], factorisation: str) -
         raise InputError("factorisation", factorisation, f"choose one of {', '.join(CHOICES)}")
     fixed = {"friction": sorted(set(friction)), "sparse": resolve(factorisation)}
     return _study("whole", 2, ({"cells": each, **fixed} for each in sorted(set(cells))))
-
-
-def graded(factorisation: str) -> Study:
-    """Whole solves on graded meshes, on one thread."""
-    cases = ({"mesh": mesh, "friction": mu, "runs": GRADED_RUNS, "sparse": resolve(factorisation)}
-             for mesh, mu in product(MESHES, GRADED_FRICTION))  # fmt: skip
-    return _study("graded", 2, cases, threads=1)
 
 
 def sequences(quick: bool = False) -> Study:
@@ -109,45 +92,35 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
 
     "solves" has an entry for each μ, see `_whole`, "plain" one for each back end, see `_factorised`; their "seconds"
     are the times of all repetitions, of which other back ends on large meshes have one. "peak" is
-    the largest resident memory [bytes] after the first solve, "imports" before it.
+    the largest resident memory [bytes] after the first solve.
     """
     cells, count, backend = case["cells"], repetitions(case["cells"]), case["sparse"]
     settings = {"method": "condensed", "factorisation": backend, "threads": _THREADS}
-    _attempt(lambda: _solved(_plate(0.2, _WARM_UP), settings))
-    imports, peak, K = peak_memory(), None, None
+    _solved(_plate(0.2, _WARM_UP), settings)
+    peak, K = None, None
     solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}
     plain: dict[str, list[dict[str, Any]]] = {}
     for turn in range(count):
         for mu, found in solves.items():
-            found.append(_attempt(partial(_whole, cells, mu, settings)))
+            found.append(_whole(cells, mu, settings))
             measured = found[-1].pop("peak", None)
             peak = peak or measured
         if K is None:  # after the first solve, whose peak memory counts
             K = discretize(_plate(0.2, cells)).qvi.K
         for name in available_backends():
             if turn == 0 or name == backend or cells <= _REPETITIONS[0][0]:
-                plain.setdefault(name, []).append(_attempt(partial(_factorised, K, name)))
+                plain.setdefault(name, []).append(_factorised(K, name))
     return {
         "solves": [{"friction": mu, **_together(found)} for mu, found in solves.items()],
         "plain": [{"backend": name, **_together(found)} for name, found in plain.items()],
-        "peak": peak, "imports": imports,
+        "peak": peak,
     }  # fmt: skip
 
 
 def _together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The first repetition that went wrong, or the last one, with the times of all."""
     shown = next((each for each in found if each["status"] not in ("solved", "done")), found[-1])
-    parts = dict.fromkeys(part for each in found for part in each["seconds"])
-    times = {part: [each["seconds"][part] for each in found if part in each["seconds"]] for part in parts}
-    return {**shown, "seconds": times}
-
-
-def _attempt(measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """The measurement, or the error that ended it."""
-    try:
-        return measure()
-    except Exception as error:
-        return {"status": "error", "message": f"{type(error).__name__}: {error}", "seconds": {}}
+    return {**shown, "seconds": {part: [each["seconds"][part] for each in found] for part in shown["seconds"]}}
 
 
 def _plate(friction: float, cells: int) -> ContactProblem:
@@ -198,18 +171,6 @@ def _factorised(K: Sparse, backend: str) -> dict[str, Any]:
     return {"status": "done", "message": "", "version": factor.version, "seconds": seconds}
 
 
-def solve_graded(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Whole solves on a graded mesh, from `discretize` to the certified result: the last answer, all times."""
-    (depth, degree), mu = case["mesh"], case["friction"]
-    settings = {"method": "condensed", "factorisation": case["sparse"], "threads": _THREADS, "degree": degree}
-    _solved(_plate(0.2, _WARM_UP), settings)
-    singular = [(1.0, 1.0), *([(TRANSITIONS[mu], 1.0)] if mu in TRANSITIONS else [])]
-    mesh = TriangleMesh.rectangle((_WARM_UP, _WARM_UP)).graded(singular, depth)
-    problem = replace(compressed_plate(mu), mesh=mesh)
-    found = [_solved(problem, settings) for _ in range(case["runs"])]
-    return {**found[-1], "seconds": [each["seconds"]["whole"] for each in found]}
-
-
 def solve_wall(case: Mapping[str, Any]) -> dict[str, Any]:
     """A wall's solve, after a small one that loads all libraries, and then a plain factorisation of the same K."""
     blocks, load = case["blocks"], case["load"]
@@ -230,15 +191,6 @@ def solve_wall(case: Mapping[str, Any]) -> dict[str, Any]:
     began = time.process_time()
     factorise(K, _NOTHING, resolve(), _THREADS)
     return {**found, **times, "factorisation": time.process_time() - began, "peak": peak}
-
-
-def peak_memory() -> int | None:
-    """Largest resident memory of this process so far [bytes]; None where the system does not tell."""
-    with suppress(OSError):
-        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
-            if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
-                return 1024 * int(line.split()[1])
-    return None
 
 
 # sequences of problems

@@ -82,16 +82,12 @@ def values_of(runs: DataFrame, forces: DataFrame) -> dict[str, Any]:
         "undecided": int((~judged.inside & ~judged.outside).sum()), "unjudged": len(bounded) - len(judged),
         "guaranteed": int((judged.guaranteed == True).sum()),  # noqa: E712
         "forces": len(measured), "forces_outside": int(measured.outside.sum()),
-        "forces_inside": int(measured.inside.sum()), "width": _or_none(measured.width.median()),
-        "least": _or_none(judged.ratio.min()), "together": _or_none(judged.together.max()),
-        "energies": int(judged.together.notna().sum()), "doubt": _or_none((judged.doubt / judged.bound).median()),
-        **{f"q{level:02d}": _or_none(judged.ratio.quantile(level / 100.0)) for level in (5, 50, 95)},
-        "unknowns": _or_none(judged.unknowns.median()), "fine": _or_none(judged.reference_unknowns.median()),
+        "forces_inside": int(measured.inside.sum()), "width": measured.width.median(),
+        "least": judged.ratio.min(), "together": judged.together.max(),
+        "energies": int(judged.together.notna().sum()), "doubt": (judged.doubt / judged.bound).median(),
+        **{f"q{level:02d}": judged.ratio.quantile(level / 100.0) for level in (5, 50, 95)},
+        "unknowns": judged.unknowns.median(), "fine": judged.reference_unknowns.median(),
     }  # fmt: skip
-
-
-def _or_none(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def polygons_of(rows: Sequence[Row]) -> dict[str, Any]:
@@ -104,7 +100,7 @@ def polygons_of(rows: Sequence[Row]) -> dict[str, Any]:
         "slipping": len(slipping), "slipping_bounded": len(bounded),
         "slipping_guaranteed": int((bounded.guaranteed == True).sum()),  # noqa: E712
         "refined": len(done), "quick": int((done.processor <= QUICK).sum()),
-        "typical": _or_none(done.processor.median()),
+        "typical": done.processor.median(),
     }  # fmt: skip
 
 

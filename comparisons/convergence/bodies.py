@@ -4,7 +4,6 @@ plate       the paper's quarter plate with the paper's elements (`paper.plate`);
 ssnv128     Code_Aster's SSNV128 on triangles, with the law at Gauss points; opens, slips and sticks, hard from μ = 2 on
 block       a block on such triangles, under the pressure p = 1, dragged by uniform shear T = 0.1: carried where μ > 0.1
 contacts    no mesh: unknowns are the tractions of 8 points themselves, with an answer and a contraction known exactly
-three       no mesh: one point with three solutions at μ = 2 (open, stick, slip)
 
 **Contacts.** z = (p, t), σ_N = −p, σ_T = t, K = [[I, C], [C, I]], C = Q diag(c) Qᵀ with orthonormal cosine vectors Q
 and c = 0.8, 0.7, …, 0.1. For any pressures p* > 0 and push q* > 0 the loads
@@ -16,10 +15,9 @@ errors by −μ C: its contraction is 0.8 μ, that damped by θ is max |1 − θ
 """
 
 import time
-from dataclasses import dataclass
 from functools import lru_cache
 from statistics import median
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from scipy.fft import dct
@@ -37,12 +35,12 @@ PLACE: Final = ["problem", "cells", "friction"]
 """What names a problem that is ready to be solved, see `body`."""
 
 NAMES: Final = {
-    "contacts": "8 contacts", "block": "dragged block", "ssnv128": "SSNV128", "three": "1 contact",
+    "contacts": "8 contacts", "block": "dragged block", "ssnv128": "SSNV128",
 }  # fmt: skip
 """Problem → what it is called in texts, if that is another word."""
 
 POINTS: Final = 8
-"""Points of the problems without a mesh, but for "three"."""
+"""Points of the problem without a mesh."""
 
 COUPLINGS: Final = np.arange(POINTS, 0, -1) / 10.0
 """Eigenvalues c of the coupling of "contacts"."""
@@ -50,16 +48,10 @@ COUPLINGS: Final = np.arange(POINTS, 0, -1) / 10.0
 _PUSH: Final = 0.1 + 0.05 * np.sin(1.0 + np.arange(POINTS) ** 2)  # has a share of every mode
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A problem ready to be solved.
+class Body(NamedTuple):
+    """A problem ready to be solved, dimensionless, and its units, 1 without a mesh.
 
-    Attributes
-    ----------
-    qvi : the problem, dimensionless
-    force : unit of resultants [stress × length]; 1 without a mesh
-    displacement : unit of displacements [length]; 1 without a mesh
-
+    They are those of resultants [stress × length] and of displacements [length].
     """
 
     qvi: FrictionQVI
@@ -93,23 +85,10 @@ def contacts(friction: float) -> FrictionQVI:
     )  # fmt: skip
 
 
-STATES: Final = {"open": (0.0, 0.0), "stick": (17 / 9, -32.5 / 9), "slip": (5 / 3, -10 / 3)}
-"""(r_N, r_T) of the three solutions of `three_solutions` at μ = 2, by hand: 17/9 = 1.8889, −32.5/9 = −3.6111."""
-
-
-def three_solutions(friction: float) -> FrictionQVI:
-    """One point, u = W r + q with r = (r_N, r_T), W = [[1, 0.8], [0.8, 1]], q = (1, 2.1)."""
-    zero, one = np.zeros(1), np.ones(1)
-    return FrictionQVI.from_arrays(
-        K=csc_array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([-1.0, -2.1]), N=csc_array([[-1.0, 0.0]]), n0=zero,
-        T=csc_array([[0.0, 1.0]]), t0=zero, mu=friction * one, W=one,
-    )  # fmt: skip
-
-
 def body(problem: str, cells: int, friction: float) -> Body:
     """Build a problem by its name; `cells` a side (height), 0 where there is no mesh."""
-    if problem in ("contacts", "three"):
-        return Body(contacts(friction) if problem == "contacts" else three_solutions(friction))
+    if problem == "contacts":
+        return Body(contacts(friction))
     if problem == "plate":
         plate = paper.plate(friction, (cells, cells))
         return Body(plate.qvi, plate.stress_unit * plate.length_unit, plate.displacement)
@@ -119,17 +98,12 @@ def body(problem: str, cells: int, friction: float) -> Body:
     return Body(discretization.qvi, scales.stress * scales.length, scales.displacement)
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """A problem with its solution by the condensed method."""
+class Reference(NamedTuple):
+    """A problem with its solution by the condensed method, and the resultant of σ_N of that, dimensionless."""
 
     body: Body
     solution: QVISolution
-
-    @property
-    def resultant(self) -> float:
-        """Of σ_N, dimensionless."""
-        return self.body.qvi.resultant(self.solution.z)
+    resultant: float
 
 
 @lru_cache(maxsize=8)
@@ -139,7 +113,7 @@ def reference(problem: str, cells: int, friction: float) -> Reference:
     solution = solve_qvi(found.qvi, method="condensed", tolerance=1e-9)
     if not solution.solved:
         raise ArithmeticError(f"no reference: {solution.message}")
-    return Reference(found, solution)
+    return Reference(found, solution, found.qvi.resultant(solution.z))
 
 
 # Solves of the studies of loops: how long they take, what rows keep of how they ended, and frames of these rows.

@@ -1,16 +1,15 @@
 """How loops over the friction bound converge: problems × meshes × μ × loops, their residuals; and the report."""
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from pandas import DataFrame, Series
 
-from comparisons.convergence.bodies import PLACE, STATES, body, ending, in_words, timed
+from comparisons.convergence.bodies import PLACE, ending, in_words, timed
 from comparisons.lab.drawing import drawn, failing_band, legend_below, panelled, plain_ticks
-from comparisons.lab.numbers import NOTHING, count, fixed, scientific, seconds, significant
+from comparisons.lab.numbers import count, fixed, scientific, seconds, significant
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
@@ -80,7 +79,6 @@ FULL: Final[Meshes] = {
     ("ssnv128", 8): (0.3, 0.5, 1.0, 2.0),
     ("ssnv128", 16): (0.1, 0.3, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0),
     ("ssnv128", 24): (0.3, 0.5, 1.0),
-    ("three", 0): (2.0,),
 }
 """(Problem, cells a side) → μ."""
 
@@ -89,28 +87,20 @@ QUICK: Final[Meshes] = {
     ("plate", 4): (0.1,),
     ("plate", 8): (0.1,),
     ("ssnv128", 8): (0.3, 1.0, 4.0),
-    ("three", 0): (2.0,),
 }
 
 _ROUNDING: Final = 1e-12  # residuals below this are
 
-STARTS: Final = (0.0, 1.7, 10.0)
-"""Pressures that loops start from where there are several solutions."""
-
 
 def study(quick: bool) -> Study:
     """The study, or a few coarse meshes of it."""
-    return Study("convergence-outer", 3, "comparisons.convergence.outer:run", [*cases(QUICK if quick else FULL)])
-
-
-def cases(meshes: Meshes, loops: Sequence[str] = tuple(LOOPS)) -> Iterator[dict[str, Any]]:
-    """All loops from the bonded state; on "three" each from several starts, but for the method that takes none."""
-    for (problem, cells), frictions in meshes.items():
-        for friction in frictions:
-            for loop in loops:
-                several = problem == "three" and LOOPS[loop].variant is not None
-                for start in STARTS if several else (None,):
-                    yield {"problem": problem, "cells": cells, "friction": friction, "loop": loop, "start": start}
+    cases = [
+        {"problem": problem, "cells": cells, "friction": friction, "loop": loop}
+        for (problem, cells), frictions in (QUICK if quick else FULL).items()
+        for friction in frictions
+        for loop in LOOPS
+    ]
+    return Study("convergence-outer", 3, "comparisons.convergence.outer:run", cases)
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -123,18 +113,14 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
         seconds : wall times of repeated solves, factorisation included
         residuals : of every outer iteration (of the interior point method where there is no loop)
         sharper : of the plain loop, 1/γ of `solvers.certificate`, None where it was not computed
-        normal : resultant of σ_N, in the unit of the problem's data × length
         certificate : see `bodies.ending`
 
     """
     loop, place = case["loop"], (case["problem"], case["cells"], case["friction"])
-    start = {} if case["start"] is None else {"initial": np.full(1, case["start"])}
-    solution, seconds = timed(place, **LOOPS[loop].options(), **start)
-    qvi = solution.problem
+    solution, seconds = timed(place, **LOOPS[loop].options())
     return {
         **ending(solution), "seconds": seconds, "residuals": [entry.residual for entry in solution.history],
-        **({"sharper": uniqueness_bound(qvi).sharper} if loop == PLAIN else {}),
-        "normal": body(*place).force * qvi.resultant(solution.z),
+        **({"sharper": uniqueness_bound(solution.problem).sharper} if loop == PLAIN else {}),
     }  # fmt: skip
 
 
@@ -161,12 +147,6 @@ def contraction(residuals: Sequence[float], target: float = 0.0) -> float | None
     return float(np.exp(slope)) if shrinks else None
 
 
-SOLUTIONS: Final = {state: STATES[state][0] for state in ("open", "slip", "stick")}
-"""The three solutions of the problem that has them: state → pressure r_N."""
-
-_NUMBERS: Final = ("start", "iterations", "sharper", "normal")
-"""Columns that are numbers, NaN where a run has none; see `run`."""
-
 FORMS: Final[Mapping[str, Form]] = {
     "friction": fixed("g"), "steps": count, "seconds": seconds, "accuracy": scientific,
     **dict.fromkeys(("rate", "ratio"), significant),
@@ -182,28 +162,23 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     `contraction`), ratio (time over that of the condensed method where both solve the problem), and of the plain loop
     the bound μγ.
     """
-    runs = in_words(frame_of(rows, _NUMBERS, ("seconds", "residuals")))
+    runs = in_words(frame_of(rows, ("iterations", "sharper"), ("seconds", "residuals")))
     runs["solved"] = runs.status == "solved"
     runs["steps"] = runs.iterations.where(runs.solved)
     runs["rate"] = [contraction(each, TOLERANCE) if isinstance(each, list) else None for each in runs.residuals]
     runs["rate"] = runs.rate.astype(float)
     runs["bound"] = runs.friction / runs.sharper
-    direct = runs[(runs.loop == CONDENSED) & runs.solved & (runs.problem != "three")].set_index(PLACE).seconds
+    direct = runs[(runs.loop == CONDENSED) & runs.solved].set_index(PLACE).seconds
     runs["ratio"] = (runs.seconds / runs[PLACE].apply(tuple, axis=1).map(direct.to_dict())).where(runs.solved)
     runs["order"] = runs.problem.map({name: place for place, name in enumerate(runs.problem.unique())})
     runs["number"] = runs.loop.map(list(LOOPS).index)
     return runs.sort_values(["order", "cells", "friction", "number"], kind="stable", ignore_index=True)
 
 
-def single(runs: DataFrame) -> DataFrame:
-    """Those of problems that all loops start from the bonded state."""
-    return runs[runs.problem != "three"]
-
-
 def main_bodies(runs: DataFrame) -> list[str]:
     """Of each problem the mesh with the most frictions, the finest of several."""
     found = []
-    for _, several in single(runs).groupby("order"):
+    for _, several in runs.groupby("order"):
         counts = several.groupby(["cells", "body"]).friction.nunique().reset_index()
         found.append(str(counts.sort_values(["friction", "cells"]).body.iloc[-1]))
     return found
@@ -216,44 +191,20 @@ def by_loop(runs: DataFrame) -> list[tuple[str, "DataFrame"]]:
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    found, several = single(runs), runs[runs.problem == "three"]
-    direct, others = found[found.loop == CONDENSED], found[found.loop != CONDENSED]
+    direct, others = runs[runs.loop == CONDENSED], runs[runs.loop != CONDENSED]
     stopped, ratios = others[others.status == "max_iterations"].iterations, others[others.cells > 0].ratio.dropna()
-    plain = found[found.loop == PLAIN]
+    plain = runs[runs.loop == PLAIN]
     sure, beyond = plain[plain.bound < 1.0], plain[plain.bound >= 1.0]
-    ends = [solution_found(run) for run in several.itertuples()]
-    started, counts = several.assign(end=ends)[several.start.notna()], Counter(ends)
-    known = [set(each.end) & set(SOLUTIONS) for _, each in started.groupby("loop")]
     return {
         "limit": None if stopped.empty else int(stopped.max()), "missing": int((~runs.has).sum()),
-        "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in by_loop(found)},
-        "least": direct.steps.min(), "most": direct.steps.max(), "low": found.friction.min(),
-        "high": found.friction.max(), "worst": largest_of(ratios, runs),
+        "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in by_loop(runs)},
+        "least": direct.steps.min(), "most": direct.steps.max(), "low": runs.friction.min(),
+        "high": runs.friction.max(), "worst": largest_of(ratios, runs),
         # the plain loop below and beyond the bound of uniqueness
         "sure": len(sure), "sure_solved": int(sure.solved.sum()), "beyond": len(beyond),
         "beyond_solved": int(beyond.solved.sum()), "farthest": plain[plain.solved].bound.max(),
-        # which of the three solutions is found, and by how many loops in different ones from different starts
-        "starts": {name: counts[name] for name in dict.fromkeys([*SOLUTIONS, *counts])}, "started": len(known),
-        "different": sum(len(each) > 1 for each in known), "several": len(several),
         "loops": {name: loop.options() for name, loop in LOOPS.items()},
         "inner": INNER, "tolerance": TOLERANCE, "iterations": MAX_ITERATIONS, "patience": PATIENCE,
-    }  # fmt: skip
-
-
-def solution_found(run: Any) -> str:
-    """Which of the three solutions a run ended in; the status if in none."""
-    if not run.solved or run.normal != run.normal:
-        return str(run.status)
-    name = min(SOLUTIONS, key=lambda state: abs(SOLUTIONS[state] + run.normal))
-    return name if abs(SOLUTIONS[name] + run.normal) < 1e-6 else "none of the three"
-
-
-def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
-    """The tables by name."""
-    found = single(runs)
-    return {
-        "loops": _loops(found), "runs": found,
-        "solutions": _solutions(runs[runs.problem == "three"]),
     }  # fmt: skip
 
 
@@ -277,24 +228,13 @@ def _share(good: Series) -> str:
     return f"{int(good.sum())} of {len(good)}"
 
 
-def _solutions(several: DataFrame) -> DataFrame:
-    """Which of three solutions each loop finds, from each start."""
-    starts = sorted(several.start.dropna().unique())
-    lines = []
-    for loop, found in by_loop(several):
-        ends = {run.start: solution_found(run) for run in found.itertuples()}
-        only = next(iter(ends.values())) if found.start.isna().all() else NOTHING
-        lines.append({"loop": loop, **{f"start s = {start:g}": ends.get(start, only) for start in starts}})
-    return DataFrame(lines, columns=["loop", *(f"start s = {start:g}" for start in starts)])
-
-
 _RATES: Final = (1e-2, 10.0, 60.0)
 """Lowest rate drawn, beginning of the band of what fails, top."""
 
 
 def _picture(runs: DataFrame) -> "Canvas":
     """A panel for the main mesh of each problem, and one legend for all; crosses for runs that fail."""
-    found, names = single(runs), main_bodies(runs)
+    names = main_bodies(runs)
     canvas, panels = panelled(len(names), 8.0, 2.6, 0.9)
     bottom, band, top = _RATES
     for axes, name in zip(panels, names, strict=True):
@@ -303,7 +243,7 @@ def _picture(runs: DataFrame) -> "Canvas":
         failing_band(axes, band, top)
         axes.set_title(name, fontsize=9)
         axes.axhline(1.0, color="black", linewidth=0.8)
-        here = found[(found.body == name) & (found.loop != CONDENSED)]
+        here = runs[(runs.body == name) & (runs.loop != CONDENSED)]
         known = here[(here.loop == PLAIN) & (here.bound > bottom) & (here.bound < band)]
         if len(known):
             axes.plot(
@@ -323,6 +263,6 @@ def _picture(runs: DataFrame) -> "Canvas":
 def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same report."""
     runs = runs_of(rows)
-    figures = {"rates": drawn("outer-rates", partial(_picture, runs))}
-    return render("comparisons.convergence", "convergence-outer", values_of(runs), tables_of(runs), figures, rows,
+    tables, figures = {"loops": _loops(runs), "runs": runs}, {"rates": drawn("outer-rates", partial(_picture, runs))}
+    return render("comparisons.convergence", "convergence-outer", values_of(runs), tables, figures, rows,
                   forms=FORMS, template="outer.md")  # fmt: skip

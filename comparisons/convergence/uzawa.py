@@ -1,4 +1,4 @@
-r"""How the paper's iteration converges: its run, other steps, other methods; and the report.
+r"""How the paper's iteration converges: its run, other steps; and the report.
 
 On slipping points (4.3) and (4.4) are gradient steps of the length ω_T/θ, θ the friction bound, for the dual operator,
 and (4.2) is one of the length ω_N on open points. With the compliance of the body seen by the contact at the solution,
@@ -11,7 +11,7 @@ multipliers change by less than `STILL` of the largest one per iteration. Beyond
 go on for ever.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final
@@ -20,13 +20,12 @@ import numpy as np
 from pandas import DataFrame, to_numeric
 from scipy.linalg import eigvalsh
 
-from comparisons.convergence.bodies import PLACE, Reference, ending, in_words, reference, timed
+from comparisons.convergence.bodies import PLACE, Reference, ending, in_words, reference
 from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
-from comparisons.lab.numbers import count, fixed, percent, scientific, significant, span
-from comparisons.lab.reports import Form, Report, crossed, render
+from comparisons.lab.numbers import count, fixed, percent, significant, span
+from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
 from comparisons.paper.reference import load
-from comparisons.paper.study import SHRINKING
 from qvi_contact.plots.style import new_figure
 from solvers import QVISolution, solve_qvi
 from solvers.inequality.problem import Compliance
@@ -34,23 +33,8 @@ from solvers.inequality.problem import Compliance
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-MOST: Final = 20_000
-"""Iterations of Uzawa at most."""
-
-METHODS: Final[Mapping[str, Mapping[str, Any]]] = {
-    "Uzawa": {"method": "uzawa", "max_iterations": MOST},
-    "Uzawa, shrinking step": {"method": "uzawa", "max_iterations": MOST, "step_decay": SHRINKING, "decay": "harmonic"},
-    "fixed point, QP": {"method": "fixed-point", "inner": "qp:clarabel"},
-    "fixed point, SOCP": {"method": "fixed-point", "inner": "socp:clarabel"},
-    "condensed": {"method": "condensed"},
-}
-"""Name → options of `solve_qvi`, in the order of tables."""
-
 HALF: Final = 0.5
-"""Steps of runs that are not about steps, as a share of the limits; ω_N, which hardly matters here, in all runs."""
-
-ACCURACY: Final = (("plate", 2, 0.1), ("plate", 2, 0.0), ("plate", 16, 0.1), ("plate", 16, 0.2), ("ssnv128", 8, 1.0))
-"""(Problem, cells, μ) of the comparison at equal accuracy."""
+"""The step ω_N of runs with other steps, as a share of its limit; it hardly matters here."""
 
 ITERATIONS: Final = 2000
 """Of the paper's run and of one with a given step."""
@@ -69,42 +53,29 @@ Record = dict[str, Any]
 
 
 def study(quick: bool) -> Study:
-    """The study, or coarse meshes of it."""
-    return Study("convergence-uzawa", 5, "comparisons.convergence.uzawa:run", [*_cases(quick)])
-
-
-def _cases(quick: bool) -> Iterator[Record]:
-    """The paper's run, steps, and other methods.
+    """The paper's run and steps, or coarse meshes of them.
 
     A step ω_T is a share of its limit, a power of √2 rounded so that it means the same on every machine, and None where
     a run has its own.
     """
-
-    def case(
-        run: str, place: tuple[str, int, float], share: float | None = None, target: float | None = None
-    ) -> Record:
-        return {"run": run, "place": place, "share": share, "target": target}
-
-    def plates(*cells: int) -> list[tuple[str, int, float]]:
-        return [("plate", number, mu) for number in cells for mu in ((0.1,) if quick else (0.05, 0.1, 0.2))]
-
+    frictions, cells = ((0.1,), (2,)) if quick else ((0.05, 0.1, 0.2), (2, 8, 16))
     shares = [round(2.0 ** (power / 2.0), 6) for power in (range(-2, 3) if quick else range(-6, 5))]
-    yield from (case("paper", ("plate", load().cells, mu)) for mu in ((0.0, 0.1, 0.3) if quick else load().table))
-    yield from (case("step", place, share) for place in (plates(2) if quick else plates(2, 8, 16)) for share in shares)
-    for place, method in product(ACCURACY[:1] if quick else ACCURACY, METHODS):
-        targets = (1e-2, 1e-4) if quick else (1e-2, 1e-4, 1e-6, 1e-8)
-        yield from (case(method, place, target=target) for target in targets)
+    cases = [{"run": "paper", "place": ("plate", load().cells, mu), "share": None}
+             for mu in ((0.0, 0.1, 0.3) if quick else load().table)]  # fmt: skip
+    cases += [{"run": "step", "place": ("plate", number, mu), "share": share}
+              for number, mu, share in product(cells, frictions, shares)]  # fmt: skip
+    return Study("convergence-uzawa", 5, "comparisons.convergence.uzawa:run", cases)
 
 
 def run(case: Mapping[str, Any]) -> Record:
-    """Task of the study: Uzawa with a given step, the paper's run, or another method.
+    """Task of the study: Uzawa with a given step, or the paper's run.
 
     Returns
     -------
     dict
         status, message, iterations : how the (last) run ended
         certificate : see `bodies.ending`
-        omega, limit : ω_T and ω_T* [length]; None where no point has a bound above zero, or a method has no step
+        omega, limit : ω_T and ω_T* [length]; None where no point has a bound above zero
         condition : λ_max / λ_min of Θ^(−1/2) Ĉ_TT Θ^(−1/2) on the slipping points; None if there are none
         force : P of the solution
         and what the single runs of this module add
@@ -112,9 +83,7 @@ def run(case: Mapping[str, Any]) -> Record:
     """
     known = reference(*case["place"])
     limits = limits_of(known)
-    if case["run"] in METHODS:
-        found = _accuracy(case, known, limits)
-    elif case["run"] == "paper":
+    if case["run"] == "paper":
         found = _paper(case, known, limits)
     else:
         if limits[0] is None:
@@ -198,20 +167,6 @@ def _paper(case: Mapping[str, Any], known: Reference, limits: Limits) -> Record:
     }  # fmt: skip
 
 
-def _accuracy(case: Mapping[str, Any], known: Reference, limits: Limits) -> Record:
-    """Solve until the certificate confirms the target.
-
-    Adds "seconds", wall times of repeated solves, factorisation included. Uzawa takes half its limits as steps, and
-    where ω_T* is zero, as without friction, the paper's.
-    """
-    options, omega = dict(METHODS[case["run"]]), None
-    if options["method"] == "uzawa":
-        omega = HALF * limits[0] if limits[0] else load().omega_T / known.body.displacement
-        options |= {"omega_T": omega, "omega_N": HALF * limits[1]}
-    solution, seconds = timed(case["place"], tolerance=case["target"], **options)
-    return {**ending(solution), "omega": omega and omega * known.body.displacement, "seconds": seconds}
-
-
 def first_lasting(errors: Sequence[float], numbers: Sequence[int], target: float) -> int | None:
     """The first iteration, by its number, from which all errors on record are at the target or below.
 
@@ -228,7 +183,7 @@ SOON: Final = "to 1e-04"
 
 _TARGETS: Final = tuple(f"to {target:.0e}" for target in TARGETS)
 _NUMBERS: Final = (
-    "share", "target", "omega", "limit", "condition", "force", "iterations", "settles", "last_error", "last_change",
+    "share", "omega", "limit", "condition", "force", "iterations", "settles", "last_error", "last_change",
     "printed", "after", "after_printed_rule", "before", "tractions",
 )  # fmt: skip
 """Columns that are numbers, NaN where a run has none; see `run`."""
@@ -251,9 +206,9 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     return runs.sort_values(PLACE, kind="stable", ignore_index=True)
 
 
-def of(runs: DataFrame, *names: str) -> DataFrame:
-    """The runs of these names that have a result."""
-    return runs[runs.run.isin(names) & runs.has]
+def of(runs: DataFrame, name: str) -> DataFrame:
+    """The runs of this name that have a result."""
+    return runs[(runs.run == name) & runs.has]
 
 
 def paper_runs(runs: DataFrame) -> DataFrame:
@@ -266,23 +221,21 @@ def paper_runs(runs: DataFrame) -> DataFrame:
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    paper, found, equal, steps = load(), paper_runs(runs), of(runs, *METHODS), of(runs, "step")
+    paper, found, steps = load(), paper_runs(runs), of(runs, "step")
     rough, smooth = found[found.friction > 0.0], found[found.friction == 0.0]
     sliding = rough[rough.condition.notna()]
     met = {name: int(((found[name] - found.printed).abs() < _LAST_DIGIT).sum())
            for name in ("after", "after_printed_rule")}  # fmt: skip
-    counts = {name: equal[equal.run == name] for name in METHODS}
     return {
         # after the paper's iterations: errors, what the step costs, how many printed values are met
         "worst": largest_of(rough.error, rough), "tractions": rough.tractions.max(),
         "needed": span(rough[SOON][rough[SOON] > paper.iterations]), "shares": span(sliding.part, percent),
         "quickest": span(sliding["quickest"]), "printed": len(found), "accumulating": met["after"],
         "as_printed": met["after_printed_rule"], "smooth": largest_of(smooth.last_error, smooth),
-        # whether steps up to the limit settle, and targets met by each method
+        # whether steps up to the limit settle
         "safe": int((steps[steps.share <= 1.0].settles == 1).sum()), "short": int((steps.share <= 1.0).sum()),
-        "targets": {name: (int((each.status == "solved").sum()), len(each)) for name, each in counts.items()},
         "iterations": paper.iterations, "omega": paper.omega_T, "half": HALF, "failed": int((~runs.has).sum()),
-        "steps": ITERATIONS, "long": MOST, "near": NEAR, "still": STILL, "methods": METHODS,
+        "steps": ITERATIONS, "near": NEAR, "still": STILL,
     }  # fmt: skip
 
 
@@ -292,18 +245,6 @@ FORMS: Final[Mapping[str, Form]] = {
     **dict.fromkeys((*_TARGETS, "quickest"), count), "part": partial(significant, digits=2), "condition": significant,
 }  # fmt: skip
 """Column of a table → how its numbers read."""
-
-
-def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
-    """The tables by name."""
-    equal = of(runs, *METHODS)
-    return {
-        "paper": paper_runs(runs),
-        "reach": crossed(  # the tightest target that is met
-            equal.assign(problem=equal["where"]), "problem", "run",
-            lambda found: scientific(found.target[found.status == "solved"].min(), 1), tuple(METHODS),
-        ),
-    }  # fmt: skip
 
 
 def _history_picture(found: DataFrame) -> "Canvas":
@@ -327,6 +268,6 @@ def _history_picture(found: DataFrame) -> "Canvas":
 def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same report."""
     runs = runs_of(rows)
-    figures = {"history": drawn("uzawa-history", partial(_history_picture, of(runs, "paper")))}
-    return render("comparisons.convergence", "convergence-uzawa", values_of(runs), tables_of(runs), figures, rows,
-                  forms=FORMS, template="uzawa.md")  # fmt: skip
+    tables, drawing = {"paper": paper_runs(runs)}, partial(_history_picture, of(runs, "paper"))
+    return render("comparisons.convergence", "convergence-uzawa", values_of(runs), tables,
+                  {"history": drawn("uzawa-history", drawing)}, rows, forms=FORMS, template="uzawa.md")  # fmt: skip

@@ -58,11 +58,11 @@ def save_qvi(path: str | Path, qvi: FrictionQVI, solution: QVISolution | None = 
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     arrays: Arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
     for name in _MATRICES:
-        arrays |= _by_columns(name, getattr(qvi, name))
+        arrays |= parts_of(name, getattr(qvi, name))
     arrays |= {name: getattr(qvi, name) for name in _VECTORS}
     if qvi.traces is not None:
-        arrays |= _by_columns("traces_rows", by_columns(qvi.traces.rows))
-        arrays |= _by_columns("traces_interpolation", by_columns(qvi.traces.interpolation))
+        arrays |= parts_of("traces_rows", by_columns(qvi.traces.rows))
+        arrays |= parts_of("traces_interpolation", by_columns(qvi.traces.interpolation))
     if solution is not None:
         arrays |= {f"solution_{name}": getattr(solution, name) for name in _SOLUTION}
         if solution.problem is not qvi and not _same(solution.problem, qvi):
@@ -94,7 +94,7 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
     except InputError:
         raise
     except (*_BROKEN, AttributeError) as error:  # AttributeError: a single array, which is no archive
-        raise unreadable(path, error, _KIND) from error
+        raise _unreadable(path, error) from error
     found, version = str(arrays.get("format", "no format")), arrays.get("version", np.array(0))
     if found != FORMAT:
         raise InputError("file", f"{found} in {Path(path).name}", f"give {_KIND}")
@@ -110,16 +110,17 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
     except InputError:
         raise
     except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
-        raise unreadable(path, error, _KIND) from error
+        raise _unreadable(path, error) from error
 
 
-def unreadable(path: str | Path, error: Exception, kind: str) -> InputError:
+def _unreadable(path: str | Path, error: Exception) -> InputError:
     """The error for a file that is missing, truncated or of another format."""
     reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
-    return InputError("file", str(path), f"cannot be read ({reason}): give {kind}")
+    return InputError("file", str(path), f"cannot be read ({reason}): give {_KIND}")
 
 
-def _by_columns(name: str, matrix: Sparse) -> Arrays:
+def parts_of(name: str, matrix: Sparse) -> Arrays:
+    """A matrix by columns as arrays whose names begin with its own."""
     parts = {"data": matrix.data, "indices": matrix.indices, "indptr": matrix.indptr, "shape": np.array(matrix.shape)}
     return {f"{name}_{part}": value for part, value in parts.items()}
 

@@ -1,18 +1,16 @@
-"""Commands ``export`` and ``import`` of ``python -m comparisons``."""
+"""The commands ``export`` of ``python -m comparisons``."""
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from qvi_contact.basics.terminal import Command, Group
+from qvi_contact.basics.terminal import Group
 
 if TYPE_CHECKING:
-    from comparisons.exchange import ContactState, LocalProblem
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.result import ContactResult
-    from solvers import Certificate
 
 _PROBLEM = click.argument("problem", metavar="PROBLEM")
 _FILE = click.argument("file", metavar="FILE")
@@ -76,14 +74,15 @@ def fclib(problem: str, file: str, penalty: float | None) -> int:
 
     Forces and displacements at the contact points are dimensionless. The file says what their units are. Where there
     are more points than degrees of freedom of the tractions, the problem has equations (FCLIB's V, R and s). Siconos
-    ignores them: for Siconos give --penalty 1e6, which replaces them with an error of about 1e-6. If the problem is not
-    solved, the file holds no solution and the exit status is 1.
+    ignores them: for Siconos give --penalty 1e6, which replaces them with an error of about 1e-6. The output has the
+    solution's error as Siconos measures it. If the problem is not solved, the file holds no solution and the exit
+    status is 1.
 
     \b
     Example:
         python -m comparisons export fclib examples/punch.toml punch.hdf5
     """  # noqa: D301
-    from comparisons.exchange import local_problem, state_of, write_fclib
+    from comparisons.exchange import local_problem, siconos_error, state_of, write_fclib
     from qvi_contact.errors import InputError
 
     _check_target(file, ".hdf5")
@@ -101,6 +100,8 @@ def fclib(problem: str, file: str, penalty: float | None) -> int:
         f"displacement {scales.displacement:.17g}, stress {scales.stress:.17g}, length {scales.length:.17g}."
     )
     write_fclib(file, local, state, title=source.title, description=f"{source.description} {units}".strip())
+    if state is not None:
+        click.echo(f"Siconos error {siconos_error(local, state.r, state.lam):.1e}")
     return _written(file, result)
 
 
@@ -122,65 +123,6 @@ def npz(problem: str, file: str) -> int:
     _, result = _solved(problem)
     save_qvi(file, result.solution.problem, result.solution)
     return _written(file, result)
-
-
-@click.command("import", cls=Command, short_help="Solve a problem in another program's format.")
-@_FILE
-@click.option("--method", help="Outer method, see: qvi-contact methods")
-@click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
-@click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
-def import_file(file: str, **given: Any) -> int:
-    """Solve the problem in FILE, and check the solution that FILE holds.
-
-    FILE is an archive of "export npz" or a plane FCLIB problem. The output has the status, the certificate, and
-    Siconos' error in the file's units and in dimensionless numbers. The exit status is 0 if the problem is solved, 1 if
-    not, and 2 if the file is wrong.
-
-    \b
-    Example:
-        python -m comparisons import punch.hdf5
-    """  # noqa: D301
-    import numpy as np
-
-    from comparisons.exchange import load_qvi, local_problem, read_fclib, siconos_error, solve_local, state_of
-    from solvers import InputError, solve_qvi
-
-    options = {name: value for name, value in given.items() if value is not None}
-    states: list[tuple[str, ContactState | None, Certificate]] = []
-    problem: LocalProblem | None = None
-    note = ""
-    with np.errstate(all="ignore"):  # what overflows fails its certificate
-        if Path(file).suffix.lower() == ".npz":
-            qvi, known = load_qvi(file)
-            kind, sizes = "NumPy archive", (qvi.m, qvi.n, qvi.p)
-            try:
-                problem = local_problem(qvi)
-            except InputError as error:
-                note = f"  no Siconos error: {error.field} has no place in FCLIB\n"
-            solution = solve_qvi(qvi, **options)
-            for label, each in (("solution", known), ("solved here", solution)):
-                if each is not None:
-                    state = None if problem is None else state_of(problem, each)
-                    states.append((label, state, each.certificate))
-        else:
-            held = read_fclib(file)
-            problem, kind = held.problem, f"FCLIB, “{held.title}”" if held.title else "FCLIB"
-            sizes = (problem.contacts, len(problem.q), len(problem.s))
-            if held.solution is not None:
-                certificate = problem.certify(held.solution, options.get("tolerance", 1e-8))
-                states.append(("solution", held.solution, certificate))
-            state, solution = solve_local(problem, **options)
-            states.append(("solved here", state, solution.certificate))
-        points, unknowns, equations = sizes
-        click.echo(f"{file}: {kind}, {points} contact points, {unknowns} unknowns, {equations} equations")
-        for label, state, certificate in states:
-            click.echo(f"  {label}: {certificate.summary()}")
-            if problem is not None and state is not None:
-                own, (_, r, lam) = problem.dimensionless(state)
-                given_units, scaled = siconos_error(problem, state.r, state.lam), siconos_error(own, r, lam)
-                click.echo(f"    Siconos error {given_units:.1e}, {scaled:.1e} with dimensionless u and r")
-    click.echo(f"{note}status: {solution.message}")
-    return 0 if solution.solved else 1
 
 
 def _check_target(file: str, suffix: str) -> None:

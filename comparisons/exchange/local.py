@@ -1,4 +1,4 @@
-r"""The friction problem at the contacts alone, as rigid-body and contact codes pose it, from a `FrictionQVI` and back.
+r"""The friction problem at the contacts alone, as rigid-body and contact codes pose it, from a `FrictionQVI`.
 
 FCLIB's local problem in the plane, order (N, T) for each of c contacts: find r, u (2c,) and λ (p,) with
 
@@ -28,42 +28,21 @@ u = W r + q with a finite W puts no restriction on r. `LocalProblem.penalised` c
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from solvers.basics.checks import real_array
 from solvers.basics.types import Matrix, Vector
-from solvers.certificate.certificate import Certificate, certify
 from solvers.errors import InputError
 from solvers.fixed_point import CondensedForm, FullForm
 from solvers.inequality.problem import FrictionQVI
 from solvers.solution import QVISolution
-from solvers.solve import solve_qvi
 
 LARGEST = 6000
 """Rows 2c up to which problems are taken: their matrices are treated as dense."""
 
-_ASYMMETRY = 1e-8  # accepted |W − Wᵀ| relative to |W|
-_NEGATIVE = 1e-8  # eigenvalues below minus this share of the largest make W indefinite
-_SINGULAR = 1e-12  # eigenvalues below this share of the largest are zero
 _ROOTED = 20_000  # unknowns up to which a condensation pays for factorising R instead of K
-_INCONSISTENT = 1e-8  # relative part of s that no r and λ can balance
-_REGULARISATION = 1e-6  # compliance added, as a share of the diagonal of W, where W is singular
-_PROXIMAL_STEPS = 20
-_SETTLED = 1e-13  # what is left of the added compliance's displacement, relative to q, that is not worth another step
-
-
-def finite(field: str, values: np.ndarray, *, infinite: bool = False) -> np.ndarray:
-    """The numbers as float64; `InputError` for anything that is no number, NaN, or (unless allowed) infinite."""
-    if values.dtype.kind not in "fiu":
-        raise InputError(field, f"type {values.dtype}", "give real numbers")
-    numbers = np.asarray(values, dtype=np.float64)
-    if np.isnan(numbers).any() or not (infinite or np.isfinite(numbers).all()):
-        raise InputError(field, "NaN or infinity", "give finite numbers")
-    return numbers
 
 
 class ContactState(NamedTuple):
@@ -76,202 +55,42 @@ class ContactState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LocalProblem:
-    """Problem (L) in the plane.
+    """Problem (L) in the plane, as `local_problem` makes it.
 
     Attributes
     ----------
     W : (2c, 2c) compliance, symmetric positive semi-definite
     q : (2c,) displacements at r = 0
     mu : (c,) ≥ 0
-    V, s : (2c, p) and (p,); p = 0 when not given
-    weights : (c,) > 0, lengths that make forces tractions; 1 when not given
-
-    Accepted is every such problem of up to `LARGEST` rows. Where W is singular on Vᵀ r = 0 (more forces than
-    displacements, as in hyperstatic stacks), forces are not unique; then `qvi` adds a small compliance, which
-    `solve_local` takes away again in proximal steps. Anything else raises `InputError`.
+    V, s : (2c, p) and (p,); V has independent columns, p = 0 without equations
+    weights : (c,) > 0, lengths that make forces tractions
 
     """
 
     W: Matrix
     q: Vector
     mu: Vector
-    V: Matrix = None  # type: ignore[assignment]  # None is replaced on construction
-    s: Vector = None  # type: ignore[assignment]
-    weights: Vector = None  # type: ignore[assignment]
-
-    def __post_init__(self) -> None:
-        size = np.size(self.q)
-        if (self.V is None) != (self.s is None):
-            raise InputError("V", "one of V and s", "give both, or none")
-        none, ones = np.zeros(0), np.ones(np.size(self.mu))
-        empty = {"V": none.reshape(size, 0), "s": none, "weights": ones}
-        for name in ("W", "q", "mu", "V", "s", "weights"):
-            value = getattr(self, name)
-            object.__setattr__(self, name, finite(name, np.asarray(empty[name] if value is None else value)))
-        if size % 2 or not 0 < size <= LARGEST:
-            raise InputError("q", f"{size} entries", f"give two for each contact, at most {LARGEST} in all")
-        c, p = size // 2, np.size(self.s)
-        expected: dict[str, tuple[int, ...]] = {
-            "W": (size, size), "q": (size,), "mu": (c,), "V": (size, p), "s": (p,), "weights": (c,),
-        }  # fmt: skip
-        for name, shape in expected.items():
-            found = getattr(self, name).shape
-            if found != shape:
-                raise InputError(name, f"shape {found}", f"give shape {shape}, as q and s say")
-        if (self.mu < 0).any():
-            raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
-        if not (self.weights > 0).all():
-            raise InputError("weights", float(self.weights.min()), "give lengths > 0")
-        # symmetric and positive semi-definite, up to rounding
-        largest = float(np.abs(self.W).max(initial=0.0))
-        asymmetry = float(np.abs(self.W - self.W.T).max(initial=0.0))
-        if asymmetry > _ASYMMETRY * largest:
-            raise InputError("W", f"asymmetry {asymmetry / largest:.1e}", "give a symmetric matrix")
-        values = np.linalg.eigvalsh(self.W)
-        if values[0] < -_NEGATIVE * max(values[-1], 0.0) - np.finfo(float).tiny:
-            raise InputError("W", f"eigenvalue {values[0]:.1e}", "give a positive semi-definite matrix")
-
-    @property
-    def contacts(self) -> int:
-        """Number of contacts c."""
-        return len(self.mu)
+    V: Matrix
+    s: Vector
+    weights: Vector
 
     def displacements(self, r: Vector, lam: Vector) -> Vector:
         """W r + V λ + q (2c,)."""
         return np.asarray(self.W @ r + self.V @ lam + self.q)
 
-    def energy(self, r: Vector) -> float:
-        """½ rᵀ W r + qᵀ r."""
-        return float(0.5 * r @ (self.W @ r) + self.q @ r)
-
-    def tractions(self, r: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) = (−r_N, r_T) / weights, (c,) each."""
-        return -r[0::2] / self.weights, r[1::2] / self.weights
-
-    @cached_property
-    def regularisation(self) -> float:
-        """Share ε of its diagonal that `qvi` adds to W; 0 where W is positive definite on Vᵀ r = 0."""
-        least = np.linalg.eigvalsh(self._stiffened)[0]
-        return 0.0 if least > _SINGULAR else _REGULARISATION
-
-    def qvi(self, centre: Vector | None = None) -> FrictionQVI:
-        """(L) as `FrictionQVI`, dimensionless: z = r / (ρ d), tractions at c points by the weights.
-
-            K = d W d/ω + ε + U Uᵀ,  f = ε z₀ − d q/(ω ρ) + U t,  A = Uᵀ,  b = t
-
-        with ω and ρ the units of compliance and force, d = √(ω / W_ii), and A z = b the equations with orthonormal
-        rows. U Uᵀ changes nothing where they hold, and makes K positive definite. ε is the `regularisation`: where it
-        is not 0, u has an additional part ε W_ii (r − r₀), with r₀ the `centre`, 0 when not given.
-        """
-        U, target = self._equations
-        omega, rho, d, epsilon = self._compliance, self.force_unit, self._scale, self.regularisation
-        c, t = self.contacts, target / rho
-        N, T = np.zeros((c, 2 * c)), np.zeros((c, 2 * c))
-        places = np.arange(c)
-        N[places, 2 * places], T[places, 2 * places + 1] = -d[0::2] / self.weights, d[1::2] / self.weights
-        K = self._stiffened + epsilon * np.eye(2 * c)
-        z0 = np.zeros(2 * c) if centre is None else centre / (rho * d)
-        return FrictionQVI.from_arrays(
-            K=csc_array((K + K.T) / 2.0), f=U @ t + epsilon * z0 - d * self.q / (omega * rho),
-            N=csc_array(N), n0=np.zeros(c), T=csc_array(T), t0=np.zeros(c),
-            mu=self.mu, W=self.weights, A=csc_array(U.T), b=t,
-        )  # fmt: skip
-
-    @cached_property
-    def force_unit(self) -> float:
-        """ρ: what a displacement of the size of q costs, or what the equations prescribe."""
-        pushed, prescribed = np.abs(self._scale * self.q).max(), np.abs(self._equations[1]).max(initial=0.0)
-        sizes = (pushed / self._compliance, prescribed)
-        return float(max(sizes)) or 1.0
-
-    def state(self, solution: QVISolution) -> ContactState:
-        """r, λ, and u = W r + V λ + q computed from them, of a solution of `qvi` (NaN where it has none)."""
-        r = self.force_unit * self._scale * solution.z
-        pushed = self._equations[0] @ (self._compliance * self.force_unit * solution.equality_multiplier)  # d V λ
-        lam = np.asarray(np.linalg.lstsq(self._scale[:, None] * self.V, pushed, rcond=None)[0], np.float64)
-        return ContactState(self.displacements(r, lam), r, lam)
-
-    def certify(self, state: ContactState, tolerance: float = 1e-8) -> Certificate:
-        """The certificate of a state (see `solvers.certificate`), on `qvi` about it: from r, λ and u as given.
-
-        Where W is singular displacements are measured by the compliance that `qvi` adds: it is stricter than needed.
-        """
-        scale = self._compliance * self.force_unit
-        m_N, m_T = self.weights * state.u[0::2] / scale, -self.weights * state.u[1::2] / scale
-        held = self._equations[0].T @ (self._scale * (self.V @ state.lam))
-        return certify(self.qvi(state.r), state.r / (self.force_unit * self._scale), m_N, m_T, held / scale, tolerance)
-
-    def dimensionless(self, state: ContactState) -> "tuple[LocalProblem, ContactState]":
-        """Problem and state in the units ω of W and ρ of forces: what measures that mix u and r should be given."""
-        omega, rho = self._compliance, self.force_unit
-        u, r, lam = state
-        q, s = self.q / (omega * rho), self.s / rho
-        problem = LocalProblem(self.W / omega, q, self.mu, self.V, s, self.weights)
-        return problem, ContactState(u / (omega * rho), r / rho, lam / (omega * rho))
-
     def penalised(self, factor: float = 1e8) -> "LocalProblem":
         """A plain problem whose solutions tend to those of this one like 1 / factor.
 
-        Equations Uᵀ (r / d) = t become springs of compliance factor × ω (ω, d of `qvi`). For programs that read W, q
-        and μ only; the condition number of W grows with the factor.
+        With ω the largest W_ii and d = √(ω / W_ii), equations Uᵀ (r / d) = t with orthonormal columns U become springs
+        of compliance factor × ω. For programs that read W, q and μ only; W's condition number grows with the factor.
         """
-        U, target = self._equations
-        pulled = U / self._scale[:, None]
-        stiff = factor * self._compliance
-        W, q = self.W + stiff * pulled @ pulled.T, self.q - stiff * pulled @ target
-        return LocalProblem(W, q, self.mu, weights=self.weights)
-
-    @property
-    def _compliance(self) -> float:
-        """ω."""
-        return float(self.W.diagonal().max(initial=0.0)) or 1.0
-
-    @property
-    def _scale(self) -> Vector:
-        """The d (2c,) with which the diagonal of d W d is ω; 1 where W is zero."""
         diagonal = self.W.diagonal()
-        return np.sqrt(self._compliance / np.where(diagonal > 0.0, diagonal, self._compliance))
-
-    @cached_property
-    def _stiffened(self) -> Matrix:
-        """The matrix d W d / ω + U Uᵀ of `qvi`."""
-        U, W = self._equations[0], (self.W + self.W.T) / 2.0
-        return np.asarray(W * self._scale * self._scale[:, None] / self._compliance + U @ U.T)
-
-    @cached_property
-    def _equations(self) -> tuple[Matrix, Vector]:
-        """U (2c, k) with orthonormal columns and t (k,): the equations as Uᵀ (r / d) = t."""
-        U, sizes, Y = np.linalg.svd(self._scale[:, None] * self.V, full_matrices=False)
-        kept = sizes > _SINGULAR * sizes.max(initial=0.0)
-        wanted = -Y @ self.s
-        missed = float(np.linalg.norm(Y[kept].T @ wanted[kept] + self.s))
-        if missed > _INCONSISTENT * float(np.linalg.norm(self.s)):
-            raise InputError("s", f"{missed:.1e}", "give equations Vᵀ r + s = 0 that some forces satisfy")
-        return U[:, kept], wanted[kept] / sizes[kept]
-
-
-def solve_local(problem: LocalProblem, **options: Any) -> tuple[ContactState, QVISolution]:
-    """Solve (L) by `solve_qvi`, whose options these are.
-
-    Where W is singular, the proximal steps r₀ ← r take the added compliance away, down to ε W_ii (r − r₀) of the last.
-
-    Returns
-    -------
-    The state, and the solution of `LocalProblem.qvi`, in the last step about its centre; both as they are where the
-    solver failed, see its status.
-
-    """
-    solution = solve_qvi(problem.qvi(), **options)
-    state = problem.state(solution)
-    left = np.inf
-    for _ in range(_PROXIMAL_STEPS if problem.regularisation else 0):
-        if not solution.solved or left <= _SETTLED * float(np.abs(problem.q).max()):
-            break
-        solution = solve_qvi(problem.qvi(state.r), **options)
-        after = problem.state(solution)
-        left = problem.regularisation * float(np.abs(problem.W.diagonal() * (after.r - state.r)).max())
-        state = after
-    return state, solution
+        omega = float(diagonal.max())
+        d = np.sqrt(omega / np.where(diagonal > 0.0, diagonal, omega))
+        U, sizes, Y = np.linalg.svd(d[:, None] * self.V, full_matrices=False)
+        pulled, target = U / d[:, None], -(Y @ self.s) / sizes
+        W, q = self.W + factor * omega * pulled @ pulled.T, self.q - factor * omega * pulled @ target
+        return replace(self, W=W, q=q, V=np.zeros((len(q), 0)), s=np.zeros(0))
 
 
 def local_problem(qvi: FrictionQVI) -> LocalProblem:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
+from comparisons.exchange.archive import parts_of
 from qvi_contact import ContactProblem, solve
 from qvi_contact.basics.writing import replacing, write_text
 from qvi_contact.gallery import compressed_plate, ssnv128
@@ -53,11 +54,7 @@ class QuadraticProgram:
         """Write it into the folder as the test set reads it."""
         arrays: dict[str, Any] = {"q": self.q, "h": self.h, "b": self.b}
         for key, matrix in (("P", self.P), ("G", self.G), ("A", self.A)):
-            columns = csc_array(matrix)
-            arrays |= {
-                f"{key}_data": columns.data, f"{key}_indices": columns.indices, f"{key}_indptr": columns.indptr,
-                f"{key}_shape": np.array(columns.shape),
-            }  # fmt: skip
+            arrays |= parts_of(key, csc_array(matrix))
         path = folder / f"{self.name}.npz"
         with replacing(path) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(stream, **arrays)

@@ -19,7 +19,6 @@ import json
 import os
 import pickle
 import platform
-import sqlite3
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -156,6 +155,15 @@ def machine() -> dict[str, Any]:
     }  # fmt: skip
 
 
+def peak_memory() -> int | None:
+    """Largest resident memory of this process so far [bytes]; None where the system does not tell."""
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
+                return 1024 * int(line.split()[1])
+    return None
+
+
 def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
     """Package → version, None of those that are not installed."""
     from importlib.metadata import PackageNotFoundError, version  # as long to load as all else of a worker process
@@ -207,13 +215,12 @@ def frame_of(rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[
     """
     from pandas import DataFrame, to_numeric
 
-    found = DataFrame([
+    lines = DataFrame([
         {**row.case, "status": row.status, **row.result, "reason": row.reason, "spent": row.seconds,
          "has": row.status == DONE, "accuracy": (row.certificate or {}).get("accuracy")}
         for row in rows
     ])  # fmt: skip
-    missing = [name for name in ("status", "has", "accuracy", *numbers, *others) if name not in found]
-    found[missing] = DataFrame(float("nan"), found.index, missing, dtype=object)
+    found = lines.reindex(columns=[*dict.fromkeys((*lines, "status", "has", "accuracy", *numbers, *others))])
     for name in ("accuracy", *numbers):
         found[name] = to_numeric(found[name])
     return found
@@ -321,36 +328,28 @@ def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
     return tuple(found[key] for key in study.keys if key in found)
 
 
-class Store:
-    """A store that rows are appended to, see `writing`."""
-
-    def __init__(self, path: Path, connection: sqlite3.Connection, study: Study) -> None:
-        self._path, self._connection, self._study = path, connection, study
-
-    def keys(self) -> set[str]:
-        """Keys of the rows that are there."""
-        with _STORE.explained(self._path):
-            return {key for (key,) in self._connection.execute('SELECT key FROM "rows"')}
-
-    def append(self, case: Case, outcome: Outcome, environment: Mapping[str, Any]) -> None:
-        """Write a row; when this returns, it is on disk. `InputError` if that fails, or the row was there."""
-        surroundings, result = _json(environment), dict(outcome.value or {})
-        certificate = result.pop("certificate", None)
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        values = (
-            self._study.key(case), self._study.name, json.dumps(case), outcome.status, outcome.reason,
-            json.dumps(result), json.dumps(certificate), outcome.seconds, now, outcome.load_average, surroundings,
-        )  # fmt: skip
-        with _STORE.explained(self._path), self._connection:
-            self._connection.execute("INSERT OR IGNORE INTO environments (content) VALUES (?)", (surroundings,))
-            self._connection.execute(_WRITE, values)
-
-
 @contextmanager
-def writing(path: Path, study: Study) -> Iterator[Store]:
-    """Open a store for appending, made if it is missing, and keep all other runs away from it."""
+def writing(path: Path, study: Study) -> Iterator[Callable[[Case, Outcome, Mapping[str, Any]], None]]:
+    """Open a store for appending, made if it is missing, and keep all other runs away from it.
+
+    What this gives writes the row of a case: its outcome, and the environment. When it returns, the row is on disk;
+    `InputError` if that fails, or the row was there.
+    """
     with _STORE.writing(path, lambda _: None) as connection:
-        yield Store(path, connection, study)
+
+        def append(case: Case, outcome: Outcome, environment: Mapping[str, Any]) -> None:
+            surroundings, result = _json(environment), dict(outcome.value or {})
+            certificate = result.pop("certificate", None)
+            now = datetime.now(UTC).isoformat(timespec="seconds")
+            values = (
+                study.key(case), study.name, json.dumps(case), outcome.status, outcome.reason, json.dumps(result),
+                json.dumps(certificate), outcome.seconds, now, outcome.load_average, surroundings,
+            )  # fmt: skip
+            with _STORE.explained(path), connection:
+                connection.execute("INSERT OR IGNORE INTO environments (content) VALUES (?)", (surroundings,))
+                connection.execute(_WRITE, values)
+
+        yield append
 
 
 # runs
@@ -385,8 +384,8 @@ def run_study(
     limits = Limits(timeout, memory, threads, study.fresh)
     terms = {"threads": threads, "timeout_seconds": timeout, "memory_mib": memory}
     try:
-        with writing(path, study) as kept:
-            finished = kept.keys()
+        with writing(path, study) as append:
+            finished = {study.key(row.case) for row in read_rows(study, path)}
             pending = deque((key, dict(case)) for key, case in study.keys.items() if key not in finished)
             begun = len(study.cases) - len(pending)
             with (
@@ -396,7 +395,7 @@ def run_study(
             ):
                 for (_, case), outcome in done:
                     about = outcome.about or {"machine": None, "versions": {}}  # of a worker that a cluster has lost
-                    kept.append(case, outcome, {**about, **terms})
+                    append(case, outcome, {**about, **terms})
                     advance()
     except NotLoadedError as error:
         if error.cramped:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from qvi_contact.errors import InputError
 from solvers import available
 
 LEVELS: Final[Mapping[str, float]] = MappingProxyType({"low": 1e-3, "mid": 1e-6, "high": 1e-9})
@@ -44,18 +43,12 @@ _INTERIOR_ITERATIONS: Final = 100
 
 
 class Backend(NamedTuple):
-    """What a solver is, its own options at each level, and what it keeps from one problem of a sequence to the next.
-
-    Those that keep nothing begin anew each time.
-    """
+    """What a solver is, and its own options at each level."""
 
     remark: str
     levels: Mapping[str, Options]
-    keeps: str = ""
 
 
-_AT_LAST: Final = "starts at the last answer"
-_UPDATED: Final = "program kept, parameters updated"
 _CONE: Final = "through `cvxpy`, one cone for each contact point"
 _CONES: Final = "through `cvxpy`, one cone for each contact point and one for the energy"
 
@@ -73,7 +66,7 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
     )),
     "qp:osqp": Backend(
         "operator splitting, not polished",
-        _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS, polishing=False), _AT_LAST,
+        _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS, polishing=False),
     ),
     "qp:piqp": Backend("proximal interior point", _levels(
         (*_BOTH, "eps_duality_gap_abs", "eps_duality_gap_rel"), max_iter=_INTERIOR_ITERATIONS
@@ -82,7 +75,7 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
         "augmented Lagrangian, absolute tolerances; those of infeasibility stay at 1e-4: `qpsolvers` does not hand "
         "them on",
         _levels(("eps_abs", "eps_duality_gap_abs", "eps_duality_gap_rel"), eps_rel=0.0, check_duality_gap=True,
-                max_iter=1000), _AT_LAST,
+                max_iter=1000),
     ),
     "qp:qpalm": Backend("augmented Lagrangian", _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS)),
     "qp:quadprog": Backend(
@@ -91,12 +84,12 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
     "qp:scs": Backend("operator splitting on cones", _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS)),
     "direct:clarabel": Backend(
         "Clarabel without `qpsolvers`: one solver, its vectors updated",
-        _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS), "solver kept, vectors updated",
+        _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS),
     ),
-    "socp:clarabel": Backend(_CONE, _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS), _UPDATED),
-    "socp:cvxopt": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS, kktsolver="robust"), _UPDATED),
-    "socp:ecos": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS), _UPDATED),
-    "socp:scs": Backend(_CONE, _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS), _UPDATED),
+    "socp:clarabel": Backend(_CONE, _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS)),
+    "socp:cvxopt": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS, kktsolver="robust")),
+    "socp:ecos": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS)),
+    "socp:scs": Backend(_CONE, _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS)),
     "condensed": Backend(
         "the package's interior point method on the whole inequality, without inner problems", _levels(("gap",))
     ),
@@ -109,18 +102,8 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
 
 
 def options(solver: str, level: str) -> Options:
-    """Options of a solver at a level, by its own names.
-
-    Raises
-    ------
-    InputError
-        If the table does not have it.
-
-    """
-    try:
-        return TABLE[solver].levels[level]
-    except KeyError:
-        raise InputError("solver", f"{solver}, {level}", f"choose one of {', '.join(TABLE)}") from None
+    """Options of a solver of the table at a level, by its own names."""
+    return TABLE[solver].levels[level]
 
 
 def installed() -> tuple[str, ...]:

@@ -14,10 +14,10 @@ import numpy as np
 from pandas import DataFrame, Series, concat
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
-from comparisons.lab.numbers import NOTHING, count, listing, percent, seconds, significant, span, spread
+from comparisons.lab.numbers import count, percent, seconds, significant, span
 from comparisons.lab.reports import Form, Report, crossed, render
-from comparisons.lab.studies import DONE, Row
-from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE, Backend
+from comparisons.lab.studies import Row, frame_of
+from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.study import (
     COLD,
@@ -29,10 +29,8 @@ from comparisons.solvers.study import (
     OUTER,
     RIGHT,
     UNTRUE,
-    WARM,
 )
-from qvi_contact.plots import BLUE, GREY, VERMILLION
-from qvi_contact.plots.style import PURPLE, SKY, new_figure
+from qvi_contact.plots.style import new_figure
 from solvers.inner.registry import how_to_install
 
 if TYPE_CHECKING:
@@ -43,7 +41,7 @@ KINDS: Final = {
     "sequence": "sequences of inner problems",
     "outer": "whole inequalities (condensed)",
 }
-"""Kind of task → its name; sequences are warm where the solver can keep something."""
+"""Kind of task → its name."""
 
 RARELY: Final = 0.05
 """Share of untrue answers below which a solver is not named in a sentence."""
@@ -54,69 +52,40 @@ UNTIL: Final = 100.0
 HIGHLIGHTED: Final = 5
 """Curves of a panel that have a colour."""
 
-NEGLIGIBLE: Final = 1.2
-"""Ratio of times below which, and above whose inverse, times count as equal."""
-
 OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
 INSTANCE: Final = ("level", "problem", "form")
 """What solvers are compared on, task by task."""
 
 _NAMED: Final = 3  # solvers that are ranked
-_FACTORS: Final = ("solver", "task", *INSTANCE)
-_NUMBERS: Final = ("seconds", "spread", "limit", "accuracy")
 _WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
-_UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a row, those without a result too.
 
-    The columns are solver, task, problem, form, level; seconds (median wall time [s]), spread (largest less smallest
-    time over the median), limit (wall time after which the case was ended [s]) and accuracy (smallest tolerance at
-    which the certificate passes), NaN where there is none; certified, whether the certificate passed at the level's
-    tolerance, or where there is no solution, whether that was said; status, what was said last; a number of problems
-    for each outcome; options, which the solver was given, None without an answer; feasible, whether there is a
-    solution; time of a success.
+    The columns are those of `frame_of`, with status, what was said last, and seconds, the median wall time [s];
+    certified, whether the certificate passed at the level's tolerance, or where there is no solution, whether that was
+    said; a number of problems for each outcome; feasible, whether there is a solution; time of a success.
     """
-    lines = []
-    for row in rows:
-        line = {name: row.case[name] for name in _FACTORS} | {"limit": row.environment.get("timeout_seconds")}
-        if row.status != DONE:
-            lines.append({**line, "certified": False, "status": row.status, NO_ANSWER: 1})
-            continue
-        found, times = row.result, row.result["seconds"]
-        right = row.certificate["passed"] if row.certificate else set(found["outcomes"]) == {RIGHT}
-        told = {name: found.get(name) for name in ("status", "options", "accuracy")}
-        lines.append(
-            {
-                **line,
-                **told,
-                **found["outcomes"],
-                "certified": right,
-                "seconds": statistics.median(times),
-                "spread": spread(times),
-            }
-        )
-    frame = DataFrame(lines, columns=[*_FACTORS, *_NUMBERS, *OUTCOMES, "certified", "status", "options"])
-    frame = frame.astype({**dict.fromkeys((*_NUMBERS, *OUTCOMES), float), "certified": bool})
-    frame[[*OUTCOMES]] = frame[[*OUTCOMES]].fillna(0).astype(int)
-    frame["feasible"] = np.array([PROBLEMS[name].feasible for name in frame.problem], dtype=bool)
-    frame["time"] = frame.seconds.where(frame.certified)
-    return frame
+    runs = frame_of(rows, (), ("seconds", "options"))
+    told = DataFrame([row.result.get("outcomes", {NO_ANSWER: 1}) for row in rows], columns=[*OUTCOMES])
+    runs[[*OUTCOMES]] = told.fillna(0).astype(int)
+    runs["certified"] = [
+        bool(row.certificate["passed"]) if row.certificate else set(row.result.get("outcomes", ())) == {RIGHT}
+        for row in rows
+    ]
+    runs["seconds"] = runs.seconds.map(statistics.median, na_action="ignore").astype(float)
+    runs["feasible"] = [PROBLEMS[name].feasible for name in runs.problem]
+    return runs.assign(time=runs.seconds.where(runs.certified))
 
 
 def of_kind(runs: DataFrame, kind: str) -> DataFrame:
     """The runs of a kind of task on problems that have a solution.
 
-    Sequences are warm by the solvers that can, cold by the others. Outer loops are those in condensed form, which is
-    what the package's own methods are compared with.
+    Outer loops are those in condensed form, which is what the package's own methods are compared with.
     """
-    runs = runs[runs.feasible]
-    if kind != "sequence":
-        return runs[(runs.task == kind) & ((kind != OUTER) | (runs.form == "condensed"))]
-    sequences = runs[runs.task.isin([COLD, WARM])]
-    warm = sequences.task == WARM
-    return sequences[warm | ~warm.groupby([sequences[name] for name in ("solver", *INSTANCE)]).transform("any")]
+    task = COLD if kind == "sequence" else kind
+    return runs[runs.feasible & (runs.task == task) & ((kind != OUTER) | (runs.form == "condensed"))]
 
 
 def performance_ratios(runs: DataFrame) -> DataFrame:
@@ -152,27 +121,6 @@ def geometric_mean(values: "Series[float]") -> float:
     return math.exp(np.log(values).mean())
 
 
-def beside(runs: DataFrame, others: DataFrame, on: Sequence[str]) -> DataFrame:
-    """The runs with the entries of the other one that agrees in these columns, named …_beside, where there is one.
-
-    The ratio is that of their times, NaN unless both succeeded.
-    """
-    both = runs.merge(others, on=[*on], suffixes=("", "_beside"))
-    return both.assign(ratio=both.time / both.time_beside)
-
-
-def warm_ratios(runs: DataFrame) -> DataFrame:
-    """Warm sequences beside cold ones."""
-    return beside(runs[runs.task == WARM], runs[runs.task == COLD], ("solver", *INSTANCE))
-
-
-def by_solver(found: DataFrame) -> DataFrame:
-    """Solver → geometric mean, smallest, largest and number of its ratios, and how many are below 1; if it has any."""
-    ratios = found.assign(below=found.ratio < 1.0).groupby("solver", sort=False)
-    spans = ratios.ratio.agg(mean=geometric_mean, smallest="min", largest="max", number="count")
-    return spans.assign(below=ratios.below.sum())[spans.number > 0]
-
-
 def told_by(runs: DataFrame) -> DataFrame:
     """Solver → number of inner problems that have a solution for each outcome, those of sequences one by one.
 
@@ -206,7 +154,8 @@ def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
     mine = runs[(runs.solver == name) & (runs.task == OUTER) & runs.feasible]
     loops = runs[(runs.task == OUTER) & ~runs.solver.isin(METHODS)]
     fastest = loops.groupby([*INSTANCE], as_index=False).time.min()
-    quotients = 1.0 / beside(mine, fastest, INSTANCE).ratio.dropna()
+    both = mine.merge(fastest, on=[*INSTANCE], suffixes=("", "_fastest"))
+    quotients = (both.time_fastest / both.time).dropna()
     steps = {options["omega_T"] for options in mine.options.dropna() if "omega_T" in options}
     return {
         "name": name, "solved": int(mine.certified.sum()), "given": len(mine), "both": len(quotients),
@@ -221,9 +170,9 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
     often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
     hopeless = runs[(runs.task == INNER) & ~runs.feasible]
     recognised = hopeless.groupby("solver", sort=False).certified.agg(["sum", "size"])
-    every, warm = len(hopeless.drop_duplicates([*INSTANCE])), by_solver(warm_ratios(runs))["mean"]
+    every = len(hopeless.drop_duplicates([*INSTANCE]))
     return {
-        "levels": LEVELS, "margin": MARGIN, "until": UNTIL, "highlighted": HIGHLIGHTED, "negligible": NEGLIGIBLE,
+        "levels": LEVELS, "margin": MARGIN, "until": UNTIL, "highlighted": HIGHLIGHTED,
         "rarely": RARELY, "runs": len(runs), "problems": runs.problem.nunique(), "described": PROBLEMS,
         "backends": len(solvers - set(METHODS)), "first": ranking(runs, "inner"),
         "methods": [method_of(runs, name) for name in METHODS if name in solvers],
@@ -233,8 +182,7 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         "seldom": int((told.share < RARELY).sum()), "alarms": int(told[FALSE_ALARM].sum()),
         # who recognises inner problems without a solution, always; and who says "solved"
         "asked": int((recognised["size"] == every).sum()), "right": [*recognised.index[recognised["sum"] == every]],
-        "lied": int(hopeless[UNTRUE].sum()), "gaining": listing([*warm.index[warm < 1.0 / NEGLIGIBLE]]),
-        "losing": listing([*warm.index[warm > NEGLIGIBLE]]),
+        "lied": int(hopeless[UNTRUE].sum()),
     }  # fmt: skip
 
 
@@ -242,14 +190,12 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     first = [(name, solver, f"{solved} of {given}", within)
              for kind, name in KINDS.items() for solver, solved, given, within in ranking(runs, kind)]  # fmt: skip
-    told, warm = told_by(runs).reset_index(), by_solver(warm_ratios(runs)).reset_index()
+    told = told_by(runs).reset_index()
     hopeless = runs[~runs.feasible]
     return {
         "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
         "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
         **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
-        "warm": warm.assign(kept=[TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in warm.solver],
-                            faster=[f"{each.below} of {each.number}" for each in warm.itertuples()]),
         "infeasible": crossed(hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form),
                               "solver", "column", _words),
     }  # fmt: skip
@@ -290,10 +236,6 @@ def _words(runs: DataFrame) -> str:
 
 
 _RATIOS: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that the axis tells
-_BARS: Final[Mapping[str, tuple[str, str]]] = {
-    RIGHT: (BLUE, ""), UNTRUE: (VERMILLION, "////"), FALSE_ALARM: (PURPLE, "xxxx"), MODEST: (SKY, "...."),
-    GAVE_UP: ("#dddddd", ""), NO_ANSWER: (GREY, "\\\\\\\\"),
-}  # fmt: skip
 
 
 def profiles(runs: DataFrame) -> "Figure | None":
@@ -330,24 +272,6 @@ def profiles(runs: DataFrame) -> "Figure | None":
     return figure
 
 
-def truth(runs: DataFrame) -> "Figure | None":
-    """A bar for each solver: what became of its inner problems, as shares."""
-    told = told_by(runs)[[*_BARS]]
-    if told.empty:
-        return None
-    shares = told.div(told.sum(axis=1), axis=0).sort_index().sort_values(RIGHT, kind="stable")
-    figure = new_figure(8.0, 0.9 + 0.27 * len(shares))
-    axes = figure.subplots()
-    starts = shares.cumsum(axis=1) - shares
-    for outcome, (colour, hatch) in _BARS.items():
-        if shares[outcome].any():
-            axes.barh(shares.index, shares[outcome], left=starts[outcome], color=colour, hatch=hatch,
-                      edgecolor="white", linewidth=0.4, label=outcome)  # fmt: skip
-    axes.set(xlim=(0.0, 1.0), xlabel="share of the inner problems that have a solution [-]")
-    figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
-    return figure
-
-
 _FORMS: Final[Mapping[str, Form]] = {
     **dict.fromkeys(("share", "true", "within"), percent), FALSE_ALARM: count,
     **dict.fromkeys(("mean", "smallest", "largest"), partial(significant, digits=2)),
@@ -363,15 +287,12 @@ def report(rows: Sequence[Row]) -> Report:
         or "no option",
         tuple(LEVELS),
     )  # fmt: skip
-    given.insert(1, "what it is", [TABLE.get(solver, _UNKNOWN).remark for solver in given.solver])
+    given.insert(1, "what it is", [TABLE[solver].remark for solver in given.solver])
     lacking = [(name, f"python -m {how_to_install(name)}") for name in TABLE if name not in {*runs.solver, *METHODS}]
     settings = {
         "What every solver was asked for": given,
         "Not compared": DataFrame(lacking, columns=["solver", "how to get it"]),
     }
-    drawings = {
-        "truth-shares": drawn("truth-shares", partial(truth, runs)),
-        "profiles-inner": drawn("profiles-inner", partial(profiles, of_kind(runs, INNER))),
-    }
+    drawings = {"profiles-inner": drawn("profiles-inner", partial(profiles, of_kind(runs, INNER)))}
     return render("comparisons.solvers", "solvers", values_of(runs), tables_of(runs), drawings, rows, settings,
                   forms=_FORMS)  # fmt: skip

@@ -4,7 +4,6 @@
 |-------|-----------------------------------------------------------------------------------------------------|
 | inner | the inner problem with the bound of the solution: the solver's object made, and solved              |
 | cold  | the bounds that an outer loop meets, one after the other, each with a new object and no start       |
-| warm  | the same with one object, which keeps what it can and gets the last answer as a start               |
 | outer | the whole inequality: the fixed point on σ_N with this inner solver, or a method of the package     |
 
 Before anything is timed the solver does the task once on the smallest problem, so that imports and first uses do not
@@ -22,15 +21,15 @@ from typing import Any, Final, NamedTuple
 
 from comparisons.lab.studies import PACKAGES, Study
 from comparisons.solvers import accuracies
-from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE
+from comparisons.solvers.accuracies import LEVELS, METHODS
 from comparisons.solvers.problems import PROBLEMS, Instance, instance
 from solvers import Certificate, certify, solve_qvi
 from solvers.basics.status import Status
 from solvers.inner.problem import InnerSolution
 from solvers.inner.registry import make_inner
 
-INNER, COLD, WARM, OUTER = "inner", "cold", "warm", "outer"
-TASKS: Final = (INNER, COLD, WARM, OUTER)
+INNER, COLD, OUTER = "inner", "cold", "outer"
+TASKS: Final = (INNER, COLD, OUTER)
 
 BUDGET: Final = 1.0
 """Seconds after which a run is not repeated any more."""
@@ -98,18 +97,17 @@ def _repeated(
 
 
 def _inner(problem: Instance, task: str, name: str, solver: str, level: str) -> tuple[float, list[Answer]]:
-    """Inner problems, all posed at one centre so that cold and warm ones are the same.
+    """Inner problems, all posed at one centre.
 
     They are judged by the certificate of the inner problem on the original data, in all unknowns whatever the form.
     """
     form, options, tolerance = problem.form(name), accuracies.options(solver, level), LEVELS[level]
     bounds, centre = (problem.bound,) if task == INNER else problem.bounds, problem.centre(name)
-    thresholds, made, found = [form.threshold(bound) for bound in bounds], None, list[InnerSolution]()
+    thresholds, found = [form.threshold(bound) for bound in bounds], list[InnerSolution]()
     began = time.perf_counter()
     for threshold in thresholds:
-        if made is None or task != WARM:
-            made = make_inner(solver, form.problem, accuracies.asked(level), options)
-        found.append(made.solve(threshold, centre, found[-1] if task == WARM and found else None))
+        made = make_inner(solver, form.problem, accuracies.asked(level), options)
+        found.append(made.solve(threshold, centre, None))
     seconds, answers = time.perf_counter() - began, []
     for bound, inner in zip(bounds, found, strict=True):
         given, result = problem.given(bound), form.expand(inner) if inner.finite else None
@@ -163,7 +161,6 @@ def keep(values: Mapping[str, Any]) -> bool:
     """Whether a case is part of the full study.
 
     * Methods of the package solve whole inequalities, condensed; the rest of the table does everything.
-    * Warm sequences only for solvers that can keep something.
     * Sequences only where there is a solution, and where the bounds change: not where everything sticks.
     * On fine meshes in all unknowns only single inner problems.
     """
@@ -171,9 +168,7 @@ def keep(values: Mapping[str, Any]) -> bool:
     described = PROBLEMS[values["problem"]]
     if solver in METHODS and (task, form) != (OUTER, "condensed"):
         return False
-    if task == WARM and not TABLE[solver].keeps:
-        return False
-    if task in (COLD, WARM) and (not described.feasible or described.kind == "sticking"):
+    if task == COLD and (not described.feasible or described.kind == "sticking"):
         return False
     return task == INNER or form == "condensed" or described.small
 

@@ -7,7 +7,7 @@ __getattr__ = front(
     {
         "known": ("Answer", "KNOWN"),
         "measures": (
-            "edge_states", "energy_apart", "left_by_displacements", "left_by_stresses", "point_states", "runs",
+            "edge_states", "left_by_stresses", "point_states", "runs",
             "stress_deviation", "value_at", "zone_ends",
         ),
         "report": (

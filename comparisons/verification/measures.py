@@ -1,8 +1,4 @@
-"""Quantities that several chapters compare, and what both models say of the same problem.
-
-How far the stresses of a model leave bodies out of balance is measured by the tractions all around each of them, and by
-its own weight: a body force −∇φ has the resultant −∮ φ n ds, and its moment likewise.
-"""
+"""Quantities that several chapters compare, and what both models say of the same problem."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -11,17 +7,14 @@ from typing import Final
 import numpy as np
 
 from comparisons.verification.rows import Check, Kind, Row, both, certified, certified_companion
-from qvi_contact import Contact, ContactLine, ContactProblem, ContactResult, ContactState, TriangleMesh
+from qvi_contact import Contact, ContactLine, ContactProblem, ContactResult, ContactState
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.bracket.parts import CellFields
-from qvi_contact.companion import CompanionContact, CompanionResult, solve_companion
+from qvi_contact.companion import CompanionContact, solve_companion
 from qvi_contact.discretization.loads import EdgePoints
-from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.exact import ExactState
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.mechanism.bodies import Bodies
-from qvi_contact.mesh.edges import Edges
-from qvi_contact.solution.stress import cell_stresses, traction
+from qvi_contact.solution.stress import traction
 from qvi_contact.units import Units
 
 MM: Final = Units(length="mm", stress="MPa")
@@ -30,11 +23,8 @@ FORCE, ENERGY = MM.engineering_force, MM.engineering_energy
 Stress = Callable[[FloatArray, FloatArray], FloatArray]
 """σ_xx, σ_yy, σ_xy (…, 3) at points x, y (…)."""
 
-_Forces = Callable[[Edges, int], tuple[FloatArray, FloatArray, FloatArray]]
-"""Edges, and on which side of them a body is → points (n, q, 2), σn ds there, and n ds out of the body."""
-
 _MEASURED: Final = 0.3  # part of the peak above which pressures are compared with an ellipse
-_POINTS: Final = 12  # of Gauss an edge: exact for tractions of triangles, far more than displacements need
+_POINTS: Final = 12  # of Gauss an edge: exact for tractions of triangles
 
 
 def plate_under(contact: Contact, cells: int, grading: float = 1.0) -> ContactProblem:
@@ -42,13 +32,6 @@ def plate_under(contact: Contact, cells: int, grading: float = 1.0) -> ContactPr
     plate = compressed_plate(1.0, (cells, cells), grading=grading)
     rest = [condition for condition in plate.conditions if not isinstance(condition, Contact)]
     return replace(plate, conditions=[*rest, contact])
-
-
-def halved(mesh: TriangleMesh) -> TriangleMesh:
-    """Every triangle cut into four."""
-    for _ in range(2):
-        mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
-    return mesh
 
 
 def scattered(result: ContactResult) -> tuple[FloatArray, FloatArray]:
@@ -76,15 +59,6 @@ def stress_deviation(result: ContactResult, exact: Stress) -> float:
     found = space.stress(known.coefficients(result.dofs), cells, t) * known.scales.stress
     wanted, twice = exact(x, y), weights[..., None] * np.array([1.0, 1.0, 2.0])
     return float(np.sqrt((twice * (found - wanted) ** 2).sum() / (twice * wanted**2).sum()))
-
-
-def energy_apart(one: ContactResult, other: ContactResult) -> float:
-    """|σ − τ| in the energy norm, of stresses of any degrees on one mesh [√energy]."""
-    fine, coarse = sorted((one, other), key=lambda result: -result.discretization.space.degree)
-    fields = CellFields.of(fine.discretization, fine.dofs, 1)
-    stress = cell_stresses(coarse.discretization, coarse.dofs, fields.t)[1] * coarse.discretization.scales.stress
-    apart, c = fields.stress - stress, fine.problem.compliances
-    return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, c, apart)))
 
 
 def degrees(line: ContactLine | CompanionContact) -> FloatArray:
@@ -158,51 +132,24 @@ def two_models(quick: bool, result: ContactResult, contact: str, tolerance: floa
 
 
 def left_by_stresses(result: ContactResult) -> float:
-    """The largest resultant force or moment on a body over the sum of the forces on its edges."""
-    discretization, length = result.discretization, result.discretization.scales.length
+    """The largest resultant force or moment on a body over the sum of the forces on its edges.
 
-    def forces(edges: Edges, side: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        points = EdgePoints(discretization.space, edges, _POINTS)
-        place = np.stack(result.problem.mesh.points_along(edges, points.reference), axis=-1)
-        weights = (-length if side else length) * points.weights[:, None]
-        force, normal = weights * traction(discretization, result.dofs, points).T, weights * points.normals
-        return place, force.reshape(place.shape), normal.reshape(place.shape)
-
-    return _imbalance(result.problem, forces)
-
-
-def left_by_displacements(companion: CompanionResult) -> float:
-    """The same of the stresses C ε(v) of displacements, taken inside each body."""
-    mesh, (t, weights) = companion.problem.mesh, gauss_legendre(_POINTS)
-    lines = np.stack([[1.0 - t, t], [0.0 * t, t], [t, 0.0 * t]])  # opposite to the first, second and third corner
-    stresses = np.stack([companion.cell_stress(*line) for line in lines])
-    places = np.stack([companion.cell_points(*line) for line in lines])
-    # derivatives along a line through points at t: Legendre polynomials are well-conditioned on [−1, 1] only
-    legendre, s = np.polynomial.legendre, 2.0 * t - 1.0
-    along = 2.0 * legendre.legvander(s, len(s) - 2) @ legendre.legder(np.linalg.inv(legendre.legvander(s, len(s) - 1)))
-
-    def forces(edges: Edges, side: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        cells = edges.cells[:, side]
-        corners = mesh.cells[cells]
-        opposite = np.argmin((corners == edges.first[:, None]) | (corners == edges.second[:, None]), axis=1)
-        place, (xx, yy, xy) = places[opposite, cells], np.moveaxis(stresses[opposite, cells], -1, 0)
-        tangent = np.einsum("pq,nqd->npd", along, place)
-        normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
-        outwards = np.sign((normal * edges.normal[:, None]).sum(axis=-1, keepdims=True)) * (-1.0 if side else 1.0)
-        normal = normal * outwards * weights[:, None]
-        x, y = np.moveaxis(normal, -1, 0)
-        return place, np.stack([xx * x + xy * y, xy * x + yy * y], axis=-1), normal
-
-    return _imbalance(companion.problem, forces)
-
-
-def _imbalance(problem: ContactProblem, forces: _Forces) -> float:
-    """The largest of all bodies, from the forces on the first or second side of edges."""
+    Of the tractions all around each body, and its own weight: a body force −∇φ has the resultant −∮ φ n ds, and its
+    moment likewise.
+    """
+    discretization, problem = result.discretization, result.problem
     bodies, mesh, largest = Bodies.of(problem), problem.mesh, 0.0
     first, second = bodies.of_cells[mesh.interior.cells].T
     between = mesh.interior.take(first != second)  # normals point out of the body on the first side
-    around = ((mesh.boundary, 0), (between, 0), (between, 1))
-    sides = [(bodies.of_cells[edges.cells[:, side]], *forces(edges, side)) for edges, side in around if len(edges)]
+    sides = []
+    for edges, side in ((mesh.boundary, 0), (between, 0), (between, 1)):
+        if len(edges):
+            points = EdgePoints(discretization.space, edges, _POINTS)
+            place = np.stack(mesh.points_along(edges, points.reference), axis=-1)
+            weights = (-1.0 if side else 1.0) * discretization.scales.length * points.weights[:, None]
+            force, normal = weights * traction(discretization, result.dofs, points).T, weights * points.normals
+            sides.append((bodies.of_cells[edges.cells[:, side]], place, force.reshape(place.shape),
+                          normal.reshape(place.shape)))  # fmt: skip
     for body in range(bodies.blocks):
         total, size = np.zeros(3), 0.0
         for owner, *values in sides:

@@ -12,7 +12,7 @@ from comparisons.lab.numbers import NOTHING
 from comparisons.lab.reports import Report, escaped, render
 from comparisons.lab.studies import machine, versions
 from comparisons.verification.chapters import benchmarks, exact
-from comparisons.verification.chapters.limits import oblique, on_a_slope
+from comparisons.verification.chapters.limits import oblique
 from comparisons.verification.measures import MM
 from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Kind, Row, crash
 from qvi_contact import ContactProblem, gallery
@@ -106,7 +106,6 @@ POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = 
     "half-discs": (partial(gallery.half_discs, 1.0, 2, 0), MM),
     "slip-torque": (partial(gallery.press_fit_torque, 0.2, 47066.77, sectors=2), MM),
     "cylinder-in-bore-friction": (partial(gallery.cylinder_in_bore, 2, 0.4, extent=2.0), MM),
-    "wedge": (partial(on_a_slope, 0.2), None),
     "oblique-block": (partial(oblique, 0.99), MM),
 }
 """Problem of the manual → its bodies on few cells, and the units of their picture."""

@@ -28,7 +28,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 
 from qvi_contact import Contact, ContactProblem, ContactResult, Displacement, Traction, TriangleMesh
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
-from qvi_contact.mesh.edges import Edges, cross, edges_of, frames_along, vectors_along
+from qvi_contact.mesh.edges import Edges, cross, frames_along, vectors_along
 from qvi_contact.problem.problem import Prescribed
 from solvers import FrictionQVI
 from solvers.inequality.problem import Compliance
@@ -341,64 +341,16 @@ class Comparison:
         return self.distance > _DISTANCE and self.gain > 0.5 * _DISTANCE**2
 
 
-def compare(result: ContactResult, other: ContactResult, degree: int = 4) -> Comparison:
-    """Compare a state with that of another method.
-
-    J(σ) = ½ ∫ cσ : σ dx − ∫_{Γ_u} U · σn ds − ∫_{Γ_μ} (g σ_N + w σ_T) ds, plates driven by force left out.
-    """
-    first, second = Samples.of(result, degree), Samples.of(other, degree)
-    problem, (one, weights), (two, _) = first.problem, _on_cells(first), _on_cells(second)
-    compliance = problem.compliances
-
-    def strain(sigma: FloatArray, tau: FloatArray) -> float:
-        return 0.5 * float(np.einsum("cqk,ckl,cql,cq->", sigma, compliance, tau, weights))
-
-    change = two - one
-    size = max(strain(one, one), strain(two, two))
-    size = max(size, floor(problem) ** 2 * float(weights.sum()) / max(each.young for each in problem.materials))
-    gain = _work(second) - _work(first) - 2.0 * strain((one + two) / 2.0, change)
-    return Comparison(float(np.sqrt(max(strain(change, change), 0.0) / size)), gain / size)
-
-
-def _on_cells(samples: Samples) -> tuple[FloatArray, FloatArray]:
-    """Stresses (cells, points, 3) at points x = c + r (γ(s) − c) of all triangles, and weights (cells, points).
-
-    c is the barycentre, γ a side, and the area element r |(γ − c) × γ'| dr ds.
-    """
-    mesh = samples.problem.mesh
-    c, every = mesh.vertices[mesh.cells].mean(axis=1), np.arange(len(mesh.cells))
-    stresses, weights = list[FloatArray](), list[FloatArray]()
-    for side in range(3):
-        edges = edges_of(mesh.vertices, mesh.cells, mesh.topology, mesh.bends, mesh.topology.of_cells[:, side])
-        away = np.stack(mesh.points_along(edges, _NODES), axis=-1) - c[:, None]
-        _, tangents = frames_along(edges, _NODES)
-        element = np.abs(cross(away, tangents)) * edges.length[:, None] * _WEIGHTS
-        for r, weight in zip(_NODES, _WEIGHTS, strict=True):
-            x, y = np.moveaxis(c[:, None] + r * away, -1, 0)
-            stresses.append(samples.at(every, np.full(len(every), side), x, y))
-            weights.append(element * (r * weight))
-    return np.concatenate(stresses, axis=1), np.concatenate(weights, axis=1)
-
-
-def _work(samples: Samples) -> float:
-    """∫_{Γ_u} U · σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds."""
-    problem, total = samples.problem, 0.0
-    mesh = problem.mesh
-    for given in problem.prescribed(Displacement):
-        normals, _ = frames_along(given.edges, _NODES)
-        direction = vectors_along(given.edges, given.direction, _NODES, turns=given.turns)
-        along = (tractions(normals, samples.on(given.edges, _NODES)) * direction).sum(axis=2)
-        work = _values(given.value, *mesh.points_along(given.edges, _NODES)) * along
-        total += float(given.edges.length @ (work @ _WEIGHTS))
-    for contact in problem.contacts:
-        edges = mesh.edges(contact.edges)
-        normals, tangents = frames_along(edges, _NODES)
-        traction = tractions(normals, samples.on(edges, _NODES))
-        points = mesh.points_along(edges, _NODES)
-        work = _values(contact.gap, *points) * (traction * normals).sum(axis=2)
-        work += _values(contact.offset, *points) * (traction * tangents).sum(axis=2)
-        total += float(edges.length @ (work @ _WEIGHTS))
-    return total
+def compare(result: ContactResult, other: ContactResult) -> Comparison:
+    """Compare a state with that of another method on the same discretisation, by the discrete energy J of both."""
+    problem, qvi = result.problem, other.solution.problem
+    one, two, unit = result.solution.z, other.solution.z, other.discretization.scales.energy
+    change, (across, up) = two - one, np.moveaxis(np.diff(problem.mesh.corners, axis=1), 1, 0)
+    area = float(np.abs(cross(across, up)).sum()) / 2.0
+    nothing = floor(problem) ** 2 * area / max(each.young for each in problem.materials)
+    size = max(result.energies.strain, other.energies.strain, nothing) / unit
+    distance, gain = 0.5 * float(change @ (qvi.K @ change)), -float(qvi.gradient((one + two) / 2.0) @ change)
+    return Comparison(float(np.sqrt(max(distance, 0.0) / size)), gain / size)
 
 
 # Is there a solution at all? All states of a small contact gone through by a mixed-integer program.

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from pandas import DataFrame, concat
+from pandas import DataFrame
 
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, Study, frame_of
@@ -139,31 +139,25 @@ def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) 
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
-    """One line a run: what `solve_case` says, and "kind" of the limit.
+    """One line a run: what `solve_case` says, and what follows.
 
-    "held", whether the sides are in order, and "proofs", whether what is proved is on the right side of each.
+    "held", whether the sides are in order, "proofs", whether what is proved is on the right side of each, "finite" and
+    "bounded", whether the lower and the upper side are numbers.
     """
-    runs = frame_of(rows, _NUMBERS, ("status", "message", "strengths", "plane", "missing_lower", "missing_upper",
-                                     "nothing"))  # fmt: skip
-    for name in _NUMBERS:
-        runs[name] = runs[name].astype(float)
-    room = ROUNDING * (1.0 + runs.upper.abs().where(np.isfinite(runs.upper), 0.0))
+    runs = frame_of(rows, _NUMBERS, ("message", "strengths", "missing_lower", "missing_upper", "nothing"))
+    finite, bounded = np.isfinite(runs.lower), np.isfinite(runs.upper)
+    room = ROUNDING * (1.0 + runs.upper.abs().where(bounded, 0.0))
     held = (runs.status == "solved") & (runs.lower <= runs.upper + room)
     low = runs.proved_lower.isna() | (runs.proved_lower <= runs.lower + room)
     high = runs.proved_upper.isna() | (runs.proved_upper >= runs.upper - room)
-    return runs.assign(
-        held=held, proofs=low & high, finite=np.isfinite(runs.lower), bounded=np.isfinite(runs.upper),
-        gap=1.0 - runs.lower / runs.upper,
-    )  # fmt: skip
+    return runs.assign(held=held, proofs=low & high, finite=finite, bounded=bounded)
 
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers in sentences."""
     solved = runs[runs.status == "solved"]
-    above, below = (
-        solved[solved.bounded & solved.proved_upper.notna()],
-        solved[solved.finite & solved.proved_lower.notna()],
-    )
+    above = solved[solved.bounded & solved.proved_upper.notna()]
+    below = solved[solved.finite & solved.proved_lower.notna()]
     near = [
         int(((first - second).abs() <= NEAR * (1e-3 + first.abs())).sum())
         for first, second in ((below.lower, below.proved_lower), (above.upper, above.proved_upper))
@@ -188,20 +182,11 @@ def report(rows: Sequence[Row]) -> Report:
     strengths = solved.groupby("strengths").agg(
         runs=("held", "size"), held=("held", "sum"), below=("proved_lower", "count"), above=("proved_upper", "count")
     ).reset_index()  # fmt: skip
-    missing = [
-        solved[solved[f"missing_{side}"].notna() & (solved[f"missing_{side}"] != "")]
-        .groupby(f"missing_{side}").agg(runs=("held", "size")).reset_index()
-        .rename(columns={f"missing_{side}": "reason"}).assign(side=side)
-        for side in ("lower", "upper")
-    ]  # fmt: skip
-    nothing = (
-        solved[solved.nothing.notna() & (solved.nothing != "")]
-        .groupby("nothing").agg(runs=("held", "size"), tension=("tension", "sum")).reset_index()
-    )  # fmt: skip
+    sides = solved[["held", "missing_lower", "missing_upper"]].set_axis(["held", "lower", "upper"], axis=1)
+    missing = sides.melt(["held"], ["lower", "upper"], "side", "told").replace("", None).groupby(["side", "told"])
+    nothing = solved.groupby("nothing").agg(runs=("held", "size"), tension=("tension", "sum")).reset_index()
     tables = {
-        "strengths": strengths,
-        "nothing": nothing,
-        "missing": concat(missing),
+        "strengths": strengths, "nothing": nothing, "missing": missing.size().reset_index(name="runs"),
         "others": runs[runs.status != "solved"],
-    }
+    }  # fmt: skip
     return render("comparisons.wild", "limits", values_of(runs), tables, {}, rows, template="limits.md")

@@ -39,13 +39,7 @@ INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
 OTHERS: Final[Mapping[str, Mapping[str, Any]]] = {
     "qp:daqp": {"method": "fixed-point", "inner": "qp:daqp"},
     "qp:quadprog": {"method": "fixed-point", "inner": "qp:quadprog"},
-    "direct:clarabel": {"method": "fixed-point", "inner": "direct:clarabel"},
-    "qp:piqp": {"method": "fixed-point", "inner": "qp:piqp"},
-    "qp:daqp, damped": {"method": "fixed-point", "inner": "qp:daqp", "variant": "damped", "damping": 0.2,
-                        "max_iterations": 300, "patience": 100},
-    "qp:daqp, slow": {"method": "fixed-point", "inner": "qp:daqp", "memory": 10, "damping": 0.1, "max_iterations": 300,
-                      "patience": 60},
-}  # fmt: skip
+}
 """Methods that are tried where the default finds no answer: name → settings of `solve`. The default itself has tried
 the condensed method and, where the contact is small, pivoting."""
 
@@ -96,7 +90,7 @@ def _judged(result: ContactResult, degree: int) -> dict[str, Any]:
         other = solve(result.discretization, initial=result, **once)
         ended = other.status.value
         if other.has_state and other.history and other.history[0].inner_status is Status.SOLVED:
-            beside, ended = compare(result, other, degree), "compared"
+            beside, ended = compare(result, other), "compared"
             distance = beside.distance
             if beside.differs:
                 errors.append(f"{SECOND} is {distance:.1e} away, with {beside.gain:.1e} less energy")

@@ -67,7 +67,10 @@ class _Rows(NamedTuple):
         def made() -> _Rows:
             traces = supports.space.trace_rows(edges, rule.points)
             Y = supports.basis.rows(traces)
-            E = sparse.csc_array(sparse.kron(sparse.eye_array(Y.shape[0] // rule.count), rule.from_points))
+            q, count = rule.count, Y.shape[0]  # E: the same block for every edge
+            places = np.repeat(np.arange(count, dtype=np.int32).reshape(-1, q), q, axis=0)
+            data, starts = np.tile(rule.from_points.T, (count // q, 1)), q * np.arange(count + 1, dtype=np.int32)
+            E = sparse.csc_array((data.ravel(), places.ravel(), starts), shape=(count, count))
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
             traction = TractionFactor(Y, E)

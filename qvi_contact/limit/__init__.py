@@ -24,7 +24,6 @@ __getattr__ = front(
             "Collapse",
             "LimitLoad",
             "StrengthReduction",
-            "limit_load",
             "limit_load_factor",
             "limit_proof",
             "strength_reduction_factor",

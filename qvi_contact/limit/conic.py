@@ -22,7 +22,7 @@ from solvers.basics.types import load
 _TOLERANCE: Final = 1e-9  # of the solver
 _COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blocks: bounds come from x in any case
 _LARGE: Final = 4000
-_REGULAR: Final = 1e-12  # added to its matrices: by default 1e-8, in which fans of thin triangles are lost
+_REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: by default 1e-8, in which thin triangles are lost
 _REFINED: Final = 30  # steps of its iterative refinement, at most
 _ROUNDED: Final = 1e-14  # of the largest column: columns that are nothing but rounding
 _DAMPED: Final = 1e-14  # added to the normal equations, whose rows may depend on each other
@@ -30,6 +30,8 @@ _SWEEPS: Final = 4  # of the projection on the equations
 HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
 ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
 _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
+_ENOUGH: Final = 1e-3  # of sizes: the least solution of the equations, if it is farther inside, is a point inside
+_LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
 _NEVER: Final = 1e-300  # what "unbounded" must reach once it was found to be rounding
@@ -102,12 +104,15 @@ class ConicProgram:
         settings.verbose, settings.max_threads = False, 1
         gap = _COARSER if blocks > _LARGE else _TOLERANCE
         settings.tol_gap_abs, settings.tol_gap_rel, settings.tol_feas = gap, gap, _TOLERANCE
-        if not self.dependent:
-            settings.static_regularization_constant, settings.static_regularization_proportional = _REGULAR, 0.0
         settings.iterative_refinement_max_iter = _REFINED
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
-        answer = clarabel.DefaultSolver(*data, settings).solve()
+        for regular in (None,) if self.dependent else _REGULAR:  # it may break down in its first step with one of them
+            if regular is not None:
+                settings.static_regularization_constant, settings.static_regularization_proportional = regular, 0.0
+            answer = clarabel.DefaultSolver(*data, settings).solve()
+            if str(answer.status) != "NumericalError":
+                break
         if str(answer.status).endswith("DualInfeasible"):
             if self._falls():
                 return UNBOUNDED
@@ -184,24 +189,28 @@ class ConicProgram:
         It is the convex combination with a point inside that is nearest to x, with the share `least` of that at least;
         equations hold but for rounding.
         """
-        x = self.projected(x)
-        margins = self.margins(x)
-        if margins.min(initial=0.0) < -ROUNDING:  # once more, from rows that are tighter by what is missed
-            found = self.tightened(room=_TIGHTER * float(-margins.min()) * self.size(x)).solve()
+        x, inside = self.projected(x), self.projected(np.zeros_like(x))
+        known = self.margins(inside).min(initial=1.0) > _ENOUGH
+        missed = float(-self.margins(x).min(initial=0.0))
+        if missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):  # once more, with as much room
+            found = self.tightened(room=_TIGHTER * missed * self.size(x)).solve()
             nearby = x if isinstance(found, str) else self.projected(found.x)
-            if self.margins(nearby).min(initial=0.0) > margins.min():
-                x, margins = nearby, self.margins(nearby)
-        if least or margins.min(initial=0.0) < -ROUNDING:
-            inside = self._inside()
-            if inside is not None:
-                room = self.margins(inside)
-                outside = (margins < 0.0) & (room > _ROOM)
-                share = float((-margins[outside] / (room[outside] - margins[outside])).max(initial=0.0))
-                x = x + min(1.0, share * (1.0 + 1e-9) + least) * (inside - x)
-                margins = self.margins(x)
+            if -self.margins(nearby).min(initial=0.0) < missed:
+                x, missed = nearby, float(-self.margins(nearby).min(initial=0.0))
+        if least or missed > ROUNDING:
+            point = inside if known else self._inside()
+            if point is not None:
+                x = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
         E, e = self.A[: self.equal], self.b[: self.equal]
-        missed = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
-        return x, float(max(-margins.min(initial=0.0), missed.max(initial=0.0), 0.0))
+        off = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
+        return x, float(max(-self.margins(x).min(initial=0.0), off.max(initial=0.0), 0.0))
+
+    def _share(self, x: FloatArray, inside: FloatArray) -> float:
+        """How far x must go towards a point inside to keep what that keeps with room."""
+        margins, room = self.margins(x), self.margins(inside)
+        outside = (margins < 0.0) & (room > _ROOM)
+        missed = -margins[outside] * max(1.0, self.size(x) / self.size(inside))
+        return float((missed / (room[outside] + missed)).max(initial=0.0))
 
     def room(self) -> tuple[FloatArray, float]:
         """The point that is farthest inside all inequalities and cones, and how far: negative if it is outside."""

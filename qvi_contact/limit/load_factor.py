@@ -192,8 +192,7 @@ def limit_proof(
     Parameters
     ----------
     problem : ContactProblem
-        The problem: straight triangles; friction, strengths and caps that are numbers; no plates and pins that
-        forces move.
+        The problem: straight triangles; friction, strengths and caps that are numbers.
     loads : sequence of str
         Names of the loads to multiply, see `limit_load_factor`.
     degree, time_limit
@@ -225,11 +224,6 @@ def limit_proof(
         if names and problem.yields:
             upper = [lambda stated: exceeded(stated, FlowProgram(problem, names, k, low.scales)), *upper]
         return proof_of(problem, names, k, {"lower": lower, "upper": upper})
-
-
-def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
-    """Both sides of `limit_load_factor` without the check of the mesh's program; `space` is for `discretize`."""
-    return LimitProblem.of(problem, checked_loads(problem, loads), **space).solved().limit
 
 
 @dataclass(frozen=True, eq=False)

@@ -280,25 +280,19 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     p, factor = program.cones.degree + 2, Fraction(found.factor)
     rough = _rounded_airy(program, found.unknowns)
 
-    def exact(factor: Fraction) -> Any:
+    amounts = list[Fraction]()
+    while True:
         given, plates = _second_derivatives(stated, p - 2, factor), list(_resultants(stated, factor))
-        return list(smooth(stated.points, stated.about["triangles"], p, given, plates, rough))
-
-    try:
         try:
-            airy = exact(factor)
-        except OutOfBalanceError as error:  # loads that are in balance at one factor only
-            change = ONE
-            try:
-                exact(factor + 1)
-            except OutOfBalanceError as other:
-                change = error.amount / (error.amount - other.amount) if error.amount != other.amount else ZERO
-            factor += change
-            airy = exact(factor)
-    except OutOfBalanceError as error:
-        remedy = "they cannot be stated exactly"
-        raise SolveError(f"proof: the loads are in balance up to rounding only: {remedy}") from error
-    return {"factor": factor, "degree": p, "airy": airy}
+            airy = list(smooth(stated.points, stated.about["triangles"], p, given, plates, rough))
+            return {"factor": factor, "degree": p, "airy": airy}
+        except OutOfBalanceError as error:
+            amounts.append(error.amount)
+            if len(amounts) > 2 or (len(amounts) == 2 and amounts[0] == amounts[1]):
+                remedy = "they cannot be stated exactly"
+                raise SolveError(f"proof: the loads are in balance up to rounding only: {remedy}") from error
+            # loads may be in balance at one factor only: the amount is affine in it
+            factor += amounts[1] / (amounts[0] - amounts[1]) if len(amounts) == 2 else ONE
 
 
 def _second_derivatives(stated: Statement, k: int, factor: Fraction) -> Given:
@@ -377,11 +371,10 @@ def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[s
     """The part of a proof that says what no stress carries, from velocities of rigid blocks."""
     if mechanism is None:
         raise SolveError("proof: no motion of rigid blocks bounds the loads")
-    strong, parts = np.ones(len(mechanism.blocks), dtype=bool), [mechanism.motions[n] for n in mechanism.blocks]
+    strong = np.ones(len(mechanism.blocks), dtype=bool)
     space = Velocities(stated.problem, 1, strong)
-    x, y, turn, *centre = np.array([(each.x, each.y, each.rotation, *each.centre) for each in parts]).T[..., None]
-    arms = space.nodes.places @ stated.mesh.corners
-    rough = np.stack([x - turn * (arms[..., 1] - centre[1]), y + turn * (arms[..., 0] - centre[0])], axis=-1)
+    places = zip(mechanism.blocks, space.nodes.places @ stated.mesh.corners, strict=True)
+    rough = np.array([mechanism.motions[block].at(points) for block, points in places])
     return {"flow": {"degree": 1, "shares": {}, **_exactly(stated, space, rough, mechanism.plates, strong, ~strong)}}
 
 
@@ -490,9 +483,7 @@ def _exactly(
     found, motions = _moved(stated, space, rounded, plates, strong, held)
     if keeps.any():
         found |= _streams(stated, space, velocities, keeps, edges, motions)
-    for n, (x, y) in enumerate(rounded.tolist()):
-        if n not in found:
-            found[n] = Fraction(x), Fraction(y)
+    found = {n: (Fraction(x), Fraction(y)) for n, (x, y) in enumerate(rounded.tolist())} | found
     nodes = space.nodes.of_parts.tolist()
     return {
         "velocities": [[[found[cell[n]] for n in part] for part in nodes] for cell in space.global_.tolist()],

@@ -8,6 +8,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
+from qvi_contact.mechanism.bodies import whole_edges
 from qvi_contact.mesh.edges import Edges, linked
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
@@ -92,11 +93,6 @@ def nodes_along(mesh: TriangleMesh, nodes: Nodes, edges: Edges, side: int = 0) -
 
 def numbered(problem: ContactProblem, nodes: Nodes) -> IntArray:
     """Numbers (cells, m) of coefficients, which triangles share on edges that are no open joint."""
-    mesh = problem.mesh
-    cut = np.zeros(len(mesh.interior), dtype=bool)
-    for joint in problem.joints:
-        if joint.law != "tied":
-            cut[mesh.joint_set(joint.edges)] = True
-    edges, shape = mesh.interior.take(~cut), (mesh.cell_count, len(nodes.keys))
-    first, second = (nodes_along(mesh, nodes, edges, side) for side in (0, 1))
+    edges, shape = whole_edges(problem), (problem.mesh.cell_count, len(nodes.keys))
+    first, second = (nodes_along(problem.mesh, nodes, edges, side) for side in (0, 1))
     return linked(first, second, shape[0] * shape[1]).reshape(shape)

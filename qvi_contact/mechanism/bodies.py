@@ -93,12 +93,16 @@ def enclosed_beyond(problem: ContactProblem, edges: Edges) -> BoolArray:
 
 def blocks_of_cells(problem: ContactProblem) -> IntArray:
     """The block (cells,) of each cell: cells hang together across all edges but those of joints that are not tied."""
-    mesh, cut = problem.mesh, np.zeros(len(problem.mesh.interior), dtype=bool)
+    first, second = whole_edges(problem).cells.T
+    return linked(first, second, problem.mesh.cell_count)
+
+
+def whole_edges(problem: ContactProblem) -> Edges:
+    """Edges inside the body but those of joints that are not tied."""
+    cut = np.zeros(len(problem.mesh.interior), dtype=bool)
     for joint in problem.joints:
-        if joint.law != "tied":
-            cut[mesh.joint_set(joint.edges)] = True
-    first, second = mesh.interior.cells[~cut].T
-    return linked(first, second, mesh.cell_count)
+        cut[problem.mesh.joint_set(joint.edges)] |= joint.law != "tied"
+    return problem.mesh.interior.take(~cut)
 
 
 @dataclass(frozen=True, eq=False)

@@ -201,103 +201,81 @@ def resistance(line: Line, bodies: Bodies, v: FloatArray) -> float:
 
 
 class _Program:
-    """The conditions of lines as rows in x = (y, slips, dilatant slips, …) with v = Z y."""
+    """The conditions of lines as rows ≤ 0 in x = (y, slips of each line) with v = Z y, and the costs of slips."""
 
     def __init__(self, rigid: Rigid, chosen: Sequence[Line]) -> None:
-        self._basis, self._bodies = rigid.free, rigid.bodies
-        self._motions = rigid.free.shape[1]
-        self._lower = [-np.inf] * self._motions
-        self._cost = [0.0] * self._motions
-        self._rows: list[dict[int, float]] = []  # ≤ 0
+        self._basis, self._motions = rigid.free, rigid.free.shape[1]
+        self._cost, shared, own = np.zeros(self._motions), [sparse.csr_array((0, self._motions))], []
         for line in chosen:
-            self._add(line)
-        self._limits = [0.0] * len(self._rows)
+            if not line.held:
+                on_y, on_slips, cost = self._conditions(line, rigid.bodies)
+                shared.append(sparse.csr_array(on_y))
+                own.append(on_slips)
+                self._cost = np.append(self._cost, cost)
+        self._rows = sparse.hstack([sparse.vstack(shared), sparse.block_diag([np.zeros((0, 0)), *own])])
 
-    def _add(self, line: Line) -> None:
-        if line.held:
-            return
-        opening = [] if line.fixed else list(self._on_motions(line.opening(self._bodies)))
+    def _conditions(self, line: Line, bodies: Bodies) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows of a line on y, and on its own slips, and the costs of these."""
+        opening = self._on_motions(line.opening(bodies)[: 0 if line.fixed else None])
         work = line.shear_work()
         if not (line.dilates or work > 0.0):
-            self._rows += [self._less(row) for row in opening]
-            return
-        slip = self._variable(work)
-        for tangential in self._on_motions(line.slips(self._bodies)):
-            self._rows += [{**self._less(sign * tangential), slip: -1.0} for sign in (1.0, -1.0)]
+            return -opening, np.zeros((len(opening), 0)), np.zeros(0)
+        slips = self._on_motions(line.slips(bodies))
+        mu, limit = line.friction[: len(opening), None], -np.ones((2 * len(slips), 1))
         if not line.capped:
-            self._rows += [
-                {**self._less(row), slip: float(mu)} for row, mu in zip(opening, line.friction, strict=False)
-            ]
-            return
-        for row, mu, saved in zip(opening, line.friction, line.relief(), strict=True):
-            part = self._variable(-float(saved))
-            self._rows += [{**self._less(row), part: float(mu)}, {part: 1.0, slip: -1.0}]
-
-    def _variable(self, cost: float) -> int:
-        self._lower.append(0.0)
-        self._cost.append(cost)
-        return len(self._cost) - 1
+            return np.concatenate([slips, -slips, -opening]), np.concatenate([limit, mu]), np.array([work])
+        each, none = np.eye(len(opening)), np.zeros((len(opening), 1))
+        dilatant = np.block([[limit, np.zeros((len(limit), len(each)))], [none, mu * each], [none - 1.0, each]])
+        on_y = np.concatenate([slips, -slips, -opening, 0.0 * opening])
+        return on_y, dilatant, np.append(work, -line.relief())
 
     def _on_motions(self, rows: FloatArray) -> FloatArray:
         """Rows on motions v of bodies as rows on y, of which few have entries where there are many bodies."""
         touched = np.flatnonzero(rows.any(axis=0))
         return np.asarray(rows[:, touched] @ self._basis[touched])
 
-    def _less(self, row: FloatArray) -> dict[int, float]:
-        """−row y."""
-        entries = np.flatnonzero(row)
-        return dict(zip(entries.tolist(), (-row[entries]).tolist(), strict=True))
+    def _objective(self, row: FloatArray) -> FloatArray:
+        """−row · v."""
+        return np.append(-self._on_motions(row[None])[0], np.zeros(len(self._cost) - self._motions))
 
     def strongest(self, loads: FloatArray, unit: float, equations: _Equations) -> tuple[FloatArray, float] | None:
         """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (L⁺ − resisting)/(L⁺ + resisting) is largest."""
-        cost = np.array(self._cost) / unit
-        whole = dict(enumerate(cost.tolist()))
-        for load in self._on_motions(loads):
-            size = self._variable(0.0)
-            for sign in (1.0, -1.0):
-                self._append({**self._less(sign * load), size: -1.0}, 0.0)
-            whole[size] = 1.0
-        self._append(whole, 1.0)
-        objective = np.zeros(len(self._cost))
-        objective[: len(cost)] = cost
-        objective[: self._motions] -= self._on_motions(loads).sum(axis=0)
-        return self._solve(objective, equations)
+        cost, sizes = self._cost / unit, np.zeros(len(loads))
+        works = np.array([-self._objective(load) for load in loads])
+        rows: Any = [[self._rows, None], [works, -np.eye(len(loads))], [-works, -np.eye(len(loads))]]
+        whole: Any = np.append(cost, sizes + 1.0)[None]
+        rows = sparse.vstack([sparse.block_array(rows), whole])
+        limits = np.append(np.zeros(rows.shape[0] - 1), 1.0)
+        return self._solve(np.append(cost - works.sum(axis=0), sizes), rows, equations, limits)
 
     def most(self, row: FloatArray) -> float:
         """Max row · v over motions of the size 1 at most."""
-        objective = np.zeros(len(self._cost))
-        objective[: self._motions] = -self._on_motions(row[None])[0]
-        found = self._solve(objective, (), 1.0)
+        found = self._solve(self._objective(row), self._rows, (), farthest=1.0)
         return 0.0 if found is None else -found[1]
 
     def dearest(self, row: FloatArray, other: FloatArray, unit: float) -> tuple[FloatArray, float] | None:
         """Min R − L(others)  s.t.  row · v = 1."""
-        objective = np.array(self._cost) / unit
-        objective[: self._motions] -= self._on_motions(other[None])[0]
-        return self._solve(objective, [(row, 1.0)])
-
-    def _append(self, row: dict[int, float], limit: float) -> None:
-        self._rows.append(row)
-        self._limits.append(limit)
+        return self._solve(self._cost / unit + self._objective(other), self._rows, [(row, 1.0)])
 
     def _solve(
-        self, objective: FloatArray, equations: _Equations, farthest: float = _FARTHEST
+        self,
+        objective: FloatArray,
+        rows: Any,
+        equations: _Equations,
+        limits: FloatArray | float = 0.0,
+        farthest: float = _FARTHEST,
     ) -> tuple[FloatArray, float] | None:
-        """The motion v and the least value; None if there is no motion."""
-        for number in range(self._motions):  # as rows: variables with two bounds would stand at one of them
-            for sign in (1.0, -1.0):
-                self._append({number: sign}, farthest)
+        """The motion v and the least value, with rows not above limits; None if there is no motion."""
+        box = sparse.eye_array(self._motions, len(objective))  # as rows: variables with two bounds would stand at one
+        limits = np.append(np.broadcast_to(limits, rows.shape[0]), np.full(2 * self._motions, farthest))
         known: Any = {}
         if equations:
             A = np.zeros((len(equations), len(objective)))
             A[:, : self._motions] = self._on_motions(np.array([row for row, _ in equations]))
             known = {"A_eq": sparse.csr_array(A), "b_eq": np.array([value for _, value in equations])}
-        numbers = np.repeat(np.arange(len(self._rows)), [len(row) for row in self._rows])
-        columns = [column for row in self._rows for column in row]
-        values = np.array([value for row in self._rows for value in row.values()])
-        matrix = sparse.csr_array((values, (numbers, columns)), shape=(len(self._rows), len(self._cost)))
-        bounds: Any = [(low, np.inf) for low in self._lower]
-        answer = solved(objective, A_ub=matrix, b_ub=self._limits, bounds=bounds, **known)
+        bounds: Any = [(-np.inf if n < self._motions else 0.0, np.inf) for n in range(len(objective))]
+        matrix = sparse.csr_array(sparse.vstack([rows, box, -box]))
+        answer = solved(objective, A_ub=matrix, b_ub=limits, bounds=bounds, **known)
         if answer.status == INFEASIBLE:
             return None
         if answer.status == TIME_LIMIT:

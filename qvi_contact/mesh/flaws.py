@@ -143,7 +143,7 @@ def hanging_vertices(
 
 def _near(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
     """Pairs of a circle and a point in it, in order; looked for along a direction that lines of a mesh seldom have."""
-    place, centre = points @ _ASLANT, centres @ _ASLANT
+    place, centre = ((at - points[0]) @ _ASLANT for at in (points, centres))
     order = np.argsort(place)
     start = np.searchsorted(place[order], centre - radius, "left")
     stop = np.searchsorted(place[order], centre + radius, "right")

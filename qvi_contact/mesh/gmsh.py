@@ -174,14 +174,13 @@ class _Drawing:
         self, ends: Mapping[int, FloatArray], pairs: Mapping[int, IntArray], vertices: FloatArray
     ) -> tuple[dict[str, IntArray], list[Curve]]:
         """Edges by name, and edges on circles: of curves that have both ends on one piece of a line of the outline."""
-        shape, joints = self._shape, {id(polygon): name for name, polygon in self._shape.joints.items()}
+        shape = self._shape
         named, circles = dict[str, list[IntArray]](), dict[tuple[float, float, float], list[IntArray]]()
         for tag, both in ends.items():
             names, around = set[str](), None
             for polygon in shape.every:
                 for k in np.flatnonzero((polygon.distances(both) <= shape.rounding).all(axis=0)).tolist():
-                    if polygon is shape.outer or polygon in shape.holes or id(polygon) in joints:
-                        names.add(joints.get(id(polygon), polygon.names[k]))
+                    names.add(polygon.names[k])
                     if around is None and np.isfinite(polygon.centres[k]).all():
                         x, y = polygon.centres[k].tolist()
                         radius = float(np.hypot(*(polygon.pieces[k, 0] - polygon.centres[k])))
@@ -194,8 +193,8 @@ class _Drawing:
             circle((x, y), radius, np.concatenate(found), vertices, "TriangleMesh.arcs.")
             for (x, y, radius), found in circles.items()
         ]
-        order = [name for polygon in (shape.outer, *shape.holes) for name in polygon.names]
-        return {n: np.concatenate(named[n]) for n in dict.fromkeys((*order, *shape.joints)) if n in named}, arcs
+        order = dict.fromkeys(name for polygon in shape.every for name in polygon.names)
+        return {name: np.concatenate(named[name]) for name in order if name in named}, arcs
 
 
 def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:

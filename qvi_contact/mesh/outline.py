@@ -7,7 +7,7 @@ there are to be. The edges of the triangles know the circle, so that the body en
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -75,7 +75,7 @@ class Polygon:
     points: FloatArray
     """Ends of the pieces [length]; of a closed line each once, shape (n, 2)."""
     names: list[str]
-    """What each piece is called; n of a closed line, n − 1 of an open one, shape (k,)."""
+    """What edges on each piece are called, or ""; n of a closed line, n − 1 of an open one, shape (k,)."""
     sizes: FloatArray
     """Sizes of triangles at the points [length], shape (n,)."""
     centres: FloatArray
@@ -157,7 +157,8 @@ def polygons(
                 raise InputError(kind, name, "give names that are not empty")
             last = _listed(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first
             closed = kind == "regions" or any(isinstance(each, Corner) and each.centre is not None for each in last)
-            found[name] = _polygon(f"{kind}.{name}", line, size, closed=closed)
+            polygon = _polygon(f"{kind}.{name}", line, size, closed=closed)
+            found[name] = replace(polygon, names=[name if kind == "joints" else ""] * len(polygon.names))
     at = np.array([point("sizes", place) for place in places]).reshape(-1, 2)
     own = np.array([positive_number(f"sizes[{place}]", given) for place, given in places.items()])
     outline = Polygons(outer, inner, seams, areas, at, own, size)

@@ -6,7 +6,7 @@ import hashlib
 import pickle
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 import numpy as np
@@ -203,9 +203,15 @@ class ContactProblem(PicklesFields):
     def owners(self) -> IntArray:
         """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none.
 
-        Components are x and y; normal and tangential on slanted edges that are ruled by these.
+        Components are x and y; normal and tangential on slanted edges that are ruled by these. The mesh keeps it, as
+        values of conditions change nothing.
         """
-        return _ruled(self)
+        kinds = []  # all that the answer depends on
+        for each in self.conditions:
+            named = tuple(components(each)) if isinstance(each, (Traction, Displacement)) else ()
+            place = b"" if each in self.joints else _edges_of(self.mesh, each)[0].tobytes()
+            kinds.append((type(each), named, place))
+        return self.mesh.kept(np.ndarray, ("owners", *kinds), partial(_ruled, self))
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
         """Prescribed data of one kind, symmetry lines included."""
@@ -318,11 +324,13 @@ def _ruled(problem: ContactProblem) -> IntArray:
                 remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
                 refuse(condition.edges, int(slot[at]), int(chosen[at]), remedy)
             owner[slot, chosen] = number
+    owner.setflags(write=False)
     if (owner < 0).any():
         component, edge = np.argwhere(owner < 0)[0].tolist()
         named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
         refuse([*named, "an edge without a name"][0], component, edge, remedy)
+    owner.flags.writeable = False  # problems share it
     return owner
 
 

@@ -36,7 +36,10 @@ from qvi_contact.solution.stress import loads_followed
 _SPACE: Final = ("degree", "law_on")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors
 _TWICE: Final = 2  # bisections of a triangle that halve all its edges
-_SHARE: Final = 0.6  # of the gap that is divided where bodies yield
+_SHARE: Final = 0.6  # of the gap that is divided where bodies yield, at most
+_LEAST_SHARE: Final = 0.15
+_REMOVED: Final = 0.9  # of what is divided vanishes, about: fans become finer as a whole
+_INSIDE: Final = 0.95  # of the target is aimed at
 _SECTOR: Final = np.pi / 48.0  # smallest angle of fans [rad]
 _BLUNT: Final = 0.8 * np.pi  # angle of a corner from which on a change of conditions needs a fan [rad]
 _FLAT: Final = 1e-6  # of a straight angle that is rounding
@@ -94,7 +97,8 @@ class LimitStrategy:
         exact = np.isfinite(estimate) and loads_followed(answer.posed.low) and loads_followed(answer.posed.high)
         if self.problem.yields:
             parts = np.ones(mesh.cell_count) if limit.collapse is None else limit.collapse.gap
-            finer = partial(self._finer_where_it_yields, mesh, parts)
+            needed = (1.0 - _INSIDE * self.settings.target / max(estimate, self.settings.target)) / _REMOVED
+            finer = partial(self._finer_where_it_yields, mesh, parts, min(max(needed, _LEAST_SHARE), _SHARE))
             exact &= not mesh.curved.any()  # strengths hold on the straight triangles
         else:
             on_edges, parts = list(_edge_gaps(answer)), np.zeros(mesh.cell_count)
@@ -125,9 +129,9 @@ class LimitStrategy:
             fine = fine.refined(at_contacts(problem, mesh, fine, cells))
         return fine
 
-    def _finer_where_it_yields(self, mesh: TriangleMesh, parts: FloatArray) -> TriangleMesh | None:
-        """Triangles with most of the gap divided; where they meet a singular vertex its fan becomes finer."""
-        marked = bulk(parts, _SHARE)
+    def _finer_where_it_yields(self, mesh: TriangleMesh, parts: FloatArray, share: float) -> TriangleMesh | None:
+        """Triangles with a share of the gap divided; where they meet a singular vertex its fan becomes finer."""
+        marked = bulk(parts, share)
         singular = singular_vertices(replace(self.problem, mesh=mesh))
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
         around = np.isin(mesh.cells, at).any(axis=1)

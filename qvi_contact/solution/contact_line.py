@@ -18,7 +18,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -367,39 +366,32 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
         general = ~(constant & (above <= scale) & (beyond <= scale))
         excess = float(beyond[~general].max(initial=0.0))
         pull = 0.0 if both else float(above[~general].max(initial=0.0))
-    t = rows.points.reference
-    for edge in np.flatnonzero(general):  # polynomials through the points
-        values = [part[edge] for part in parts]
-        normal_part, shear, friction, own, limit = (
-            Polynomial.fit(t, np.where(np.isinf(part), 0.0, part), len(t) - 1, domain=[0.0, 1.0]) for part in values
+    for edge in np.flatnonzero(general):  # polynomials through the points; what is largest turns there, or ends
+        values = [np.where(np.isinf(part[edge]), 0.0, part[edge]) for part in parts]
+        pressing, shear, slope, own, limit = (
+            Polynomial.fit(rows.points.reference, value, len(value) - 1, domain=[0.0, 1.0]) for value in values
         )
-        largest = 0.0
-        for start, stop in pairwise([0.0, *_roots(normal_part).tolist(), 1.0]):
-            sign = 1.0 if normal_part(0.5 * (start + stop)) <= 0.0 else -1.0 if both else 0.0
-            bounds = [own - sign * friction * normal_part] + ([] if np.isinf(values[-1]).all() else [limit])
-            largest = max(
-                [largest, *(_maximum(side - bound, start, stop) for side in (shear, -shear) for bound in bounds)]
-            )
-        most = max(_maximum(shear, 0.0, 1.0), _maximum(-shear, 0.0, 1.0))  # no bound is negative, though a cubic may be
-        excess = max(excess, min(largest, most))
-        pull = pull if both else max(pull, _maximum(normal_part, 0.0, 1.0))
+        bounds = [own + slope * pressing, own - slope * pressing, own, limit]
+        turning = [pressing, shear, *(shear + sign * bound for bound in bounds for sign in (1.0, -1.0))]
+        at = np.concatenate([[0.0, 1.0], _roots(pressing), *(_roots(part.deriv()) for part in turning)])
+        pressure = np.abs(pressing(at)) if both else np.maximum(-pressing(at), 0.0)
+        bound, size = own(at) + slope(at) * pressure, np.abs(shear(at))
+        if not np.isinf(parts[-1][edge]).all():
+            bound = np.minimum(bound, limit(at))
+        largest = min((size - bound).max(), size.max())  # no bound is negative, though a cubic may be
+        excess = max(excess, float(largest))
+        pull = pull if both else max(pull, float(pressing(at).max()))
     return excess, pull
 
 
-def _maximum(p: Polynomial, start: float, stop: float) -> float:
-    inside = _roots(p.deriv())
-    places = np.concatenate([[start, stop], inside[(inside > start) & (inside < stop)]])
-    return float(p(places).max())
-
-
 def _roots(p: Polynomial) -> FloatArray:
-    """Real roots inside (0, 1), sorted."""
+    """Real roots inside (0, 1)."""
     scale = np.abs(p.coef).max()
     if scale == 0.0:
         return np.empty(0)
     roots = p.trim(1e-14 * scale).roots()
     real = np.real(roots[np.abs(np.imag(roots)) <= 1e-9])
-    return np.asarray(np.sort(real[(real > 0.0) & (real < 1.0)]))
+    return np.asarray(real[(real > 0.0) & (real < 1.0)])
 
 
 # The order of a contact's edges and points along the lines they make up, and places on these lines.

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,10 +47,6 @@ _PARALLEL = 1e-9  # sine of the angle between edges that face one way
 CONTINUES = (Status.SOLVED, Status.INACCURATE)
 """How a step ends after which the next one is solved."""
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
-
-
-_Drives: TypeAlias = dict[str, list[dict[str, tuple[float, float]]]]
-"""By name, in each step, the displacement and force of what may drive the body, by component."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,39 +142,36 @@ class History:
         `InputError` if there is no such contact or edge set, or the obstacle of the contact is at rest while
         displacements prescribed elsewhere move the body: the edge sets to name instead are listed.
         """
-        contacts, supports = self._drives
         if not self._states:
             return np.zeros(0), np.zeros(0)
-        name = known_name("name", name, {"contacts": contacts, "edge sets with a prescribed displacement": supports})
-        if name not in contacts:
-            return _moving(name, supports[name])
-        steps = contacts[name]
+        first = self._states[0]
+        supports = [each.edges for each in first.problem.conditions if isinstance(each, Displacement)]
+        name = known_name(
+            "name", name, {"contacts": first.contacts, "edge sets with a prescribed displacement": supports}
+        )
+        if name not in first.contacts:
+            return self._of_support(name)
+        steps = [_of_obstacle(step, name) for step in self._states]
         if any(each.keys() != steps[0].keys() for each in steps):
             raise InputError("name", name, "its plate is there in some steps only: give it in all of them, or in none")
         pairs = np.array([list(each.values()) for each in steps]).transpose(1, 2, 0)
         displacement, force = pairs[np.argmax(np.ptp(pairs[:, 0], axis=1) * np.abs(pairs[:, 1]).max(axis=1))]
-        movers = [edges for edges, moved in supports.items() if np.ptp(_moving(edges, moved)[0]) > 0.0]
-        if movers and not np.ptp(displacement) > 0.0:
-            remedy = f"its obstacle does not move: name what drives the body, {' or '.join(map(repr, movers))}"
-            raise InputError("name", name, remedy)
+        if not np.ptp(displacement) > 0.0:
+            movers = [edges for edges in dict.fromkeys(supports) if np.ptp(self._of_support(edges)[0]) > 0.0]
+            if movers:
+                remedy = f"its obstacle does not move: name what drives the body, {' or '.join(map(repr, movers))}"
+                raise InputError("name", name, remedy)
         return displacement, force
 
-    @cached_property
-    def _drives(self) -> tuple[_Drives, _Drives]:
-        """Of the obstacles of contacts, and of edge sets with a prescribed displacement.
-
-        Numbers, as each step may have to be read from a file.
-        """
-        contacts, supports = _Drives(), _Drives()
-        for number, step in enumerate(self._states):
-            if not number:
-                edges = [each.edges for each in step.problem.conditions if isinstance(each, Displacement)]
-                supports = {name: [] for name in edges}
-            for name in step.contacts:
-                contacts.setdefault(name, []).append(_of_obstacle(step, name))
-            for name, moved in supports.items():
-                moved.append(_of_support(step, name))
-        return contacts, supports
+    def _of_support(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
+        steps = [_of_support(step, name) for step in self._states]
+        always = [component for component in steps[0] if all(component in each for each in steps)]
+        found = [np.array([each[component] for each in steps]).T for component in always]
+        if not found:
+            raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
+        displacement, force = next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
+        return displacement, force
 
     @property
     def _states(self) -> Sequence[ContactResult]:
@@ -328,16 +321,6 @@ def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
         return 0.0
     traction = other.solution.problem.tangential(other.solution.z)
     return float(now.solution.tangential_multiplier @ traction) * now.discretization.scales.energy
-
-
-def _moving(name: str, steps: list[dict[str, tuple[float, float]]]) -> tuple[FloatArray, FloatArray]:
-    """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
-    always = [component for component in steps[0] if all(component in each for each in steps)]
-    found = [np.array([each[component] for each in steps]).T for component in always]
-    if not found:
-        raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
-    displacement, force = next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
-    return displacement, force
 
 
 def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:

@@ -387,6 +387,12 @@ class _Run:
                 return
             yield SweepRow.of(number, value, found, seconds)
 
+    def slice(self, part: _Slice) -> list[SweepRow]:
+        """The rows of a slice."""
+        seconds = max(part.end - time.time(), _LEAST)
+        with deadline(seconds if seconds < math.inf else None):
+            return list(self.rows(part.planned))
+
 
 class _Slice(NamedTuple):
     """Numbers and neighbouring values for one worker, until `end` by `time.time`, which clocks of a cluster share."""
@@ -397,14 +403,7 @@ class _Slice(NamedTuple):
 
 def _opened(task: SweepTask) -> tuple[None, Callable[[_Slice], list[SweepRow]]]:
     """What a worker process does: the rows of slices, each on the factorisation of the one before."""
-    run = _Run(task)
-
-    def solved(part: _Slice) -> list[SweepRow]:
-        seconds = max(part.end - time.time(), _LEAST)
-        with deadline(seconds if seconds < math.inf else None):
-            return list(run.rows(part.planned))
-
-    return None, solved
+    return None, _Run(task).slice
 
 
 def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Workers) -> Generator[Sequence[SweepRow]]:

@@ -42,7 +42,13 @@ class SuperLU(Factorisation):
         diagonal = K.diagonal()
         self._diagonal = added = diagonal[interface]
         raised = K if self._order is None else _reordered(K, self._order, added)
-        self._factor: Module = _symmetric_splu(raised, "MMD_AT_PLUS_A" if own else "NATURAL")
+        try:  # every pivot on the diagonal
+            ordering: Literal["MMD_AT_PLUS_A", "NATURAL"] = "MMD_AT_PLUS_A" if own else "NATURAL"
+            self._factor: Module = splu(raised, ordering, 0.0, options={"SymmetricMode": True})
+        except RuntimeError as error:
+            raise FactorisationError("singular", self.backend, str(error)) from error
+        if not np.array_equal(self._factor.perm_r, self._factor.perm_c):
+            raise FactorisationError("singular", self.backend, "a pivot is zero")
         factorised = perf_counter()
         lower, pivots = self._factor.L, self._factor.U.diagonal()
         order = np.argsort(self._factor.perm_c) if self._order is None else self._order
@@ -93,17 +99,6 @@ def _reordered(K: Sparse, order: IntVector, added: Vector) -> Sparse:
     end, column = columns.indptr[first], np.repeat(np.arange(order.size), np.diff(columns.indptr))
     columns.data[end:][rows[end:] == column[end:]] += added
     return csc_array((columns.data, rows, columns.indptr), shape=K.shape)
-
-
-def _symmetric_splu(K: Sparse, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> Module:
-    """SuperLU's factors with every pivot on the diagonal."""
-    try:
-        factor = splu(K, order, 0.0, options={"SymmetricMode": True})
-    except RuntimeError as error:
-        raise FactorisationError("singular", "superlu", str(error)) from error
-    if not np.array_equal(factor.perm_r, factor.perm_c):
-        raise FactorisationError("singular", "superlu", "a pivot is zero")
-    return factor
 
 
 # Orders of elimination: by minimum degree on groups of unknowns with the same neighbours, or by places.

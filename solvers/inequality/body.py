@@ -304,7 +304,8 @@ class BondedState:
     @cached_property
     def is_slow(self) -> bool:
         """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
-        second = np.sqrt(self.condensed.system.square(*self._missed(self._first)))
+        missed = self._b - self.condensed.contact.A @ self._first
+        second = np.sqrt(self.condensed.system.square(-self._at_first[1], missed))
         return bool(second > SLOW_CONTRACTION * self._size(self._first))
 
     @cached_property
@@ -322,7 +323,7 @@ class BondedState:
     @cached_property
     def rough_stress(self) -> float:
         """√(2 × strain energy) by one linear solve, not corrected: its size, not its digits."""
-        return float(np.sqrt(2.0 * self._not_rounding(self.energy.state(self._first)[0])))
+        return float(np.sqrt(2.0 * self._not_rounding(self._at_first[0])))
 
     @cached_property
     def at_rest(self) -> tuple[Vector, State, float]:
@@ -344,9 +345,10 @@ class BondedState:
         (reduced, state), system = self._eliminated, self.condensed.system
         return np.asarray(system.factor.expand(state, system.solve_interface(reduced, self._b)[0]))
 
-    def _missed(self, z: Vector) -> tuple[Vector, Vector]:
-        """Forces and right-hand sides of equations that z leaves."""
-        return -self.energy.state(z)[1], self._b - self.condensed.contact.A @ z
+    @cached_property
+    def _at_first(self) -> tuple[float, Vector]:
+        """`Energy.state` there."""
+        return self.energy.state(self._first)
 
     def _size(self, step: Vector) -> float:
         """In the energy norm."""
@@ -357,10 +359,12 @@ class BondedState:
         """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
         system, z = self.condensed.system, self._first
         sizes = [self._size(z)]
+        gradient = self._at_first[1]
         for _ in range(_CORRECTIONS):
-            step = system.solve(*self._missed(z))[0]
+            step = system.solve(-gradient, self._b - self.condensed.contact.A @ z)[0]
             sizes.append(self._size(step))
             if not sizes[-1] < 0.5 * sizes[-2]:
                 break
             z = z + step
+            gradient = self.energy.state(z)[1]
         return z, sizes

@@ -1,4 +1,4 @@
-"""Generated problems: wild ones, the same every time, and a sample of them; estimated errors beside references."""
+"""Generated problems: wild ones, the same every time, and a sample of them; limits and bounds beside proofs."""
 
 from dataclasses import replace
 from importlib.util import find_spec
@@ -7,7 +7,7 @@ import pytest
 
 from comparisons.bounds import report as bounds_report
 from comparisons.bounds import study as bounds
-from comparisons.wild import bodies, estimates, generator, judge, limits
+from comparisons.wild import bodies, generator, judge, limits
 from comparisons.wild import study as wild
 from qvi_contact import ContactResult, InputError, TriangleMesh, discretize, solve
 from qvi_contact.gallery import compressed_plate
@@ -181,38 +181,6 @@ def test_what_must_not_happen_is_in_the_numbers_and_in_the_table(rows):
 
 def test_an_exception_that_is_not_the_packages_own_is_foreign():
     assert wild.solve_case({"family": {}, "number": 0})["outcome"] == wild.FOREIGN
-
-
-QUICK = [24, 30, 2, 40][: examples(1)]  # problems that are refined in a second
-
-
-class TestEstimates:
-    """Errors that `refine` tells."""
-
-    def test_a_number_makes_the_same_problem_again(self):
-        one, same, other = (estimates.stated(number) for number in (3, 3, 4))
-        made = [repr((each.problem.mesh.vertices.tolist(), each.problem.conditions)) for each in (one, same, other)]
-        assert made[0] == made[1] != made[2]
-        assert (one.quantity, one.target, one.degree) == (same.quantity, same.target, same.degree)
-
-    @pytest.mark.parametrize("number", QUICK)
-    def test_answers_are_as_accurate_as_they_say(self, number):
-        found = estimates.solve_case({"number": number})
-        assert found["status"] == "reached"
-        assert found["doubt"] < 0.2 * found["error"] or found["doubt"] < 2e-6
-        assert abs(found["off"]) <= max(found["error"], 2.0 * found["doubt"])
-        assert found["error"] <= found["target"]
-
-    @pytest.fixture
-    def runs(self):
-        """The committed rows."""
-        return committed("estimates")
-
-    def test_estimates_hold_in_95_per_cent_of_the_runs(self, runs):
-        values = estimates.values_of(estimates.runs_of(runs))
-        assert values["estimates"] >= 100
-        assert values["share"] >= 0.95
-        assert values["q95"] < 3.0
 
 
 class TestLimits:

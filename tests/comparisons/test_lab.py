@@ -63,10 +63,10 @@ def told_apart(value):
 
 def filled(path, study=SMALL, count=2):
     """A store with the first rows of a study."""
-    with writing(path, study) as store:
+    with writing(path, study) as append:
         for number, case in enumerate(study.cases[:count]):
             value = {"n": number, "gap": math.inf, "certificate": {"passed": True}}
-            store.append(case, Outcome("done", value, "", 0.25, 1.5), ENVIRONMENT)
+            append(case, Outcome("done", value, "", 0.25, 1.5), ENVIRONMENT)
     return path
 
 
@@ -114,10 +114,10 @@ class TestStore:
     """Rows in and out."""
 
     def test_rows_come_back_in_the_order_of_the_study(self, tmp_path):
-        with writing(tmp_path / "new" / "a", SMALL) as store:
+        with writing(tmp_path / "new" / "a", SMALL) as append:
             for number, case in reversed([*enumerate(SMALL.cases)]):
                 value = {"n": number, "gap": math.inf, "certificate": {"passed": True}}
-                store.append(case, Outcome("done", value, "", 0.25, 1.5), ENVIRONMENT)
+                append(case, Outcome("done", value, "", 0.25, 1.5), ENVIRONMENT)
         found = read_rows(SMALL, tmp_path / "new" / "a")
         assert [each.case for each in found] == [*SMALL.cases]
         one = found[1]
@@ -152,10 +152,10 @@ class TestStore:
     def test_full(self, tmp_path, monkeypatch):
         path = filled(tmp_path / "a", count=2)
         monkeypatch.setattr(database, "SETTINGS", (*database.SETTINGS, "max_page_count = 8"))
-        with writing(path, SMALL) as store:
+        with writing(path, SMALL) as append:
             with pytest.raises(InputError, match="no room left"):
-                store.append(SMALL.cases[2], Outcome("done", {"text": "x" * 20_000}), ENVIRONMENT)
-            store.append(SMALL.cases[3], Outcome("done"), ENVIRONMENT)
+                append(SMALL.cases[2], Outcome("done", {"text": "x" * 20_000}), ENVIRONMENT)
+            append(SMALL.cases[3], Outcome("done"), ENVIRONMENT)
         monkeypatch.undo()
         assert [each.case for each in read_rows(SMALL, path)] == [SMALL.cases[place] for place in (0, 1, 3)]
 

@@ -10,9 +10,11 @@ import tomli_w
 from hypothesis import strategies as st
 from scipy.special import comb
 
-from qvi_contact import Contact, TriangleMesh, solve
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, Traction, TriangleMesh, solve
+from qvi_contact.bracket import CellFields
 from qvi_contact.companion import solve_companions
 from qvi_contact.discretization import Discretization
+from qvi_contact.solution import stress_in_cells
 from solvers import Status
 
 INNER, OUTER, NU = 1.0, 2.0, 0.3
@@ -167,3 +169,51 @@ def _break(draw, data):
         value[draw(words)] = draw(junk)
     else:
         parent[path[-1]] = draw(junk)
+
+
+def half_disc(friction=0.3, push=(2e-3, -2e-3)):
+    """A half disc of radius 1 as a polygon, its flat side on a rough plane in full contact, its crown displaced."""
+    angle = np.linspace(0.0, np.pi, 13)
+    rim = np.column_stack([np.cos(angle), np.sin(angle)])
+    vertices = np.vstack([[0.0, 0.0], rim])
+    cells = np.column_stack([np.zeros(12, dtype=int), np.arange(1, 13), np.arange(2, 14)])
+    mesh = TriangleMesh(vertices, cells)
+    mesh = mesh.with_edges("base", lambda _, y: y < 1e-9).with_edges("crown", lambda _, y: y > 0.9)
+    mesh = mesh.with_edges("flank", lambda _, y: (y >= 1e-9) & (y <= 0.9))
+    crown = Displacement("crown", x=push[0], y=push[1])
+    conditions = [Contact("base", friction, name="base"), crown, Traction("flank", x=0.0, y=0.0)]
+    return ContactProblem(mesh, Material(1000.0, 0.3, "strain"), conditions)
+
+
+def half_discs(friction=0.3, push=(6e-3, -2e-3), below=1000.0):
+    """Two such half discs on each other, that below held at its foot, of a Young's modulus of its own."""
+    above = half_disc().mesh
+    shared = above.vertices[:, 1] < 1e-9
+    other = np.where(shared, np.arange(len(shared)), len(shared) - 1 + np.cumsum(~shared))
+    vertices = np.vstack([above.vertices, (above.vertices * [1.0, -1.0])[~shared]])
+    mesh = TriangleMesh(vertices, np.vstack([above.cells, other[above.cells]]))
+    mesh = mesh.with_joint("seam", lambda _, y: np.abs(y) < 1e-9).with_region("lower", lambda _, y: y < 0.0)
+    mesh = mesh.with_edges("crown", lambda _, y: y > 0.9).with_edges("foot", lambda _, y: y < -0.9)
+    mesh = mesh.with_edges("flank", lambda _, y: np.abs(y) <= 0.9)
+    held = [Displacement("crown", x=push[0], y=push[1]), Displacement("foot", x=0.0, y=0.0)]
+    stiff, soft = Material(1000.0, 0.3, "strain"), Material(below, 0.3, "strain")
+    conditions = [Contact("seam", friction), *held, Traction("flank", x=0.0, y=0.0)]
+    return ContactProblem(mesh, stiff, conditions, regions=[Region(soft, name="lower")])
+
+
+def sheared_layer(friction=0.2, drag=5e-3):
+    """A layer 4 × 1 pressed on rough ground by its top, which moves to the side; its ends are free."""
+    held = [Contact("bottom", friction, name="base"), Displacement("top", x=drag, y=-2e-3)]
+    mesh = TriangleMesh.rectangle((4, 1), 4.0, 1.0)
+    free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    return ContactProblem(mesh, Material(1000.0, 0.2), [*held, *free])
+
+
+def energy_apart(one, other):
+    """|σ − τ| in the energy norm, of stresses of any degrees on one mesh."""
+    fine, coarse = sorted((one, other), key=lambda result: -result.discretization.space.degree)
+    fields, known = CellFields.of(fine.discretization, fine.dofs, 1), coarse.discretization
+    every = np.arange(coarse.problem.mesh.cell_count)
+    stress = stress_in_cells(known, known.coefficients(coarse.dofs), every, fields.t)[1] * known.scales.stress
+    apart, c = fields.stress - stress, fine.problem.compliances
+    return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, c, apart)))

@@ -7,7 +7,7 @@ import pytest
 from scipy import integrate
 
 from comparisons.verification import stress_deviation
-from comparisons.verification.chapters import lame, lame_energy
+from comparisons.verification.chapters.curves import lame, lame_energy
 from qvi_contact import Corner, Expression, InputError, TriangleMesh, solve, verify_result
 from qvi_contact.companion import solve_companion, solve_companions
 from qvi_contact.gallery import arc, fan

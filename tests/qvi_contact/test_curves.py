@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import poly2leg
 
-from comparisons.verification.chapters import NU, OUTER, M, ellipse, sheet, stretched, zeta_of
+from comparisons.verification.chapters.curves import NU, OUTER, M, ellipse, sheet, stretched, zeta_of
 from qvi_contact import InputError, TriangleMesh, discretize, exact, load_result, solve
 from qvi_contact.bracket import bracket
 from qvi_contact.discretization import shortest_cuts

@@ -215,6 +215,18 @@ def test_of_one_kind_the_latest_few_are_kept():
     assert made == [1, 2, 3, 4, 5, 2]
 
 
+def test_conditions_rule_edges_of_their_own_mesh():
+    """Equal meshes keep one set of matrices, also where they call other edges by one name."""
+    first = block()
+    names = {"bottom": "bottom", "top": "top", "left": "right", "right": "left"}
+    sets = {name: first.mesh.edge_sets[other] for name, other in names.items()}
+    swapped = replace(first, mesh=TriangleMesh(first.mesh.vertices, first.mesh.cells, sets))
+    owners = swapped.owners
+    discretize(first).with_data(swapped)
+    assert np.array_equal(replace(swapped).owners, owners)
+    assert not np.array_equal(first.owners, owners)
+
+
 def test_a_problem_on_another_mesh_is_refused():
     finer = replace(block(), mesh=TriangleMesh.rectangle((4, 2), 2.0, 1.0))
     with pytest.raises(InputError) as caught:

@@ -107,6 +107,16 @@ def test_known_limit_loads(name):
     assert low <= found.upper <= high * (1 + accuracy)
 
 
+def test_the_last_mesh_is_no_finer_than_the_target_needs():
+    near, far = (
+        refine(notched(), target=target, quantity=LimitFactor(["top"]), max_rounds=2, degree=4)
+        for target in (0.11, 0.001)
+    )
+    assert near.status is RefinementStatus.REACHED
+    assert near.rounds[1].cells < far.rounds[1].cells
+    assert far.rounds[1].estimate <= near.rounds[1].estimate <= 0.11 < near.rounds[0].estimate
+
+
 def test_thick_cylinder():
     """Pressure 2c ln(b/a) inside a quarter ring with true arcs: estimates within 0.2 %."""
     n = 12

@@ -1,4 +1,4 @@
-"""Chapter on bounds of the energy and of the force, and on bounds under Coulomb friction: errors, bad stresses."""
+"""Chapter on bounds of the energy and of the force, under slip too."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -8,15 +8,13 @@ from typing import Final
 import numpy as np
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE
-from comparisons.verification.measures import FORCE, energy_apart, halved, plate_under
+from comparisons.verification.measures import FORCE, plate_under
 from comparisons.verification.rows import Chapter, Check, Kind, Proof, Row, both, by_hand, certified
 from qvi_contact import (
     Contact,
     ContactProblem,
-    ContactResult,
     Displacement,
     Material,
-    Region,
     Symmetry,
     Traction,
     TriangleMesh,
@@ -24,12 +22,10 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.bracket import Bounds, Bracket, bracket
-from qvi_contact.bracket.coulomb import CoulombBounds
-from qvi_contact.companion import solve_companion
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem.conditions import Condition
-from qvi_contact.refinement.outcome import Refinement, bulk
+from qvi_contact.refinement.outcome import Refinement
 
 BOUNDS: Final = Chapter()
 
@@ -193,126 +189,3 @@ def _guaranteed(*brackets: Bracket) -> Proof:
     """Both solves certified, and the bracket guaranteed."""
     reasons = "; ".join(reason for found in brackets for reason in found.reasons)
     return both(certified(*(found.result for found in brackets)), by_hand(not reasons, reasons or "guaranteed bracket"))
-
-
-# Under Coulomb friction: the stress of a high degree on the same mesh stands for the exact one.
-_FINE: Final = 8
-_ERROR: Final = "bound over true error of the stress"
-_TRUTH: Final = f"the stress of degree {_FINE} on the same mesh"
-
-
-@BOUNDS("bounds-slip-errors", 4)
-def errors_under_slip(p: int, quick: bool) -> Iterator[Row]:
-    """The paper's plate: bounds of the stress error in the energy norm beside the true error.
-
-    The bound must not be below the error, and not more than 4 times as large, on meshes that are bisected where it says
-    so and on equal cells. It holds for Coulomb's law whatever the exact solution does. That costs: on coarse meshes the
-    edge where stick changes into slip has a share of friction that is far from continuous, and counts.
-    """
-    for friction in (0.2,) if quick else (0.05, 0.1, 0.2):
-        plates = [compressed_plate(friction, (n, n)) for n in ((2,) if quick else (2, 4, 8))]
-        equal = [solve(plate, degree=p) for plate in plates]
-        for name, results in (("adaptive meshes", _chain(p, friction, 2 if quick else 6)), ("equal cells", equal)):
-            ratios, proofs = [], []
-            for result in results:
-                fine, bounds = solve(result.problem, degree=_FINE), _coulomb(result)
-                ratios.append(bounds.error / energy_apart(result, fine))
-                holds = by_hand(bounds.guaranteed, " ".join(bounds.reasons) or "guaranteed bound")
-                proofs.append(both(certified(result, fine), holds))
-            rows, where = Check(both(*proofs), _TRUTH, kind=Kind.METHODS), f"{_ERROR}, μ = {friction:g}, {name}"
-            yield rows.at_least(f"least {where}", min(ratios), 1.0)
-            yield rows.at_most(f"largest {where}", max(ratios), 4.0)
-
-
-def _chain(p: int, friction: float, count: int) -> Iterator[ContactResult]:
-    """The plate on meshes bisected where the bound says so."""
-    result = solve(compressed_plate(friction, (1, 1)), degree=p)
-    for _ in range(count):
-        mesh = result.problem.mesh.refined(bulk(_coulomb(result).cells))
-        result = solve(replace(result.problem, mesh=mesh), degree=p)
-        yield result
-
-
-def half_disc(friction: float = 0.3, push: tuple[float, float] = (2e-3, -2e-3)) -> ContactProblem:
-    """A half disc of radius 1 as a polygon, its flat side on a rough plane in full contact, its crown displaced."""
-    angle = np.linspace(0.0, np.pi, 13)
-    rim = np.column_stack([np.cos(angle), np.sin(angle)])
-    vertices = np.vstack([[0.0, 0.0], rim])
-    cells = np.column_stack([np.zeros(12, dtype=int), np.arange(1, 13), np.arange(2, 14)])
-    mesh = TriangleMesh(vertices, cells)
-    mesh = mesh.with_edges("base", lambda _, y: y < 1e-9).with_edges("crown", lambda _, y: y > 0.9)
-    mesh = mesh.with_edges("flank", lambda _, y: (y >= 1e-9) & (y <= 0.9))
-    crown = Displacement("crown", x=push[0], y=push[1])
-    conditions: list[Condition] = [Contact("base", friction, name="base"), crown, *_free("flank")]
-    return ContactProblem(mesh, Material(1000.0, 0.3, "strain"), conditions)
-
-
-def half_discs(
-    friction: float = 0.3, push: tuple[float, float] = (6e-3, -2e-3), below: float = 1000.0
-) -> ContactProblem:
-    """Two such half discs on each other, that below held at its foot, of a Young's modulus of its own."""
-    above = half_disc().mesh
-    shared = above.vertices[:, 1] < 1e-9
-    other = np.where(shared, np.arange(len(shared)), len(shared) - 1 + np.cumsum(~shared))
-    vertices = np.vstack([above.vertices, (above.vertices * [1.0, -1.0])[~shared]])
-    mesh = TriangleMesh(vertices, np.vstack([above.cells, other[above.cells]]))
-    mesh = mesh.with_joint("seam", lambda _, y: np.abs(y) < 1e-9).with_region("lower", lambda _, y: y < 0.0)
-    mesh = mesh.with_edges("crown", lambda _, y: y > 0.9).with_edges("foot", lambda _, y: y < -0.9)
-    mesh = mesh.with_edges("flank", lambda _, y: np.abs(y) <= 0.9)
-    held = [Displacement("crown", x=push[0], y=push[1]), Displacement("foot", x=0.0, y=0.0)]
-    stiff, soft = Material(1000.0, 0.3, "strain"), Material(below, 0.3, "strain")
-    conditions = [Contact("seam", friction), *held, *_free("flank")]
-    return ContactProblem(mesh, stiff, conditions, regions=[Region(soft, name="lower")])
-
-
-def sheared_layer(friction: float = 0.2, drag: float = 5e-3) -> ContactProblem:
-    """A layer 4 × 1 pressed on rough ground by its top, which moves to the side; its ends are free."""
-    held: list[Condition] = [Contact("bottom", friction, name="base"), Displacement("top", x=drag, y=-2e-3)]
-    mesh = TriangleMesh.rectangle((4, 1), 4.0, 1.0)
-    return ContactProblem(mesh, Material(1000.0, 0.2), [*held, *_free("left", "right")])
-
-
-_BODIES: Final[dict[str, tuple[Callable[[], ContactProblem], str]]] = {
-    "two half discs, μ = 0.1": (partial(half_discs, 0.1, below=500.0), "guaranteed"),
-    "two half discs, μ = 0.3": (partial(half_discs, 0.3, below=500.0), "estimated"),
-    "half disc, μ = 0.1": (partial(half_disc, 0.1, (6e-3, -2e-3)), "guaranteed"),
-    "half disc, μ = 0.3": (partial(half_disc, 0.3, (6e-3, -2e-3)), "estimated"),
-    "sheared layer that slips": (partial(sheared_layer, 0.3), "estimated"),
-    "sheared layer that sticks": (partial(sheared_layer, 0.5, 1e-3), "estimated"),
-}
-"""Bodies, and what their bounds are."""
-
-
-@BOUNDS("bounds-slip-bodies", 4)
-def bodies_under_slip(p: int, quick: bool) -> Iterator[Row]:
-    """Other bodies: forces known from elsewhere must be inside their bounds.
-
-    Of SSNV128 balance gives the normal force, p a. The others are compared with displacement elements of degree 4 on a
-    mesh twice as fine.
-    """
-    proved = "whether the norm of the friction operator is proved below 2"
-    cells = (4, 4) if quick else (12, 12)
-    for friction, kind in ((0.3, "guaranteed"), (1.0, "estimated")):
-        result = solve(ssnv128(cells, friction=friction), degree=p)
-        name, rows, bounds = f"SSNV128, μ = {friction:g}", Check(certified(result)), _coulomb(result)
-        yield rows.word(f"{name}: the bounds are", bounds.kind, kind, proved)
-        force, source = bounds.forces["base.normal_force"], "p a, balance in y"
-        yield from rows.enclosed(f"{name}: N [N/m], {{}}", force, 2.0e6, source, tolerance=1e-9 * 2.0e6)
-    for name, (body, kind) in list(_BODIES.items())[: 1 if quick else None]:
-        problem = body()
-        problem = problem if quick else replace(problem, mesh=halved(problem.mesh))
-        result = solve(problem, degree=p)
-        moved = solve_companion(replace(problem, mesh=halved(problem.mesh)), degree=4)
-        bounds = _coulomb(result)
-        yield Check(certified(result), proved).word(f"{name}: the bounds are", bounds.kind, kind)
-        ((contact, line),) = moved.contacts.items()
-        for letter, part in (("N", "normal_force"), ("T", "tangential_force")):
-            known, force = getattr(line, part), bounds.forces[f"{contact}.{part}"]
-            rows = Check(certified(result), "displacement elements, finer mesh", 1e-3 * abs(known), Kind.METHODS)
-            yield from rows.enclosed(f"{name}: {letter} [stress × length], {{}}", force, known)
-
-
-def _coulomb(result: ContactResult) -> CoulombBounds:
-    found = result.bracket.coulomb
-    assert found is not None, result.bracket.coulomb_reason
-    return found

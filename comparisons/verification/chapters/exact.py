@@ -56,15 +56,6 @@ def uniaxial_compression(p: int, quick: bool) -> Iterator[Row]:
         yield rows.absolute(_STRESS, stress_error(result, state), 0.0, "uniform")
 
 
-@EXACT("no-lateral-strain", 4)
-def no_lateral_strain(p: int, quick: bool) -> Iterator[Row]:
-    """Compressed with ν = 0: nothing wants to slip, whatever the friction."""
-    for (where, cells, grading, plane), friction in product(_cases(quick), (0.05, 0.5)):
-        result = solve(compressed_plate(friction, cells, poisson=0.0, plane=plane, grading=grading), degree=p)
-        state = uniform(result.problem.material, yy=-209.0)
-        yield from _no_slip(result, state, 1e-3, f"uniform σ_yy = −E U / height; {where}, μ = {friction:g}")
-
-
 @EXACT("side-traction", 4)
 def side_traction_stops_slip(p: int, quick: bool) -> Iterator[Row]:
     """Compressed with the side traction that suppresses ε_xx (σ_xx = ν σ_yy in plane stress): no slip at any μ."""
@@ -303,52 +294,27 @@ def _mirrored(stress: FloatArray) -> FloatArray:
     return np.asarray(stress * np.array([1.0, 1.0, -1.0]))
 
 
-@INVARIANCE("mirror", 4)
-def mirror_images(p: int, _: bool) -> Iterator[Row]:
-    """Left and right exchanged, and upside down."""
+@INVARIANCE("descriptions", 4)
+def other_descriptions(p: int, _: bool) -> Iterator[Row]:
+    """Mirrored, turned by 90°, shifted by 1e3 of its size, in other units, under a million times more or less load."""
     left = _Change(lambda x, y: (-x, y), _mirrored, order=-1, sides=("right", "bottom", "left", "top"))
-    yield from _same(p, left.plate(), left, "(x, y) → (−x, y)")
     down = _Change(lambda x, y: (x, -y), _mirrored, sides=("left", "top", "right", "bottom"))
-    yield from _same(p, down.plate(), down, "(x, y) → (x, −y)")
-
-
-@INVARIANCE("quarter-turn", 4)
-def quarter_turn(p: int, _: bool) -> Iterator[Row]:
-    """Turned by 90°: the plate touches a vertical side."""
     sides = ("bottom", "right", "top", "left")
     turned = _Change(lambda x, y: (-y, x), lambda stress: _mirrored(stress[..., [1, 0, 2]]), sides=sides)
-    yield from _same(p, turned.plate(), turned, "(x, y) → (−y, x)")
-
-
-@INVARIANCE("shift", 4)
-def far_from_the_origin(p: int, _: bool) -> Iterator[Row]:
-    """The domain shifted by 1e3 of its size."""
-    change = _Change(lambda x, y: (x + 1e3, y - 1e3))
-    yield from _same(p, change.plate(), change, "(x, y) → (x + 1e3, y − 1e3)")
-
-
-@INVARIANCE("units", 4)
-def units(p: int, _: bool) -> Iterator[Row]:
-    """Metres and MPa changed to millimetres and Pa."""
-    change = _Change(lambda x, y: (1e3 * x, 1e3 * y), lambda stress: stress / 1e6, force=1e9)
-    other = change.plate(Material(2.09e11, 0.3), displacement=1.0)
-    yield from _same(p, other, change, "lengths times 1e3, stresses times 1e6")
-
-
-@INVARIANCE("order", 4)
-def order_of_the_data(p: int, _: bool) -> Iterator[Row]:
-    """The same conditions listed in the opposite order."""
-    problem = _Change().plate()
-    turned = ContactProblem(problem.mesh, problem.material, list(problem.conditions)[::-1])
-    yield from _same(p, turned, _Change(), "conditions listed backwards")
-
-
-@INVARIANCE("proportional-load", 4)
-def proportional_loads(p: int, quick: bool) -> Iterator[Row]:
-    """A million times more or less compression: Coulomb's law is positively homogeneous."""
-    for size in (1e6,) if quick else (1e6, 1e-6):
-        change = _Change(back=partial(np.multiply, 1.0 / size), force=size)
-        yield from _same(p, change.plate(displacement=size * 1e-3), change, f"load times {size:g}")
+    units = _Change(lambda x, y: (1e3 * x, 1e3 * y), lambda stress: stress / 1e6, force=1e9)
+    changes: dict[str, tuple[_Change, dict[str, Any]]] = {
+        "(x, y) → (−x, y)": (left, {}), "(x, y) → (x, −y)": (down, {}), "(x, y) → (−y, x)": (turned, {}),
+        "(x, y) → (x + 1e3, y − 1e3)": (_Change(lambda x, y: (x + 1e3, y - 1e3)), {}),
+        "lengths times 1e3, stresses times 1e6": (units, {"material": Material(2.09e11, 0.3), "displacement": 1.0}),
+    }  # fmt: skip
+    for size in (1e6, 1e-6):
+        scaled = _Change(back=partial(np.multiply, 1.0 / size), force=size)
+        changes[f"load times {size:g}"] = scaled, {"displacement": size * 1e-3}
+    for source, (change, given) in changes.items():
+        yield from _same(p, change.plate(**given), change, source)
+    plate = _Change().plate()
+    backwards = ContactProblem(plate.mesh, plate.material, list(plate.conditions)[::-1])
+    yield from _same(p, backwards, _Change(), "conditions listed backwards")
 
 
 @INVARIANCE("rigid-motion", 4)

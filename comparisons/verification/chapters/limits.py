@@ -20,7 +20,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.limit.load_factor import LimitLoad, limit_load
+from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
 from qvi_contact.problem.conditions import Condition
 
 LIMITS: Final = Chapter()
@@ -44,7 +44,7 @@ def _dragged(mesh: TriangleMesh, shear: float, contact: Contact = _BASE) -> Cont
 
 
 def _factor(p: int, problem: ContactProblem, load: str) -> tuple[LimitLoad, Check]:
-    limit = limit_load(problem, [load], degree=p)
+    limit = limit_load_factor(problem, [load], degree=p)
     return limit, Check(bounded(limit), tolerance=1e-6)
 
 
@@ -127,22 +127,6 @@ def tipping_wall(p: int, quick: bool) -> Iterator[Row]:
         yield rows.relative("limit load of the mesh", limit.lower, reached, source)
 
 
-@LIMITS("wedge", 4, 5)
-def wedge(p: int, quick: bool) -> Iterator[Row]:
-    """A block of weight G on a plane that rises by tan α = 0.1, pushed uphill: F/G = (tan α + μ)/(1 − μ tan α)."""
-    for friction in (0.2,) if quick else (0.0, 0.1, 0.2, 0.3):
-        limit, rows = _factor(p, on_a_slope(friction), "F")
-        exact, source = slope_factor(friction), f"NAFEMS CGS-4; μ = {friction:g}"
-        yield rows.relative("F/G that the mesh carries", limit.lower, exact, source)
-        yield rows.relative("F/G that the body carries", limit.upper, exact, source, tolerance=1e-9)
-    push, slant = 0.99 * slope_factor(0.2), math.hypot(1.0, 0.1)
-    result = solve(on_a_slope(0.2, push), degree=p)
-    plane, rows = result.contacts["bottom"], Check(certified(result), "balance; 0.99 of F, μ = 0.2", 1e-9)
-    yield rows.relative("N/G at 0.99 of F", plane.normal_force, (1.0 + 0.1 * push) / slant)
-    yield rows.relative("|T|/G at 0.99 of F", abs(plane.tangential_force), (push - 0.1) / slant)
-    yield from two_models(quick, result, "bottom", 1e-9, 1e-2)
-
-
 @LIMITS("oblique-block", 4, 5)
 def oblique_block(p: int, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
@@ -170,19 +154,6 @@ def unbalanced(_: bool) -> Iterator[Row]:
         outcome = "refused: out of balance" if "out of balance" in str(error) else str(error)
     rows = Check(by_hand(resultant != 0.0, f"resultant (0, {resultant:g})"), "balance of forces")
     yield rows.word("outcome", outcome, "refused: out of balance")
-
-
-def slope_factor(friction: float) -> float:
-    """F/G at which the block on the slope slides: (tan α + μ)/(1 − μ tan α), tan α = 0.1."""
-    return (0.1 + friction) / (1.0 - 0.1 * friction)
-
-
-def on_a_slope(friction: float, push: float = 1.0) -> ContactProblem:
-    """A block 6 × 1, sheared to the slope of its base: G = 1 spread over the top, F over the left side."""
-    mesh = _moved(TriangleMesh.rectangle((3, 1), 6.0, 1.0), np.array([[1.0, 0.0], [0.1, 1.0]]))
-    weight = Traction("top", 0.0, -1.0 / math.hypot(6.0, 0.6))
-    sides = [Traction("left", push, 0.0, name="F"), Traction("right", 0.0, 0.0)]
-    return ContactProblem(mesh, _STEEL, [Contact("bottom", friction), weight, *sides])
 
 
 def oblique(share: float) -> ContactProblem:

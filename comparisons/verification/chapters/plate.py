@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -11,17 +11,15 @@ from comparisons.paper.study import SHRINKING
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
 from comparisons.verification.measures import ENERGY, FORCE, plate_under
 from comparisons.verification.rows import Chapter, Check, Kind, Proof, Row, both, certified, certified_companion
-from qvi_contact import Contact, principal_stresses, refine, solve
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact import Contact, refine, solve
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
-from solvers import QVISolution, solve_qvi
+from solvers import QVISolution
 
 PAPER, PLATE, ENERGIES = Chapter(), Chapter(), Chapter()
 
 _PAPER: Final = "Więckowski (1992), Mech. Teoret. Stos."
 _HALF_DIGIT: Final = 0.005  # half a unit of the last printed digit
-_INNERS: Final = ("direct:clarabel", "qp:clarabel", "socp:clarabel")
 
 
 @PAPER("table-1")
@@ -39,40 +37,10 @@ def printed_stresses(quick: bool) -> Iterator[Row]:
     """Figures 2-5: largest principal stress after 30 iterations, to every printed digit."""
     reference = load()
     for friction, (number, printed) in list(reference.figures.items())[:: 3 if quick else 1]:
-        largest = _largest(reference.plate(friction).stress(_uzawa(friction).z)[2])
+        first, second, _ = reference.plate(friction).principal_stress(_uzawa(friction).z)
+        largest = float(max(np.abs(first).max(), np.abs(second).max()))
         quantity = f"largest |principal stress| after {reference.iterations} iterations, μ = {friction:.1f} [MPa]"
         yield _printed(friction, f"Fig. {number}").absolute(quantity, largest, printed)
-
-
-@PAPER("plate-methods")
-def methods_on_the_paper_mesh(quick: bool) -> Iterator[Row]:
-    """The solution on the paper's four cells by methods that share no iteration, against the condensed one."""
-    for friction in (0.1,) if quick else (0.05, 0.1, 0.2, 0.3):
-        plate = load().plate(friction)
-        condensed = solve_qvi(plate.qvi, method="condensed")
-        others = {"Uzawa (4.1)-(4.4), converged": load().uzawa(plate.qvi, **_decay(friction))}
-        for inner in _INNERS[:2] if quick else _INNERS:
-            others[f"fixed point, {inner}"] = solve_qvi(plate.qvi, method="fixed-point", inner=inner)
-        ours = np.array(plate.tractions(condensed.z)[1:])
-        for name, other in others.items():
-            source = f"{name}; ours: condensed interior point"
-            rows = Check(certified(condensed, other), source, kind=Kind.METHODS)
-            force, quantity = plate.force(other.z), f"P/2, μ = {friction:g} [{FORCE}]"
-            yield rows.relative(quantity, plate.force(condensed.z), force, tolerance=1e-7)
-            apart = np.abs(ours - np.array(plate.tractions(other.z)[1:])).max() / force  # the contact has the length 1
-            quantity = f"largest difference of tractions over the mean pressure, μ = {friction:g}"
-            yield rows.absolute(quantity, apart, 0.0, tolerance=1e-5)
-
-
-@PAPER("plate-without-friction")
-def without_friction(_: bool) -> Iterator[Row]:
-    """μ = 0: the stress is uniform and P/2 = E U."""
-    plate, exact = load().plate(0.0), load().exact_without_friction
-    solution = solve_qvi(plate.qvi, method="condensed")
-    rows = Check(certified(solution), tolerance=1e-9)
-    yield rows.relative(f"P/2 [{FORCE}]", plate.force(solution.z), exact, f"P/2 = E U; {_PAPER}, section 5")
-    largest = _largest(plate.stress(solution.z)[2])
-    yield rows.relative("largest |principal stress| [MPa]", largest, exact, "|σ_yy| = E U / height")
 
 
 @cache
@@ -82,21 +50,11 @@ def _uzawa(friction: float) -> QVISolution:
 
 
 def _printed(friction: float, place: str) -> Check:
-    """A state that is not converged is certified by the limit of the same iteration."""
-    proof = certified(load().uzawa(load().plate(friction).qvi, **_decay(friction)))
+    """A state that is not converged is certified by the limit of the same iteration, whose step shrinks if μ is 0."""
+    decay = SHRINKING if friction == 0.0 else None
+    proof = certified(load().uzawa(load().plate(friction).qvi, step_decay=decay))
     proof = Proof(proof.passed, f"{proof.text} of the limit")
     return Check(proof, f"{_PAPER}, {place}; half a unit of the last digit", _HALF_DIGIT, Kind.PUBLISHED)
-
-
-def _decay(friction: float) -> dict[str, Any]:
-    """Without friction the step must shrink."""
-    return {"step_decay": SHRINKING if friction == 0.0 else None}
-
-
-def _largest(stress: FloatArray) -> float:
-    """The largest |principal stress|."""
-    first, second, _ = principal_stresses(stress)
-    return float(max(np.abs(first).max(), np.abs(second).max()))
 
 
 _GRADED: Final = (16, 0.8)
@@ -112,16 +70,6 @@ def graded_equilibrium_model(p: int, quick: bool) -> Iterator[Row]:
         rows = Check(certified(result), SOURCE, 2e-5 if p == 4 else 1e-5, Kind.EXTERNAL)
         quantity = f"P/2, μ = {friction:g}, {cells}² cells graded by {grading:g} [{FORCE}]"
         yield rows.relative(quantity, result.contacts["plate"].normal_force, settled)
-
-
-@PLATE("plate-refined", 5)
-def adaptive_equilibrium_model(p: int, quick: bool) -> Iterator[Row]:
-    """Stress elements on the mesh that `refine` makes for P/2 with a target of 1e-6."""
-    for friction in (0.25,) if quick else SETTLED:
-        start = compressed_plate(friction, (4, 4))
-        refined = refine(start, None, target=1e-6, quantity="plate.normal_force", degree=p)
-        rows = Check(certified(refined.result), SOURCE, 3e-6, Kind.EXTERNAL)
-        yield rows.relative(f"P/2, μ = {friction:g}, refined [{FORCE}]", refined.value, SETTLED[friction])
 
 
 @PLATE("plate-limits", 5)
@@ -141,22 +89,8 @@ def limits_of_the_force(p: int, quick: bool) -> Iterator[Row]:
         yield rows.at_most(quantity.format("largest"), max(ratios), 3.0, LIMITS_SOURCE)
 
 
-@PLATE("plate-between", 4, 5)
-def between_slip_and_stick(p: int, quick: bool) -> Iterator[Row]:
-    """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
-    cells, grading = _GRADED
-    tied = solve(plate_under(_TIED, cells, grading), degree=p)
-    for friction in (0.1, 0.5) if quick else (0.05, 0.1, 0.2, 0.5):
-        result = solve(compressed_plate(friction, (cells, cells), grading=grading), degree=p)
-        rows = Check(certified(result, tied), "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|", 1e-7)
-        quantity, force = f"P/2, μ = {friction:g} [{FORCE}]", result.contacts["plate"].normal_force
-        yield rows.at_least(quantity, force, 209.0, "E U")
-        yield rows.at_most(quantity, force, tied.contacts["plate"].normal_force, "P_tied on the same mesh")
-
-
 _DISPLACEMENT: Final = 1e-3
 _SMOOTH: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
-_TIED: Final = Contact.tied("top", gap=-_DISPLACEMENT, name="plate")
 
 
 @ENERGIES("companion-force", 4)

@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comparisons.verification import energy_apart
-from comparisons.verification.chapters import half_disc, half_discs
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
 from qvi_contact.bracket import Share, bodies_of, friction_norm
 from qvi_contact.companion import BodyAtRest
 from qvi_contact.mesh import TriangleMesh
-from tests.qvi_contact.builders import area
+from tests.qvi_contact.builders import area, energy_apart, half_disc, half_discs
 
 
 class TestBodies:
