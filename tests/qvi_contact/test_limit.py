@@ -57,7 +57,7 @@ class TestDraggedBlock:
         """To both sides, with the bound and violation that come with a factor."""
         for shear, exact in ((2.0, 1.5), (-7.0, 3.0 / 7.0)):
             problem = dragged(MESHES[mesh], 10.0 * stress, shear * stress, Contact("bottom", 0.3))
-            limit = limit_load(problem, ["shear"])
+            limit = limit_load_factor(problem, ["shear"])
             assert limit == pytest.approx(exact, rel=1e-6)
             assert limit * (1.0 - 1e-9) <= limit.bound == pytest.approx(exact, rel=1e-7)
             assert limit.violation < 1e-9

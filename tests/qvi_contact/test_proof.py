@@ -20,7 +20,7 @@ from tests.qvi_contact.test_limit_yielding import random_body, stretched
 
 def heavy_wall(strength=None):
     """Two blocks with a joint under their weight, pushed from the left."""
-    mesh = TriangleMesh.rectangle((1, 2), 1.0, 2.0).with_joint("joint", lambda _, y: np.abs(y - 1.0) < 1e-9)
+    mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("joint", lambda _, y: np.abs(y - 1.0) < 1e-9)
     return ContactProblem(
         mesh,
         Material(10.0, 0.2, "strain", strength),
