@@ -303,7 +303,7 @@ class Elimination:
             solved[pivot] = {column: factor * value for column, value in terms.items()}
             taken.append(row)
         for pivot in reversed(solved):  # the latest depend on kept ones only, earlier ones perhaps on them
-            if solved[pivot]:
+            if not solved.keys().isdisjoint(solved[pivot]):
                 solved[pivot] = _reduced(solved[pivot].items(), solved)
         pivots = np.array(list(solved), dtype=np.int64)
         return cls(C, np.array(taken, dtype=np.int64), pivots, Basis.of(solved, len(age)))
@@ -333,7 +333,7 @@ def _reduced(terms: Iterable[tuple[int, float]], solved: dict[int, dict[int, flo
             result[column] += factor
         else:
             result[column] = factor
-    return {column: factor for column, factor in result.items() if factor != 0.0}
+    return result if all(result.values()) else {column: factor for column, factor in result.items() if factor != 0.0}
 
 
 def walk(ends: IntArray, start: Sequence[int], vertices: int) -> tuple[IntArray, IntArray]:

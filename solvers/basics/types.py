@@ -1,4 +1,7 @@
-"""Names for the arrays of (D2): dense vectors, and matrices in compressed columns or rows, all float64."""
+"""Names for the arrays of (D2): dense vectors, and matrices in compressed columns or rows, all float64.
+
+Also what all rooms do with such data: what a pickle holds of an object, and tables in pandas.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
