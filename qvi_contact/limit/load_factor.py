@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from qvi_contact.basics.checks import Field, FloatArray, positive_number
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -414,7 +413,7 @@ def strength_reduction_factor(
     of : sequence of str, optional
         What is divided: names of contacts, of regions, and "body" for the body's own material. By default everything.
     accuracy : float
-        Relative width at which the bisections for both sides end, below 1.
+        Relative width at which the searches for both sides end, below 1.
     degree, law_on, time_limit
         As for `limit_load_factor`.
 
@@ -426,6 +425,8 @@ def strength_reduction_factor(
         If a program is not solved, or not in time.
 
     """
+    from scipy.optimize import brentq  # slow to import, and solves do not need it
+
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if not positive_number("accuracy", accuracy) < 1.0:
