@@ -85,6 +85,23 @@ except SystemExit:
     assert loaded - {"colorama"} <= {"click", *OWN}  # colorama: on Windows
 
 
+def test_a_solve_imports_of_scipy_what_it_needs():
+    """Arrays and their factorisations: other parts would take a third of the time of a small solve."""
+    file = ROOT / "examples" / "wedge.toml"
+    code = f"""
+import sys
+from qvi_contact.cli import group
+try:
+    group.main(["solve", {str(file)!r}])
+except SystemExit:
+    pass
+print(*(name for name in sys.modules if name.startswith("scipy.") and name.count(".") == 1), file=sys.stderr)
+"""
+    loaded = {name.partition(".")[2] for name in ran("-c", code).stderr.split() if name.startswith("scipy.")}
+    assert {"sparse", "linalg"} <= loaded
+    assert not loaded & {"optimize", "spatial"}
+
+
 def test_methods(shell):
     status, out, err = shell("methods", "--json")
     assert (status, err) == (0, "")
