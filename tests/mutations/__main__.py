@@ -174,9 +174,7 @@ def covered(files: Iterable[str]) -> tuple[Lines, dict[str, float]]:
         parts = case.attrib["classname"].split(".")
         size = next((number for number, part in enumerate(parts, 1) if part.startswith("test_")), 0)
         if not size:
-            sys.exit(
-                f"{case.attrib['name']}: tests could not be loaded, so that they notice nothing: install what is missing"
-            )
+            sys.exit(f"{case.attrib['name']} could not be loaded, so that its tests notice nothing")
         test = "::".join(["/".join(parts[:size]) + ".py", *parts[size:], case.attrib["name"]])
         if case.find("failure") is None and case.find("error") is None and case.find("skipped") is None:
             seconds[test] = float(case.attrib["time"])
