@@ -26,7 +26,6 @@ from qvi_contact.files.problem_file import ProblemFile, load_problem
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solve as solve_one
-from qvi_contact.verification import verify_file
 from solvers import available
 from solvers.basics.progress import deadline
 from solvers.factorisation import available_backends, missing_backends
@@ -109,6 +108,8 @@ def solve(
 
 def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -> int:
     """Check a stored result."""
+    from qvi_contact.verification import verify_file
+
     with np.errstate(all="ignore"):  # what overflows fails
         found = verify_file(result, tolerance)
     click.echo(json_text(found.document()) if as_json else found.table(failures_only=not verbose))

@@ -35,7 +35,7 @@ from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element.triangle import EDGES
-from qvi_contact.mesh.edges import Edges, cross
+from qvi_contact.mesh.edges import Edges, cross, linked
 from qvi_contact.mesh.triangles import TriangleMesh
 
 _FAR: Final = 500.5  # distance to the centre over size of cells that is allowed: its square times ε is lost
@@ -261,8 +261,7 @@ def _left_of(mesh: TriangleMesh, path: IntArray) -> IntArray:
     seeds = np.concatenate([_corner(mesh, beside, pairs[:, end]) for end in (0, 1)])
     nodes, number = np.unique(np.concatenate([links.ravel(), seeds]), return_inverse=True)
     numbered = number[: links.size].reshape(links.shape)
-    graph = sparse.coo_array((np.ones(links.shape[1]), numbered), shape=(len(nodes), len(nodes)))
-    label = csgraph.connected_components(graph, directed=False)[1]
+    label = linked(numbered[0], numbered[1], len(nodes))
     return np.asarray(nodes[np.isin(label, label[number[links.size :]])])
 
 

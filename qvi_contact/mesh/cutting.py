@@ -13,13 +13,11 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, cross, part_of
+from qvi_contact.mesh.edges import Topology, cross, linked, part_of
 from qvi_contact.mesh.flaws import hanging_vertices, pieces, same_places
 from qvi_contact.mesh.selection import new_name
 
@@ -215,10 +213,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     parent = np.repeat(np.arange(len(cells)), [len(parts) for parts in cut])
     twins = same_places(vertices)
     twins = twins[of_vertex[twins[:, 0]] != of_vertex[twins[:, 1]]]
-    graph = sparse.coo_array((np.ones(len(twins)), twins.T), shape=(len(vertices), len(vertices)))
-    _, first, place = np.unique(
-        csgraph.connected_components(graph, directed=False)[1], return_index=True, return_inverse=True
-    )
+    _, first, place = np.unique(linked(twins[:, 0], twins[:, 1], len(vertices)), return_index=True, return_inverse=True)
     new_cells = np.sort(place[np.concatenate([np.array(parts) for parts in cut])], axis=1)
     fine = Topology.of(new_cells, len(first))
     across = (fine.count == 2) & (piece[parent[fine.cells[:, 0]]] != piece[parent[fine.cells[:, 1]]])
