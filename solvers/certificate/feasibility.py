@@ -183,7 +183,14 @@ def _nearest(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice 
     cones = ([clarabel.ZeroConeT(qvi.p)] if qvi.p else []) + [clarabel.NonnegativeConeT(h.size)]
     stacked = csc_array(vstack([qvi.A, G])) if qvi.p else G
     weights = qvi.stiffness.diagonal
-    program = (csc_array(diags_array(weights)), -weights * qvi.bonded, stacked, np.concatenate([qvi.b, h]), cones, settings)
+    program = (
+        csc_array(diags_array(weights)),
+        -weights * qvi.bonded,
+        stacked,
+        np.concatenate([qvi.b, h]),
+        cones,
+        settings,
+    )
 
     def ask() -> tuple[str, Vector, Vector]:
         answer = clarabel.DefaultSolver(*program).solve()
