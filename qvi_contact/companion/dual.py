@@ -29,8 +29,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.companion.body import CondensedBody
-from qvi_contact.companion.data import PARALLEL
+from qvi_contact.companion.body import PARALLEL, CondensedBody
 from qvi_contact.companion.space import spread
 from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.plates import independent_rows

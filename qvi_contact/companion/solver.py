@@ -12,8 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
-from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
-from qvi_contact.companion.data import PARALLEL, Supports, supports
+from qvi_contact.companion.body import PARALLEL, CondensedBody, Elasticity, Supports, load_vector, supports
 from qvi_contact.companion.dual import Contacts, DualProblem, admissible, dual_problem
 from qvi_contact.companion.result import CompanionResult, CompanionState
 from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle

@@ -24,7 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
-from qvi_contact.companion.data import MISFIT, PARALLEL, along_arcs, edge_data, load_points, moments
+from qvi_contact.companion.body import MISFIT, PARALLEL, along_arcs, edge_data, load_points, moments
 from qvi_contact.companion.space import DisplacementSpace
 from qvi_contact.discretization.plates import COMPONENTS, centre_of
 from qvi_contact.discretization.scaling import Scales
